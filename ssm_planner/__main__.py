@@ -1,7 +1,8 @@
 import os
 import sys
 
-# `python -m` puts the working directory first: no module is taken from there, unless this package itself lies there
+# `python -m` puts the working directory first. No module is imported from it unless it has this
+# package.
 if sys.path and os.path.realpath(sys.path[0] or ".") != os.path.dirname(
     os.path.dirname(os.path.realpath(__file__))
 ):
@@ -11,7 +12,7 @@ if sys.path and os.path.realpath(sys.path[0] or ".") != os.path.dirname(
 
 try:
     from ssm_planner.cli import main
-except KeyboardInterrupt:  # before the command line is there to say so
+except KeyboardInterrupt:  # an interruption before the command line handles it
     sys.exit(130)
 
 sys.exit(main())

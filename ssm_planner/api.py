@@ -1,4 +1,4 @@
-"""The doors for Python callers that take a plan, a file or a trajectory, and give what a command says as values."""
+"""Functions for Python callers that accept a plan, a file or a trajectory and return values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ssm_planner.comparison.measured import assign, read_measured
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.loading.load import load_motor
-from ssm_planner.plans import Plan, load_plan
+from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -35,12 +35,28 @@ def check(
     limits: TaskLimits | None = None,
     speed: float = 1.0,
 ) -> Certificate:
-    """Certificate of a motion, found by code that did not plan it.
+    """Return the certificate of a motion, from code that is independent of the planner.
 
-    motion: a plan, a trajectory, or a file that `ssm-planner check` reads. robot and limits: those of the plan unless given;
-    a motion that is no plan needs a robot, and has its limits. It is at rest at both ends, unless the plan, the file or
-    `limits` declare rates there. speed: share of its speed at which the motion is played; a file must then be a plan. Raises
-    TrajectoryError or ProblemError.
+    Parameters
+    ----------
+    motion : Plan, Trajectory, str or Path
+        Plan, trajectory, or a file that `ssm-planner check` reads.
+    robot : Robot, optional
+        The default is the robot of the plan. A motion without a plan needs a robot.
+    limits : TaskLimits, optional
+        The default is the limits of the plan, or those of the robot. The motion must be at rest at
+        both ends unless the plan, the file or `limits` declare rates there.
+    speed : float
+        Playback speed as a share of the planned one. For a value other than 1, a file must be a
+        plan.
+
+    Returns
+    -------
+    Certificate
+
+    Raises
+    ------
+    TrajectoryError or ProblemError
     """
     if speed != 1.0:
         return check_slower(*_smooth(motion, robot, limits), speed)
@@ -56,17 +72,7 @@ def check(
             resolution=reading.resolution,
         )
         return found.with_more(reading.checks)
-    if isinstance(motion, Trajectory):
-        robot = _given(robot, "a trajectory")
-        return checking.check(motion, robot, limits or TaskLimits(robot.limits), seal=True)
-    plan = motion if isinstance(motion, Plan) else load_plan(motion)
-    limits = limits or plan.limits
-    return checking.check(
-        plan.motion,
-        robot or plan.robot,
-        limits if robot is None else limits.within(robot),
-        seal=True,
-    )
+    return checking.check(*_smooth(motion, robot, limits), seal=True)
 
 
 def check_speeds(
@@ -75,9 +81,10 @@ def check_speeds(
     limits: TaskLimits | None = None,
     slowest: float = SLOWEST,
 ) -> SpeedRange:
-    """Certificate of a motion at every share of its speed from `slowest` to 1, and the worst speed of every motor limit.
+    """Return the certificates of a motion at playback speeds from `slowest` to 1.
 
-    motion, robot, limits: as for `check`; a file must be a plan. Raises TrajectoryError or ProblemError.
+    The result also has the worst speed of every motor limit. motion, robot and limits are as for
+    `check`, but a file must be a plan. Raises TrajectoryError or ProblemError.
     """
     return check_every_speed(*_smooth(motion, robot, limits), slowest)
 
@@ -88,9 +95,10 @@ def controlled_stops(
     limits: TaskLimits | None = None,
     instants: int = INSTANTS,
 ) -> Stops:
-    """The quickest controlled stop along its path from every one of so many instants of a motion, and their certificate.
+    """Return the quickest controlled stops along the path, with their certificate.
 
-    motion, robot, limits: as for `check`; a file must be a plan. Raises TrajectoryError or ProblemError.
+    `instants` is the number of stops. motion, robot and limits are as for `check`, but a file must
+    be a plan. Raises TrajectoryError or ProblemError.
     """
     return stopping.controlled_stops(*_smooth(motion, robot, limits), instants)
 
@@ -101,13 +109,30 @@ def size(
     payload: float = 0.0,
     **conditions: Any,
 ) -> Sizing:
-    """Which motors and gears a plan, or the plan in a plan.json, needs.
+    """Return the motors and gears that a plan needs.
 
-    motors: candidates by joint name, motor files or what they hold; joints not named there are judged with their own.
-    payload: point mass at the tip, kg. conditions: fields of Conditions, SI: ambient, supply_voltage, current_limit, pause,
-    confidence, draws, spread; the pause is that of the plan's duty unless given. Raises TrajectoryError or ProblemError.
+    Parameters
+    ----------
+    plan : Plan, str or Path
+        Plan, or its plan.json.
+    motors : mapping, optional
+        Candidates by joint name, as motor files or Motor values. Other joints keep their own
+        motors.
+    payload : float
+        Point mass at the tip, kg.
+    **conditions
+        Fields of Conditions in SI units: ambient, supply_voltage, current_limit, pause, confidence,
+        draws, spread. The default pause is that of the problem's duty.
+
+    Returns
+    -------
+    Sizing
+
+    Raises
+    ------
+    TrajectoryError or ProblemError
     """
-    motion = plan if isinstance(plan, Plan) else load_plan(plan)
+    motion = as_plan(plan)
     candidates = {
         joint: [motor if isinstance(motor, Motor) else load_motor(motor) for motor in listed]
         for joint, listed in (motors or {}).items()
@@ -126,13 +151,29 @@ def compare(
     counts_per_turn: int | None = None,
     lag: float = LAG,
 ) -> Comparison:
-    """A plan against recordings of its execution, one for each axis: held, not held, or cannot tell, with the findings.
+    """Compare a plan with recordings of its execution, one for each axis.
 
-    recordings: EPOS recorder exports or CSV files by joint name, on one clock. counts_per_turn: increments per motor turn
-    of a position channel, where the motor file gives no encoder_counts. lag: time by which a joint may be behind at its
-    largest speed, s; a larger tracking error does not hold. Raises RecordingError, TrajectoryError or ProblemError.
+    Each limit is held, not held, or cannot be judged.
+
+    Parameters
+    ----------
+    plan : Plan, str or Path
+    recordings : mapping
+        EPOS recorder exports or CSV files by joint name, with a common clock.
+    counts_per_turn : int, optional
+        Increments per motor turn of a position channel, if the motor file has no encoder_counts.
+    lag : float
+        Allowed delay of a joint at its largest speed, s. It limits the tracking error.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    RecordingError, TrajectoryError or ProblemError
     """
-    plan = plan if isinstance(plan, Plan) else load_plan(plan)
+    plan = as_plan(plan)
     named = assign([f"{joint}={path}" for joint, path in recordings.items()], plan.robot)
     measured = [read_measured(path, plan.robot, joint, counts_per_turn) for joint, path in named]
     return compare_recordings(plan.motion, plan.robot, plan.certificate, measured, lag)
@@ -141,23 +182,19 @@ def compare(
 def report(
     plan: Plan | str | Path, path: str | Path | None = None, other: Plan | str | Path | None = None
 ) -> Path:
-    """Write the page of a plan, or with `other` the page that compares the two; returns its path.
+    """Write the page of a plan, or with `other` a page that compares both, and return its path.
 
-    path: default report.html or comparison.html beside the plan's plan.json. Raises ExportError, TrajectoryError or
-    ProblemError.
+    The default path is report.html or comparison.html in the folder of the plan's plan.json. Raises
+    ExportError, TrajectoryError or ProblemError.
     """
     from ssm_planner.reporting.html.compare import write_comparison
     from ssm_planner.reporting.html.report import write_report
 
-    plan = plan if isinstance(plan, Plan) else load_plan(plan)
+    plan = as_plan(plan)
+    page = Path(path or plan.path.with_name("report.html" if other is None else "comparison.html"))
     if other is None:
-        return write_report(
-            plan, plan.path.with_name("report.html") if path is None else Path(path)
-        )
-    other = other if isinstance(other, Plan) else load_plan(other)
-    return write_comparison(
-        plan, other, plan.path.with_name("comparison.html") if path is None else Path(path)
-    )
+        return write_report(plan, page)
+    return write_comparison(plan, as_plan(other), page)
 
 
 def _smooth(
@@ -166,12 +203,12 @@ def _smooth(
     if isinstance(motion, Trajectory):
         robot = _given(robot, "a trajectory")
         return motion, robot, limits or TaskLimits(robot.limits)
-    plan = motion if isinstance(motion, Plan) else load_plan(motion)
+    plan = as_plan(motion)
     limits = limits or plan.limits
     return plan.motion, robot or plan.robot, limits if robot is None else limits.within(robot)
 
 
 def _given(robot: Robot | None, motion: str | Path) -> Robot:
     if robot is None:
-        raise TrajectoryError(f"{motion}: does not say which robot it is for: give one")
+        raise TrajectoryError(f"{motion}: the file does not name a robot: pass robot")
     return robot

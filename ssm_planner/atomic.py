@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, on the disk too, whatever interrupts the program."""
+"""Atomic and durable writing of files: a file appears completely or not at all."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ HELD = tuple(
 )
 LONGEST_STEM = 60
 SWEPT_AFTER = 60.0
-"""Age of a forgotten temporary folder from which on it is removed, s."""
+"""Age in s at which an abandoned temporary folder is removed."""
 _temporaries: set[Path] = set()
-"""Temporary files and folders of this process that have not been removed yet."""
+"""Temporary files and folders of this process that still exist."""
 written: list[Path] = []
-"""What this process has put in place, in order: what an interruption leaves is said from it."""
+"""Files that this process has completed, in order. The message of an interruption lists them."""
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends without an exception.
+    """Yield a temporary path that replaces `path` when the block ends without an exception.
 
-    A symbolic link is followed. Raises ExportError where the folder cannot be written or `path` is no regular file, such
-    as a device; an existing file then stays as it was.
+    A symbolic link is followed. Raises ExportError if the folder cannot be written or if `path` is
+    not a regular file, such as a device. An existing file is then unchanged.
     """
     temporary = None
     try:
         target = destination(path)
         whole = not any(
             target.is_relative_to(stage) for stage in _temporaries
-        )  # else put in place with its folder
+        )  # files in a temporary folder appear with the folder
         target.parent.mkdir(parents=True, exist_ok=True)
-        # no file is created ahead: whoever writes it gives it the permissions that the umask leaves
+        # the block creates the file, so that its permissions follow the umask
         temporary = target.with_name(
             f".{target.stem[:LONGEST_STEM]}-{secrets.token_hex(6)}{target.suffix}"
         )
@@ -67,7 +67,10 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def staging(folder: Path) -> Iterator[Path]:
-    """An empty temporary folder in `folder`, or beside it where there is none; removed in the end. Raises ExportError."""
+    """Yield an empty temporary folder, and remove it at the end of the block.
+
+    It is in `folder`, or beside it if that does not exist. Raises ExportError.
+    """
     temporary = None
     try:
         target = destination(folder, kind=stat.S_IFDIR)
@@ -91,7 +94,10 @@ def staging(folder: Path) -> Iterator[Path]:
 
 
 def remove_temporaries() -> None:
-    """Remove what is left of this process where an interruption came while it was being removed; call at the very end."""
+    """Remove the temporary files that an interruption left.
+
+    It must be the last step of the process.
+    """
     for path in list(_temporaries):
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
@@ -102,7 +108,7 @@ def remove_temporaries() -> None:
 
 
 def _sweep(parent: Path, stem: str) -> None:
-    """Remove temporary folders whose process was killed: nobody holds their lock."""
+    """Remove temporary folders of killed processes, which no longer hold their lock."""
     for left in parent.glob(f"{glob.escape(stem)}{'[0-9a-f]' * 12}"):
         with suppress(OSError):
             if time.time() - left.stat().st_mtime > SWEPT_AFTER:
@@ -112,7 +118,10 @@ def _sweep(parent: Path, stem: str) -> None:
 
 @contextmanager
 def locked(folder: Path, wait: bool = True) -> Iterator[None]:
-    """No other process holds the folder's lock meanwhile. Raises OSError where one does and this is not to wait."""
+    """Hold an exclusive lock on the folder during the block.
+
+    Raises OSError if wait is False and another process has the lock.
+    """
     if os.name != "posix":
         yield
         return
@@ -120,7 +129,7 @@ def locked(folder: Path, wait: bool = True) -> Iterator[None]:
 
     try:
         handle = os.open(folder, os.O_RDONLY)
-    except (OSError, ValueError):  # no folder, or one that may be entered and not listed
+    except (OSError, ValueError):  # no folder, or no permission to list it
         yield
         return
     try:
@@ -135,7 +144,10 @@ def locked(folder: Path, wait: bool = True) -> Iterator[None]:
 
 
 def destination(path: Path, kind: int = stat.S_IFREG) -> Path:
-    """Where a path leads, its symbolic links followed. Raises ExportError where something of another kind is there."""
+    """Return the path after following symbolic links.
+
+    Raises ExportError for an object of another kind.
+    """
     target = Path(os.path.realpath(path))
     try:
         found = stat.S_IFMT(target.stat().st_mode)
@@ -150,15 +162,15 @@ def destination(path: Path, kind: int = stat.S_IFREG) -> Path:
 
 
 def sync(path: Path, content: bool = True) -> None:
-    """Have a file, or a folder and its content, on the disk and not only on its way there."""
+    """Flush a file, or a folder and its content, to the disk."""
     if path.is_dir():
         for entry in path.iterdir() if content else ():
             sync(entry)
-        if os.name != "posix":  # elsewhere folders cannot be opened
+        if os.name != "posix":  # other systems cannot open folders
             return
     handle = os.open(path, os.O_RDONLY)
     try:
-        with suppress(OSError):  # some file systems cannot
+        with suppress(OSError):  # some file systems do not support it
             os.fsync(handle)
     finally:
         os.close(handle)
@@ -166,8 +178,13 @@ def sync(path: Path, content: bool = True) -> None:
 
 @contextmanager
 def held_signals() -> Iterator[None]:
-    """Ctrl-C and requests to end wait until the block is done; for the few milliseconds in which files change places."""
-    if threading.current_thread() is not threading.main_thread():  # signals go to the main thread
+    """Delay Ctrl-C and termination signals until the end of the block.
+
+    The block replaces files within a few milliseconds.
+    """
+    if (
+        threading.current_thread() is not threading.main_thread()
+    ):  # only the main thread receives signals
         yield
         return
     arrived: list[int] = []
@@ -178,7 +195,7 @@ def held_signals() -> Iterator[None]:
 
     try:
         for number, handler in before.items():
-            if callable(handler):  # what ends the process at once cannot be put off
+            if callable(handler):  # signals that end the process at once cannot be delayed
                 signal.signal(number, note)
         yield
     finally:
@@ -191,9 +208,10 @@ def held_signals() -> Iterator[None]:
 
 @contextmanager
 def first_interruption() -> Iterator[Callable[[], bool]]:
-    """Tells whether the first Ctrl-C within the block has come, which is raised there; the next one is as outside.
+    """Yield a function that tells if the first Ctrl-C in the block has arrived. It is raised there.
 
-    Where Ctrl-C is none of this thread's, none ever comes.
+    The next one is handled as outside the block. In a thread that receives no signals, none
+    arrives.
     """
     handler, came = signal.getsignal(signal.SIGINT), threading.Event()
     if threading.current_thread() is not threading.main_thread() or not callable(handler):

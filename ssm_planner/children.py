@@ -1,4 +1,4 @@
-"""Second Python processes: they run nothing that lies in the working directory, and end when this process does."""
+"""Python child processes that import nothing from the working directory and end with their parent."""
 
 from __future__ import annotations
 
@@ -18,17 +18,22 @@ if os.name == "posix":
 
 
 def python_command(code: str, words: Sequence[str] = (), watch: bool = True) -> list[str]:
-    """The command that runs `code`, with `words` as its arguments, in this interpreter.
+    """Return the command that runs `code` in this interpreter with `words` as arguments.
 
-    watch: it ends when its parent does; else the code looks whether `os.getppid() == parent` itself. Isolated: modules
-    come from where this process has them, never from the working directory or what the environment says.
+    The child ends with its parent if watch is True. Otherwise the code must compare `os.getppid()`
+    with `parent` itself. The child imports modules from the same folders as this process and
+    ignores the
+    working directory and the environment.
     """
     begin = f"import os, sys, threading, time; sys.path[:] = {module_folders()!r}; parent = {os.getpid()}\n"
     return [sys.executable, "-I", "-c", begin + (_WATCH if watch else "") + code, *words]
 
 
 def module_folders() -> list[str]:
-    """Where this process finds modules, but not the working directory unless this package itself lies in it."""
+    """Return the module folders of this process without the working directory.
+
+    The working directory remains if it contains this package.
+    """
     home = Path(__file__).resolve().parents[1]
     here = Path.cwd()
     folders = [os.path.abspath(entry) for entry in sys.path if entry]

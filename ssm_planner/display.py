@@ -1,4 +1,4 @@
-"""Numbers as people read them, and templates filled in: the same for terminal, pages, figures and the paper."""
+"""Formatting of numbers and templates for terminal, pages, figures and paper."""
 
 from __future__ import annotations
 
@@ -10,57 +10,58 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 NOTHING = "–"
-"""In the place of a value that is not known or does not exist."""
+"""Text for a missing value."""
 
 
 PRINTED = 100
-"""Columns of text that goes to no terminal."""
+"""Number of columns of text that does not go to a terminal."""
 
 
 def columns() -> int:
-    """Width of the terminal, or what COLUMNS says."""
+    """Return the width of the terminal, or the value of COLUMNS."""
     return max(40, shutil.get_terminal_size((PRINTED, 24)).columns)
 
 
 def minus(text: str) -> str:
-    """Text with minus signs instead of hyphens."""
+    """Return text with minus signs instead of hyphens."""
     return text.replace("-", "−")
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Significant digits; what is zero but for rounding is 0."""
+    """Return a number with significant digits. Rounding errors become 0."""
     if value is None:
         return NOTHING
     return "0" if abs(value) < 1e-12 else minus(f"{value:.{digits}g}")
 
 
 def fixed(value: float | None, decimals: int) -> str:
-    """A number of so many decimals, without a negative zero."""
+    """Return a number with fixed decimals and without a negative zero."""
     if value is None:
         return NOTHING
     return minus(f"{round(value, decimals) + 0.0:.{decimals}f}")
 
 
 def signed(value: float | None, decimals: int) -> str:
-    """A difference with its sign; 0 where it vanishes at these decimals."""
+    """Return a difference with its sign, or 0 if it vanishes at these decimals."""
     shown = fixed(value, decimals)
     return f"+{shown}" if value is not None and round(value, decimals) > 0 else shown
 
 
 def percent(share: float | None, decimals: int = 1) -> str:
-    """A margin or a relative difference with its sign."""
+    """Return a margin or a relative difference in percent with its sign."""
     return NOTHING if share is None else f"{signed(100.0 * share, decimals)} %"
 
 
 def words(name: str) -> str:
-    """The name of a field or key as words."""
+    """Return the name of a field or key as words."""
     return name.replace("_", " ")
 
 
 def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> Environment:
-    """Jinja2 with the templates/ of a package and these filters: a name that a template misses raises UndefinedError.
+    """Return a Jinja2 environment with the templates of a package and these filters.
 
-    escape: every value is escaped, as XML and HTML need it.
+    A name that is missing in a template raises UndefinedError. escape enables escaping for XML and
+    HTML.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -76,5 +77,5 @@ def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> En
 
 
 def filled(templates: Environment, template: str, /, **values: Any) -> str:
-    """A template filled in, with one line end at its end."""
+    """Return a rendered template that ends with one newline."""
     return templates.get_template(template).render(values).rstrip("\n") + "\n"

@@ -1,4 +1,4 @@
-"""Every exception that this program raises on purpose."""
+"""Exceptions that the program raises deliberately."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from pathlib import Path
 
 
 class SsmPlannerError(Exception):
-    """Base of all errors that are the user's to mend; the command line prints them and exits with 2."""
+    """Base of all errors that the user can correct.
+
+    The command line prints them and exits with status 2.
+    """
 
 
 class ProblemError(SsmPlannerError):
-    """Something the user wrote cannot be used.
+    """Invalid user input.
 
-    The message names, as far as known, the file, the line, the key, the value found and what is allowed.
+    The message has file, line, key, value and allowed values as far as they are known.
     """
 
     def __init__(
@@ -60,7 +63,7 @@ class ProblemError(SsmPlannerError):
 
 @contextmanager
 def within(place: str) -> Iterator[None]:
-    """Problem errors raised here name their key below a place such as motion[0].tilt."""
+    """Prefix the keys of problem errors in the block with a key such as motion[0].tilt."""
     try:
         yield
     except ProblemError as error:
@@ -69,19 +72,19 @@ def within(place: str) -> Iterator[None]:
 
 
 class GeometryError(SsmPlannerError, ValueError):
-    """An array argument is not what the function takes: the message names the argument, its shape and its fault."""
+    """Invalid array argument. The message has its name, shape and fault."""
 
 
 class RecordingError(SsmPlannerError):
-    """A recording cannot be read or does not hold what the identification needs."""
+    """Recording that cannot be read or lacks data that the identification needs."""
 
 
 class TrajectoryError(SsmPlannerError):
-    """A trajectory file cannot be read, or does not describe a trajectory."""
+    """Trajectory file that cannot be read or does not describe a trajectory."""
 
 
 class ExportError(SsmPlannerError):
-    """A plan cannot be written in the form asked for."""
+    """Plan that cannot be written in the requested format."""
 
 
 def _shorten(value: object, width: int = 80) -> str:

@@ -1,4 +1,4 @@
-"""Plan: the outcome of planning, as every later stage takes it, to and from plan.json."""
+"""Plan: the result of planning and its file plan.json."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import hashlib
 import json
 import math
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property
 from importlib import metadata
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,27 +27,37 @@ from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.serialization import plain, problem_from_plain
-from ssm_planner.problem.value import built
+from ssm_planner.problem.value import attributes, built
 from ssm_planner.publishing import check_generation, file_name
+from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.duty import pause_of
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.stopping import Stops, controlled_stops
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import Span, Trajectory
+from ssm_planner.typing import JsonObject, record
 from ssm_planner.verification.certificate import Certificate, broken_seal
+from ssm_planner.verification.check import check
 
-if TYPE_CHECKING:  # the check reads plans, and never loads the planner
+if TYPE_CHECKING:  # the check reads plans and must not load the planner
     from ssm_planner.planning.reason import Reason
 
 FORMAT = "ssm_planner plan"
 VERSION = 1
 FILE = "plan.json"
 LARGEST_FILE = 2_000_000_000
-"""Bytes."""
+"""Largest size of a plan.json in bytes."""
+FOLDER_WRITER = "ssm_planner.pipeline.folder:write_folder"
+"""Function that writes result folders.
+
+A result folder contains pages and figures, whose modules depend on this one. `Plan.save` therefore
+finds the function by its name when a plan is saved, in any process.
+"""
 UNITS = {
     "time": "s",
     "q": ["rad", "rad", "rad", "m"],
-    "coefficients": "q(t) = sum_k coefficients[piece][k][joint] * (t - breaks_s[piece])^k, in rad/s^k and m/s^k",
+    "coefficients": "q(t) = sum_k coefficients[piece][k][joint] * (t - breaks_s[piece])^k, in "
+    "rad/s^k and m/s^k",
     "torque": "N*m on the motor side",
     "motor speed": "rad/s",
     "everything else": "SI, radians",
@@ -54,7 +65,7 @@ UNITS = {
 
 
 def software() -> dict[str, str]:
-    """Versions of what makes a plan, by name."""
+    """Return the versions of the software that makes a plan, by name."""
     versions = {"python": platform.python_version()}
     return versions | {name: _version(name) for name in ("ssm-planner", "casadi", "numpy", "scipy")}
 
@@ -68,50 +79,65 @@ def _version(package: str) -> str:
 
 
 @dataclass(frozen=True)
-class PhaseSummary:
-    """One phase of a plan: what it moves, how long it takes, and what it is measured against; s, rad, m."""
+class PhaseSummary(ShortRepr):
+    """Phase of a plan with its motion, duration and reference durations, in s, rad and m."""
 
     name: str
     duration: float
     toppra_duration: float | None
-    """TOPP-RA's for the same path and limits; None where it finds none, or where a duration was asked for."""
+    """Duration by TOPP-RA for the same path and limits.
+
+    None if TOPP-RA finds none, or if a duration was requested.
+    """
     lower_bound: float
-    """A duration that no motion within the same limits can beat."""
+    """Duration that no motion within the same limits can beat, s."""
     task_start: tuple[float, ...]
-    """Roll, tilt, spin, depth."""
+    """Roll, tilt, spin and depth at the start."""
     task_end: tuple[float, ...]
     branch: int | None
-    """Of the inverse kinematics, ±1; None for a phase without a path of its own."""
+    """Branch of the inverse kinematics, ±1, or None for a phase without a path."""
     iterations: int
-    """Of the solvers."""
+    """Iterations of the solvers."""
     solver: str = "Ipopt"
-    """That found the motion: "Ipopt", "structured" (which Ipopt confirms, or `fast`), "TOPP-RA"; "" where the arm stands."""
+    """Solver that found the motion: "Ipopt", "structured", "TOPP-RA", or "" for a pause.
+
+    Ipopt confirms "structured" unless the planner is `fast`.
+    """
     confirmation_iterations: int | None = None
-    """In which Ipopt confirmed what the structured solver found; None where either solved alone."""
+    """Iterations in which Ipopt confirmed the structured solver, or None if either worked alone."""
     confirmation_difference: float | None = None
-    """Ipopt's duration of the fastest motion over the structured solver's, less 1; the shorter motion is taken."""
+    """Relative difference of Ipopt's duration to the structured solver's.
+
+    The shorter motion is used.
+    """
+    reversal_multiplier: float | None = None
+    """Largest remaining multiplier of a joint's direction, as a share of the duration.
+
+    It estimates, to first order, how much a further reversal would save. Motions along paths have
+    None.
+    """
     corner_departure: float | None = None
-    """Of a phase with rounded corners: largest distance of the tip from the lines between these, m."""
+    """Largest distance of the tip from its lines between rounded corners, m."""
     corner_reach: float | None = None
-    """Largest distance from a corner at which the tip is off these lines, m."""
+    """Largest distance from a corner at which the tip is off its lines, m."""
     constant_speed: float | None = None
-    """That the tip keeps but for ramps at both ends, m/s."""
+    """Constant speed of the tip between the ramps at both ends, m/s."""
     constant_from: float | None = None
     constant_to: float | None = None
-    """Ends of that stretch, s from the start of the phase."""
+    """Start and end of that interval, s from the start of the phase."""
     constant_error: float | None = None
-    """Largest share by which the speed is off between them."""
+    """Largest relative error of the speed in that interval."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON types; what only some phases have is left out of the others."""
-        found: dict[str, Any] = plain(asdict(self))
+    def to_dict(self) -> JsonObject:
+        """Return JSON types without the fields that do not apply to this phase."""
+        found: JsonObject = plain(asdict(self))
         return {
             name: value for name, value in found.items() if value is not None or name not in OF_SOME
         }
 
     @property
     def disagreement(self) -> str | None:
-        """Why the cross-check by TOPP-RA failed; None where it passed or there is none."""
+        """Reason why the cross-check by TOPP-RA failed, or None."""
         if not self.toppra_duration:
             return None
         allowed = AGREES_FREE if self.branch is None else AGREES_STRAIGHT
@@ -119,17 +145,30 @@ class PhaseSummary:
         if 1 / (1 + allowed) <= ratio <= 1 + allowed:
             return None
         what = (
-            "the motion is slower than it need be"
+            "the motion is slower than necessary"
             if ratio > 1
-            else "TOPP-RA's grid is too coarse, or a limit is missed"
+            else "TOPP-RA's grid is too coarse, or a limit is missing"
         )
         return (
-            f"{self.name}: {self.duration:.4f} s, and {self.toppra_duration:.4f} s by TOPP-RA along the same path "
+            f"{self.name}: {self.duration:.4f} s, and {self.toppra_duration:.4f} s by TOPP-RA "
+            "along the same path "
             f"({100 * (ratio - 1):+.2f} %, {100 * allowed:g} % are allowed): {what}"
         )
 
 
+SUMMARY = (
+    "status",
+    "duration",
+    "lower_bound",
+    "gap",
+    "toppra_duration",
+    "nominal_duration",
+    "passed",
+    "solve_time",
+)
+"""Attributes of a plan at the beginning of its summary."""
 OF_SOME = (
+    "reversal_multiplier",
     "corner_departure",
     "corner_reach",
     "constant_speed",
@@ -137,42 +176,54 @@ OF_SOME = (
     "constant_to",
     "constant_error",
 )
-"""Fields of phases with rounded corners, or at constant speed."""
+"""Fields that only free motions, or phases with rounded corners or constant speed have."""
 AGREES_STRAIGHT, AGREES_FREE = 3e-3, 1e-2
-"""Share by which a phase's duration may differ from TOPP-RA's along its path, straight and free (docs/planning.md)."""
+"""Allowed relative difference to TOPP-RA's duration for straight and free phases.
+
+docs/planning.md explains them.
+"""
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """A planned motion with its certificate, or the reason why there is none; SI units, radians.
+@record
+class Plan(ShortRepr):
+    """Planned motion with its certificate, or the reason for a failure, in SI units and radians.
 
-    What is not stored follows from the trajectory, the robot and the certificate, and is computed when it is first asked for.
+    Further properties follow from the trajectory, the robot and the certificate, and are computed
+    on first use.
     """
 
     problem: Problem
     status: str
     """"solved", "infeasible" or "not converged"."""
     trajectory: Trajectory | None
-    """None unless solved."""
+    """Trajectory, or None unless the status is "solved"."""
     phases: tuple[PhaseSummary, ...] = ()
     certificate: Certificate | None = None
-    """Of the independent check; None unless solved, or where it is not that of this trajectory, robot and limits."""
+    """Result of the independent check.
+
+    None unless the plan is solved and the certificate belongs to this trajectory, robot and limits.
+    """
     reason: Reason | None = None
-    """Why there is no certified motion."""
+    """Reason why there is no certified motion."""
     nominal_duration: float | None = None
-    """Of the plan for friction as stated and an empty tip, s, where this one holds for a range of them."""
+    """Duration of the plan for nominal friction and an empty tip, s.
+
+    None unless this plan holds for a range of them.
+    """
     solve_time: float | None = None
-    """s; not stored: None for a plan that was loaded."""
+    """Solve time in s. It is not stored, so it is None for a loaded plan."""
     stopped: bool = False
-    """The search for something faster was ended by the user."""
+    """True if the user ended the search for a faster motion."""
+    candidates: tuple[tuple[Mapping[str, Any], ...], ...] = ()
+    """Tried candidates of each phase with kind, bound, estimate, duration (s), outcome and effort."""
     software: Mapping[str, str] = field(default_factory=software)
-    """Versions of what made the plan."""
+    """Versions of the software that made the plan."""
     file: Path | None = field(default=None, init=False)
-    """plan.json that it was loaded from; None for a plan that was made or changed in Python."""
+    """plan.json from which it was loaded, or None for a plan that was made or changed in Python."""
     file_sha256: str | None = field(default=None, init=False)
-    """Of the bytes of that file."""
+    """SHA-256 of that file."""
     doubt: str | None = field(default=None, init=False)
-    """Why a certificate that was given is not shown; see verification/certificate.py."""
+    """Reason why a stored certificate is not valid (verification/certificate.py)."""
 
     def __post_init__(self) -> None:
         if self.certificate is None or self.trajectory is None:
@@ -195,25 +246,66 @@ class Plan:
 
     @property
     def motion(self) -> Trajectory:
-        """The trajectory of a plan that must have one. Raises TrajectoryError where there is none."""
+        """Trajectory of a plan that must have one. Raises TrajectoryError if there is none."""
         if self.trajectory is None:
             where = self.problem.name if self.file is None else self.file
-            raise TrajectoryError(f"{where}: this plan holds no trajectory (status: {self.status})")
+            raise TrajectoryError(f"{where}: this plan has no trajectory (status: {self.status})")
         return self.trajectory
+
+    @classmethod
+    def from_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> Plan:
+        """Return the plan of a motion that another program computed, with its certificate.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+        robot : Robot
+            Robot whose limits must hold. The motion must begin and end at rest.
+        name : str
+            Name of the plan, which names its result folder too.
+
+        Raises
+        ------
+        TrajectoryError, ProblemError
+            If an end of the motion is outside the joint ranges.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ssm_planner import Plan, Trajectory, load_robot
+        >>> t = np.linspace(0, 2, 101)
+        >>> q = np.outer(0.05 * (1 - np.cos(np.pi * t / 2)), [1, 1, 0, 0])
+        >>> qd = np.outer(0.025 * np.pi * np.sin(np.pi * t / 2), [1, 1, 0, 0])
+        >>> motion = Trajectory.from_samples(t, q, qd)
+        >>> Plan.from_trajectory(motion, load_robot("vitreoretinal")).duration
+        2.0
+        """
+        ends = trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist()
+        start, target = (Joints(tuple(joints)) for joints in ends)
+        problem = Problem(robot, start, (Free(target),), name=name)
+        times = trajectory.breaks - trajectory.breaks[0]
+        phases = (Span(problem.motion[0].name or "1", 0.0, float(times[-1])),)
+        motion = Trajectory(times, trajectory.coefficients, phases)
+        certificate = check(motion, robot, problem.task_limits, seal=True)
+        return cls(problem, "solved", motion, certificate=certificate)
+
+    def __bool__(self) -> bool:
+        """Raise TypeError, because a plan without a motion is also an object."""
+        raise TypeError("a plan is neither true nor false: ask for plan.passed")
 
     @property
     def passed(self) -> bool:
-        """The plan exists and the independent check found every limit kept."""
+        """True if there is a motion and the independent check found no violated limit."""
         return self.certificate is not None and self.certificate.passed
 
     @property
     def duration(self) -> float | None:
-        """s; None without a trajectory."""
+        """Duration in s, or None without a trajectory."""
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
     def toppra_duration(self) -> float | None:
-        """TOPP-RA's for the same paths and limits, s; None unless known for every phase."""
+        """Duration by TOPP-RA for the same paths and limits, s, or None if a phase has none."""
         durations = [phase.toppra_duration for phase in self.phases]
         known = [duration for duration in durations if duration is not None]
         whole = self.trajectory is not None and 0 < len(known) == len(durations)
@@ -221,7 +313,7 @@ class Plan:
 
     @property
     def confirmation(self) -> tuple[int, float] | None:
-        """Ipopt's iterations in the phases in which it confirmed the structured solver, and the largest difference."""
+        """Number of iterations and largest difference of Ipopt's confirmations."""
         found = [
             (phase.confirmation_iterations or 0, phase.confirmation_difference)
             for phase in self.phases
@@ -235,20 +327,20 @@ class Plan:
 
     @property
     def lower_bound(self) -> float | None:
-        """A duration that no motion along the same path within the same limits can beat, s."""
+        """Duration that no motion along the same path within the same limits can beat, s."""
         whole = self.trajectory is not None and self.phases
         return float(sum(phase.lower_bound for phase in self.phases)) if whole else None
 
     @property
     def gap(self) -> float | None:
-        """(duration − lower bound) / lower bound."""
+        """Relative gap, (duration − lower bound) / lower bound."""
         if self.duration is None or not self.lower_bound:
             return None
         return (self.duration - self.lower_bound) / self.lower_bound
 
     @cached_property
     def sizing(self) -> Sizing | None:
-        """The robot's own motors and gears judged by the motion at 25 °C, repeated as the problem's duty says."""
+        """Check of the robot's motors and gears at 25 °C with the problem's duty."""
         return (
             None
             if self.trajectory is None
@@ -257,19 +349,19 @@ class Plan:
 
     @cached_property
     def stops(self) -> Stops | None:
-        """The quickest controlled stop from a thousand instants; None for a plan that did not pass its check."""
+        """Quickest controlled stops from many instants, or None for a plan that did not pass."""
         return controlled_stops(self.motion, self.robot, self.limits) if self.passed else None
 
     @property
     def requirements(self) -> tuple[MotorRequirement, ...]:
-        """What the motion requires of the motor of every driven joint."""
+        """Requirements of the motion on the motor of every driven joint."""
         return (
             () if self.sizing is None else tuple(joint.requirement for joint in self.sizing.joints)
         )
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the program does not know and the reader has to."""
+        """Remarks on missing data and assumptions."""
         notes = [] if self.doubt is None else [f"not certified: {self.doubt}: plan it again"]
         for requirement in self.requirements:
             motor = requirement.motor
@@ -279,12 +371,13 @@ class Plan:
                 )
             elif motor.placeholder:
                 notes.append(
-                    f"joint {requirement.joint}: motor {motor.name} has placeholder figures ({', '.join(motor.placeholders)})"
+                    f"joint {requirement.joint}: motor {motor.name} has placeholder figures "
+                    f"({', '.join(motor.placeholders)})"
                 )
             notes += _extrapolation(self.robot, requirement)
         notes += _wider_ranges(self.problem)
         stays = ", ".join(phase.name for phase in self.phases if not phase.duration)
-        notes += [f"skipped, for the robot already is where they lead: {stays}"] if stays else []
+        notes += [f"skipped because the robot is already at the end: {stays}"] if stays else []
         notes += _whole_turns(self.problem, self.trajectory)
         notes += (
             []
@@ -298,7 +391,7 @@ class Plan:
         return tuple(notes)
 
     def limits_unlike(self, robot: Robot) -> tuple[str, ...]:
-        """In words: limits of joints, motors and robot that are not those of another robot."""
+        """Return sentences on the different limits of another robot, its joints and motors."""
         of_robot = {limit.key: limit for limit in _limits_of(robot)}
         of_plan = {limit.key: limit for limit in _limits_of(self.robot)}
         notes = []
@@ -312,39 +405,36 @@ class Plan:
                 for limit in (own, other)
             ]
             notes.append(
-                f"the plan was made for another limit: {what}: {shown[0]}; the robot given has {shown[1]}"
+                f"the plan was made for another limit: {what}: {shown[0]}; the robot given has "
+                f"{shown[1]}"
             )
         return tuple(notes)
 
     @property
     def disagreements(self) -> tuple[str, ...]:
-        """Of every phase whose cross-check by TOPP-RA failed; none where jerk is limited, of which TOPP-RA knows nothing."""
-        if any(joint.jerk is not None for joint in self.robot.joints):
+        """Phases whose cross-check by TOPP-RA failed.
+
+        Empty with jerk limits, which TOPP-RA ignores.
+        """
+        if self.robot.jerk_limited:
             return ()
         found = (phase.disagreement for phase in self.phases)
         return tuple(text for text in found if text is not None)
 
     @property
     def path(self) -> Path:
-        """plan.json that it was loaded from, else where the command would write it."""
+        """plan.json from which it was loaded, or the path where the command would write it."""
         return self.file or Path("results") / file_name(self.problem.name) / FILE
 
     @cached_property
     def sha256(self) -> str:
-        """Of the plan.json that it was loaded from, else of what would be written; hexadecimal."""
+        """SHA-256 of the loaded plan.json, or of the text that would be written, in hexadecimal."""
         return self.file_sha256 or hashlib.sha256(self.to_json().encode()).hexdigest()
 
-    def summary(self) -> dict[str, Any]:
-        """The object that `plan --json` prints; SI units, radians."""
+    def summary(self) -> JsonObject:
+        """Return the object that `plan --json` prints, in SI units and radians."""
         return {
-            "status": self.status,
-            "duration": self.duration,
-            "lower_bound": self.lower_bound,
-            "gap": self.gap,
-            "toppra_duration": self.toppra_duration,
-            "nominal_duration": self.nominal_duration,
-            "passed": self.passed,
-            "solve_time": self.solve_time,
+            **attributes(self, SUMMARY),
             "motors": [requirement.to_dict() for requirement in self.requirements],
             "sizing": None if self.sizing is None else self.sizing.to_dict(),
             "limits": []
@@ -354,10 +444,14 @@ class Plan:
             "notes": list(self.notes),
             "phases": [phase.to_dict() for phase in self.phases],
             **({"stopped": True} if self.stopped else {}),
+            **({"candidates": plain(self.candidates)} if self.candidates else {}),
         }
 
-    def to_dict(self) -> dict[str, Any]:
-        """What plan.json holds: JSON types, SI units, radians. The same plan gives the same text whenever it is made."""
+    def to_dict(self) -> JsonObject:
+        """Return the content of plan.json: JSON types, SI units, radians.
+
+        The same plan always gives the same text.
+        """
         summary = self.summary()
         phases = summary.pop("phases")
         return {
@@ -375,19 +469,20 @@ class Plan:
         }
 
     @cached_property
-    def document(self) -> dict[str, Any]:
-        """`to_dict`, for pages."""
+    def document(self) -> JsonObject:
+        """Result of `to_dict`, for pages."""
         return self.to_dict()
 
     def to_json(self) -> str:
-        """The text of plan.json."""
+        """Return the text of plan.json."""
         return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
 
     @classmethod
     def from_json(cls, data: bytes, file: Path) -> Plan:
-        """Read what `to_json` gave, or what earlier versions of this program wrote; file: named in messages.
+        """Return the plan in a text from `to_json` or from an earlier version of this program.
 
-        Raises TrajectoryError (not a plan of a known version, or no trajectory in it) or ProblemError.
+        file is named in messages. Raises TrajectoryError (unknown version or no trajectory) or
+        ProblemError.
         """
         return cls._of(parse_json(file, data), hashlib.sha256(data).hexdigest(), file)
 
@@ -397,7 +492,7 @@ class Plan:
         problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
         if document.get("trajectory") is None:
             raise TrajectoryError(
-                f"{file}: this plan holds no trajectory (status: {document.get('status')})"
+                f"{file}: this plan has no trajectory (status: {document.get('status')})"
             )
         try:
             stated = document.get("certificate")
@@ -409,6 +504,7 @@ class Plan:
                 certificate=None if stated is None else Certificate.from_dict(stated),
                 nominal_duration=_number(document.get("nominal_duration"), path=file),
                 stopped=document.get("stopped") is True,
+                candidates=tuple(map(tuple, document.get("candidates") or ())),
                 software=document.get("software") or {},
             )
         except TrajectoryError as error:
@@ -424,82 +520,77 @@ class Plan:
         return path
 
     def save(self, folder: str | Path) -> dict[str, Path]:
-        """Write the result folder that `ssm-planner plan` writes: plan.json, report.html, trajectory.csv, figures.
+        """Write the result folder of `ssm-planner plan`, and return the paths by name.
 
-        Returns the paths by name. Raises ExportError, also for a plan that did not pass its check: no unchecked motion
-        leaves the program.
+        The folder contains plan.json, report.html, trajectory.csv and figures. Raises ExportError,
+        also for a plan that did not pass its check.
         """
         if not self.passed:
             raise ExportError(
-                f"{self.problem.name}: the plan has no passed certificate (status: {self.status}): not written"
+                f"{self.problem.name}: the plan has no passed certificate (status: {self.status}): "
+                "not written"
             )
-        return _folder_writer(self, Path(folder))
-
-
-FolderWriter = Callable[[Plan, Path], dict[str, Path]]
-Writer = TypeVar("Writer", bound=Callable[..., dict[str, Path]])
-
-
-def _no_folder_writer(plan: Plan, folder: Path) -> dict[str, Path]:
-    raise RuntimeError(
-        "ssm_planner.pipeline.folder, which writes result folders, has not been imported"
-    )
-
-
-_folder_writer: FolderWriter = _no_folder_writer
-
-
-def use_folder_writer(write: Writer) -> Writer:
-    """Name the function behind `Plan.save`: it stands above this module, because it knows pages and figures."""
-    global _folder_writer
-    _folder_writer = write
-    return write
+        write_folder = resolve_name(FOLDER_WRITER)
+        return write_folder(self, Path(folder))
 
 
 def load_plan(path: str | Path) -> Plan:
-    """The plan in a plan.json, or in the result folder that holds one.
+    """Return the plan in a plan.json or in the result folder that contains one.
 
-    Raises TrajectoryError (not a plan of a known version, no trajectory in it, or the files of its folder are not of one
-    plan) or ProblemError.
+    Raises TrajectoryError (unknown version, no trajectory, or files of several plans in its folder)
+    or ProblemError.
     """
     path = Path(path)
     try:
         file = path / FILE if path.is_dir() else path
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"{path}: cannot be read: {error}") from error
-    with locked(file.parent):  # nobody puts other results in place meanwhile
+    with locked(file.parent):  # no other process may replace the results
         found, sha256 = read_json_in_parts(file, LARGEST_FILE, ("trajectory", "coefficients"))
         check_generation(file.parent)
     return Plan._of(found, sha256, file)
 
 
-def _document(document: Any, path: Path) -> dict[str, Any]:
-    """The mapping in a plan.json of this version. Raises TrajectoryError."""
+def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) -> Plan:
+    """Return the plan of a trajectory of the robot, or of a plan.json. Plans stay as they are.
+
+    Raises TrajectoryError for a trajectory without a robot, and what `load_plan` raises.
+    """
+    if isinstance(motion, Trajectory):
+        if robot is None:
+            raise TrajectoryError("a trajectory does not name a robot: pass robot")
+        return Plan.from_trajectory(motion, robot)
+    return motion if isinstance(motion, Plan) else load_plan(motion)
+
+
+def _document(document: Any, path: Path) -> JsonObject:
+    """Return the mapping in a plan.json of this version. Raises TrajectoryError."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise TrajectoryError(f"{path}: not a plan.json (its format key is not {FORMAT!r})")
     if document.get("version") != VERSION:
         raise TrajectoryError(
-            f"{path}: plan.json of version {document.get('version')!r}; this program reads version {VERSION}"
+            f"{path}: plan.json of version {document.get('version')!r}; this program reads version "
+            f"{VERSION}"
         )
     return document
 
 
-def _mapping(data: dict[str, Any], key: str, path: Path) -> dict[str, Any]:
+def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
     value = data.get(key)
     if not isinstance(value, dict):
-        raise TrajectoryError(f"{path}: {key} is missing or is no mapping: not a whole plan.json")
+        raise TrajectoryError(f"{path}: {key} is missing or not a mapping: incomplete plan.json")
     return value
 
 
 def _number(value: Any, path: Path) -> float | None:
     if value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
-        raise TrajectoryError(f"{path}: nominal_duration is no number: not a whole plan.json")
+        raise TrajectoryError(f"{path}: nominal_duration is not a number: incomplete plan.json")
     return value
 
 
 def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
     if not isinstance(data, list):
-        raise TrajectoryError("phases is no list: not a whole plan.json")
+        raise TrajectoryError("phases is not a list: incomplete plan.json")
     try:
         return tuple(built(PhaseSummary, phase, f"phases[{i}]") for i, phase in enumerate(data))
     except ProblemError as error:
@@ -512,7 +603,7 @@ def _limits_of(robot: Robot) -> list[Limit]:
 
 
 def _wider_ranges(problem: Problem) -> list[str]:
-    """Ranges asked for that the robot's own, or the travel of joint 4, narrow."""
+    """Return notes on requested ranges that the robot or the travel of joint 4 narrows."""
     notes = []
     for name, asked in problem.wider.items():
         if (holds := problem.ranges.get(name)) is None:
@@ -528,22 +619,23 @@ def _wider_ranges(problem: Problem) -> list[str]:
 
 
 def _whole_turns(problem: Problem, trajectory: Trajectory | None) -> list[str]:
-    """Joints that start a whole turn away from their nearest position to zero, which the problem leaves open."""
+    """Return notes on joints that start a whole turn away from zero if the problem allows both."""
     if trajectory is None or isinstance(problem.start, Joints):
         return []
     first = np.degrees(trajectory.sample(0.0).q[0])
     return [
-        f"joint {joint.name} starts at {angle:.6g} deg, a whole turn from {angle - math.copysign(360.0, angle):.6g} deg: "
+        f"joint {joint.name} starts at {angle:.6g} deg, a whole turn from "
+        f"{angle - math.copysign(360.0, angle):.6g} deg: "
         "from there the motion would leave its range"
         for joint, angle in zip(problem.robot.joints, first, strict=True)
-        if joint.kind == "revolute" and abs(angle) > 180.0 + 1e-6
+        if not joint.slides and abs(angle) > 180.0 + 1e-6
     ]
 
 
 def _ways_round(
     problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSummary, ...]
 ) -> list[str]:
-    """Phases that go over to the other branch of the inverse kinematics, and joints that turn by more than half a turn."""
+    """Return notes on changes of branch and on joints that turn by more than half a turn."""
     mechanism, joints = Mechanism.from_geometry(problem.robot.geometry), problem.robot.joints
     if not any(isinstance(entry, Free) for entry in problem.motion):
         return []
@@ -556,33 +648,38 @@ def _ways_round(
     ):
         if before != after:
             notes.append(
-                f"{phase.name}: goes from branch {before:+d} of the inverse kinematics to branch {after:+d}"
+                f"{phase.name}: goes from branch {before:+d} of the inverse kinematics to branch "
+                f"{after:+d}"
             )
         notes += [
-            f"{phase.name}: joint {joint.name} turns by {angle:.6g} deg, not by {angle - math.copysign(360.0, angle):.6g} deg"
+            f"{phase.name}: joint {joint.name} turns by {angle:.6g} deg, not by "
+            f"{angle - math.copysign(360.0, angle):.6g} deg"
             for joint, angle in zip(joints, np.degrees(last - first), strict=True)
-            if joint.kind == "revolute" and abs(angle) > 180.0 + 1e-6
+            if not joint.slides and abs(angle) > 180.0 + 1e-6
         ]
     return notes
 
 
 def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
-    """Whether friction is used beyond the speeds at which it was identified; or that it does not hold the joint."""
+    """Return notes on friction beyond the identified speeds and on joints without self-locking."""
     drive = robot.joints[JOINTS.index(requirement.joint)].drive
     if drive is None or drive.friction is None:
         return []
     if not drive.threaded:
         return [
-            f"joint {requirement.joint}: a {drive.kind} drive does not lock itself: without power its load moves it"
+            f"joint {requirement.joint}: a {drive.kind} drive does not lock itself: without power "
+            "its load moves it"
         ]
     known = drive.friction.identified_speed
     if known is None:
         return [
-            f"joint {requirement.joint}: the drive file does not say up to which speed its friction was identified"
+            f"joint {requirement.joint}: the drive file does not say up to which speed "
+            "friction was identified"
         ]
     if requirement.peak_speed <= known:
         return []
     return [
-        f"joint {requirement.joint}: friction extrapolated {requirement.peak_speed / known:.1f}× beyond the identified "
+        f"joint {requirement.joint}: friction extrapolated {requirement.peak_speed / known:.1f}× "
+        "beyond the identified "
         f"speeds ({known:.3g} rad/s, used up to {requirement.peak_speed:.3g} rad/s)"
     ]

@@ -1,8 +1,11 @@
-"""One generation of results: the files of one plan come into their folder together, and readers notice where they did not.
+"""Publication of result folders as consistent generations.
 
-Files are written into a folder aside. Then manifest.json, which holds the hash of every file, is put in place marked as
-incomplete, the files follow, and the manifest without the mark comes last. Whatever ends the program in between, the
-folder either holds one generation or says that it does not.
+All files of a generation belong to one plan and appear together. They are first written to a
+temporary folder. Then a manifest.json with the hash of every file and a mark of incompleteness is
+put in
+place. The files follow, and finally the manifest without the mark. If the program ends in between,
+the folder
+either contains one generation or shows that it does not.
 """
 
 from __future__ import annotations
@@ -29,24 +32,31 @@ LONGEST_NAME = 100
 
 
 def file_name(text: str) -> str:
-    """A name as one part of a path: data never names a place. Letters, digits, `-`, `_` and `.` stay."""
+    """Return a name as one component of a path, so that data cannot select a folder.
+
+    Letters, digits, `-`, `_` and `.` remain.
+    """
     kept = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in text)
     return kept.lstrip(".")[:LONGEST_NAME] or "unnamed"
 
 
 def one_line(text: str, without: str = "") -> str:
-    """A name as part of a comment or a title: printable characters on one line; those in `without` become `_`."""
+    """Return a name for a comment or title: printable characters on one line.
+
+    Characters in `without` become `_`.
+    """
     return "".join(c if c.isprintable() and c not in without else "_" for c in text)
 
 
 @contextmanager
 def publishing(folder: Path) -> Iterator[Path]:
-    """A temporary folder whose content moves into `folder`, as one generation, when the block ends without an exception.
+    """Yield a temporary folder whose content moves into `folder` at the end of the block.
 
-    A manifest.json in it lists the files (`files`: name → SHA-256). Files that the manifest of an earlier generation lists
-    and this one does not go away, unless they were changed; other files stay. Raises ExportError, and then nothing has
-    changed: the folder cannot be written, holds something else, or has a file or folder in the way that an export did not
-    write.
+    A manifest.json in it lists the files (`files`: name → SHA-256). Files of an earlier generation
+    that are not in the new one are removed unless they were changed. Other files remain. If the
+    block raises
+    an exception, nothing changes. Raises ExportError, without any change, if the folder cannot be
+    written, contains something else, or has a file or folder of the same name that no export wrote.
     """
     with staging(folder) as temporary:
         yield temporary
@@ -55,9 +65,10 @@ def publishing(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def publishing_results(folder: Path, plan: str) -> Iterator[Path]:
-    """`publishing` for files made from the plan whose SHA-256 is `plan`; with a plan.json among them a new generation.
+    """Yield a folder like `publishing` for files made from the plan whose SHA-256 is `plan`.
 
-    Without one they join those of the same plan. Raises ExportError where the folder holds another plan.
+    With a plan.json among them they form a new generation. Otherwise they join the files of the
+    same plan. Raises ExportError if the folder contains another plan.
     """
     with publishing(folder) as temporary:
         yield temporary
@@ -67,7 +78,10 @@ def publishing_results(folder: Path, plan: str) -> Iterator[Path]:
 
 @contextmanager
 def replacing_result(path: Path, plan: str) -> Iterator[Path]:
-    """`replacing` for a file made from a plan; in the folder of that plan's results its manifest follows."""
+    """Yield a path like `replacing` for a file made from a plan.
+
+    In the result folder of that plan, the manifest is updated.
+    """
     if read_manifest(path.parent).get("format") != RESULTS:
         with replacing(path) as temporary:
             yield temporary
@@ -77,7 +91,7 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
 
 
 def hashes(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file below a folder by its path in it, but not of the manifest."""
+    """Return the SHA-256 of every file below a folder by relative path, without the manifest."""
     files = (
         path for path in sorted(folder.rglob("*")) if path.is_file() and path != folder / MANIFEST
     )
@@ -85,7 +99,7 @@ def hashes(folder: Path) -> dict[str, str]:
 
 
 def sha256(path: Path) -> str:
-    """Of a file's bytes, hexadecimal."""
+    """Return the SHA-256 of a file in hexadecimal."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(2**20):
@@ -94,7 +108,7 @@ def sha256(path: Path) -> str:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of results or of an export in a folder; empty where there is none that this program wrote."""
+    """Return the manifest of results or of an export in a folder, empty if there is none."""
     path = folder / MANIFEST
     try:
         if not path.is_file() or path.stat().st_size > LARGEST_MANIFEST:
@@ -110,29 +124,31 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def listed(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """SHA-256 by name of the files that a manifest lists; names that lead out of its folder are left out."""
+    """Return the SHA-256 by name of the files in a manifest.
+
+    Names that leave its folder are omitted.
+    """
     files = manifest.get("files")
     if not isinstance(files, dict):
         return {}
-    return {name: str(sha) for name, sha in files.items() if _inside(name)}
+    return {name: str(sha) for name, sha in files.items() if is_inside(name)}
 
 
 def check_generation(folder: Path) -> None:
-    """Raise TrajectoryError where the files in a folder are not those that its manifest lists together.
+    """Raise TrajectoryError if the files in a folder differ from those in its manifest.
 
-    A folder without a manifest says nothing; files that are missing were taken away by somebody.
+    A folder without a manifest and missing files are accepted.
     """
     manifest = read_manifest(folder)
     if manifest.get(INCOMPLETE):
         raise TrajectoryError(
-            f"{folder}: these results were interrupted while they were put in place, so they may be of two plans: "
-            "make them again"
+            f"{folder}: publishing was interrupted, so the files may be of two plans: make them again"
         )
     for name, sha in listed(manifest).items():
         if os.path.exists(folder / name) and not _is(folder / name, sha):
             raise TrajectoryError(
-                f"{folder / name}: is not the file that {MANIFEST} lists: changed since it was written, or of another "
-                f"plan; make the results again, or take {MANIFEST} away if you changed it yourself"
+                f"{folder / name}: is not the file that {MANIFEST} lists; re-create the results, or "
+                f"remove {MANIFEST} if you changed the file yourself"
             )
 
 
@@ -140,7 +156,7 @@ def _publish(source: Path, folder: Path, shown: Path) -> None:
     sync(source)
     with held_signals():
         if not folder.exists():
-            with suppress(OSError):  # somebody else was faster
+            with suppress(OSError):  # another process was faster
                 source.rename(folder)
                 sync(folder.parent, content=False)
                 written.append(shown)
@@ -152,17 +168,18 @@ def _publish(source: Path, folder: Path, shown: Path) -> None:
 
 
 def _exchange(source: Path, folder: Path, shown: Path) -> None:
-    """Move the content of source into a folder, and what it replaces away."""
+    """Move the content of source into a folder, and move replaced files away."""
     manifest, old = read_manifest(source), read_manifest(folder)
     kind = manifest.get("format")
     if kind and old and old["format"] != kind:
         what = "an export" if old["format"] == EXPORT else "the results of a plan"
-        raise ExportError(f"{shown}: holds {what}: choose another folder; nothing is written")
+        raise ExportError(f"{shown}: holds {what}: choose another folder (nothing was written)")
     ours = listed(old)
     if kind == RESULTS and old and PLAN not in listed(manifest):
         if old.get("plan") != manifest["plan"]:
             raise ExportError(
-                f"{shown}: holds results of another plan: choose another folder; nothing is written"
+                f"{shown}: holds results of another plan: choose another folder (nothing was "
+                "written)"
             )
         kept = {name: sha for name, sha in ours.items() if _is(folder / name, sha)}
         manifest["files"] = dict(sorted({**kept, **manifest["files"]}.items()))
@@ -198,7 +215,7 @@ def _exchange(source: Path, folder: Path, shown: Path) -> None:
 def _check_way(
     target: Path, shown: Path, is_folder: bool, ours: Mapping[str, str], strict: bool
 ) -> None:
-    """Raise ExportError where something stands in the way of a file or folder that is not ours to replace."""
+    """Raise ExportError if a file or folder that no export wrote must be replaced."""
     if not os.path.lexists(target):
         return
     destination(target, kind=stat.S_IFDIR if is_folder else stat.S_IFREG)
@@ -207,13 +224,13 @@ def _check_way(
         name = path.relative_to(target.parent).as_posix()
         if (strict or is_folder) and name not in ours:
             raise ExportError(
-                f"{shown}: is in the way, and no export wrote {name}: choose another folder, or move it away; "
-                "nothing is written"
+                f"{shown}: is in the way, and no export wrote {name}: choose another folder, or "
+                "move it away; nothing is written"
             )
 
 
 def _remove_stale(folder: Path, stale: Mapping[str, str]) -> None:
-    """Remove files of an earlier generation, unless somebody changed them, and folders that they leave empty."""
+    """Remove unchanged files of an earlier generation, and folders that become empty."""
     for name, sha in stale.items():
         with suppress(OSError):
             if _is(folder / name, sha):
@@ -227,7 +244,8 @@ def _is(path: Path, sha: str) -> bool:
     return os.path.isfile(path) and sha256(path) == sha
 
 
-def _inside(name: str) -> bool:
+def is_inside(name: str) -> bool:
+    """Return whether a relative name stays in its folder on every system."""
     path = PurePosixPath(name)
     return (
         bool(name)

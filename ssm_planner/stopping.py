@@ -1,49 +1,47 @@
-"""A way to stop from everywhere: from every instant of a motion the quickest controlled stop along its path, certified."""
+"""Certified controlled stops from every instant of a motion."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
+from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check_stops
 from ssm_planner.verification.stops import INSTANTS as INSTANTS
 from ssm_planner.verification.stops import StopMotions, quickest_stops
 
 
-@dataclass(frozen=True, eq=False)
-class Stops:
+@record
+class Stops(ShortRepr):
     """The quickest controlled stops from n instants of a motion."""
 
     time: Array
-    """(n,), s from the motion's start."""
+    """Instants (n,) in s from the start of the motion."""
     duration: Array
-    """(n,), s until all joints rest."""
+    """Time (n,) in s until all joints rest."""
     travel: Array
-    """(n,): largest distance of the tip from where it was, m."""
+    """Largest distance (n,) of the tip from its position at the instant, m."""
     certificate: Certificate
-    """Of all stops together, with the limits of the motion itself."""
+    """Certificate of all stops together with the limits of the motion itself."""
     _found: StopMotions
-    """What they are made of."""
+    """The stop motions."""
 
     @property
     def motions(self) -> tuple[Trajectory | None, ...]:
-        """One for each instant; None where all joints rest already."""
+        """One trajectory for each instant. None if all joints already rest."""
         return self._found.motions
 
     @property
     def passed(self) -> bool:
-        """Every stop keeps every limit."""
+        """True if every stop keeps every limit."""
         return self.certificate.passed
 
-    def to_dict(self) -> dict[str, Any]:
-        """`stops` in plan.json; SI."""
+    def to_dict(self) -> JsonObject:
+        """Return `stops` of plan.json, in SI units."""
         longest, farthest = int(np.argmax(self.duration)), int(np.argmax(self.travel))
         return {
             "passed": self.passed,
@@ -68,8 +66,18 @@ def controlled_stops(
     limits: TaskLimits | None = None,
     instants: int | Array = INSTANTS,
 ) -> Stops:
-    """The quickest stop along the path from every one of n instants, or of given times (n,), s from the start."""
+    """Return the quickest stops along the path from n instants, and check them.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    robot : Robot
+    limits : TaskLimits, optional
+        Limits of the task.
+    instants : int or (n,)
+        Number of instants, or times in s from the start.
+    """
     limits = TaskLimits(robot.limits) if limits is None else limits
-    found = quickest_stops(motion, robot, instants)
-    certificate = check_stops(found, motion, robot, limits)
-    return Stops(found.time, found.duration, found.travel, certificate, found)
+    motions = quickest_stops(motion, robot, instants)
+    certificate = check_stops(motions, motion, robot, limits)
+    return Stops(motions.time, motions.duration, motions.travel, certificate, motions)

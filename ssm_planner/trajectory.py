@@ -1,4 +1,7 @@
-"""A joint motion as piecewise polynomials in time: the one form in which a motion is planned, checked and exported."""
+"""Joint motions as piecewise polynomials in time.
+
+The planner writes this form, the check judges it, and the exports sample it.
+"""
 
 from __future__ import annotations
 
@@ -10,30 +13,33 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.typing import Array, Indices
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import Array, Indices, JsonObject, record
 
 DEGREE = 5
 SHORTEST, LONGEST = 1e-12, 1e9
-"""s: of pieces, and of times."""
+"""Shortest piece and largest absolute time, s."""
 LARGEST = 1e9
-"""rad or m: more is no position of a joint, and derivatives of it overflow."""
+"""Largest displacement within a piece, rad or m. Derivatives of larger ones overflow."""
 BLOCK = 65_536
-"""Pieces at a time: what is worked out of them stays small."""
+"""Number of pieces that are evaluated together, which bounds the memory in use."""
+ROUNDING = 1e-9
+"""Relative rounding error of a time that still belongs to the trajectory."""
 Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True)
 class Span:
-    """A named stretch of a trajectory between two rests or waypoints; times in s."""
+    """A named part of a trajectory between two times in s."""
 
     name: str
     start: float
     end: float
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """A motion at n instants: t (n,), q, qd, qdd, qddd (n, 4); rad, m, s."""
+@record
+class Samples(ShortRepr):
+    """A motion sampled at n times: t (n,), q, qd, qdd and qddd (n, 4) in rad, m and s."""
 
     t: Array
     q: Array
@@ -42,25 +48,47 @@ class Samples:
     qddd: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """q(t) = Σ_k coefficients[i, k] (t − breaks[i])^k on piece i.
+@record
+class Trajectory(ShortRepr):
+    """A joint motion of m polynomial pieces: q(t) = Σ_k coefficients[i, k] (t − breaks[i])^k.
 
-    breaks (m + 1,) in s, strictly increasing; coefficients (m, 6, 4) in rad/s^k and m/s^k, read-only, or what gives them
-    block by block.
+    Parameters
+    ----------
+    breaks : (m + 1,)
+        Strictly increasing times in s.
+    coefficients : (m, 6, 4)
+        Coefficients in rad/s^k and m/s^k, or an object that returns them block by block.
+    phases : tuple of Span
+        Named parts that follow one another. Empty if the trajectory has no named parts.
+
+    Raises
+    ------
+    TrajectoryError
+        If the shapes disagree, the breaks do not increase, or a number is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ssm_planner import Trajectory
+    >>> t = np.linspace(0.0, 1.0, 11)
+    >>> q = 0.1 * np.outer(3 * t**2 - 2 * t**3, [1.0, 1.0, 0.0, 0.01])
+    >>> trajectory = Trajectory.from_samples(t, q)
+    >>> trajectory.duration
+    1.0
+    >>> trajectory.sample(0.5).q.round(6).tolist()
+    [[0.05, 0.05, 0.0, 0.0005]]
     """
 
     breaks: Array
     coefficients: Array
     phases: tuple[Span, ...]
-    """One after the other; none where they are not known."""
 
     def __post_init__(self) -> None:
         pieces = len(self.breaks) - 1
         if pieces < 1 or self.coefficients.shape != (pieces, DEGREE + 1, 4):
             raise TrajectoryError(
-                f"a trajectory of {pieces} pieces needs coefficients of shape ({pieces}, {DEGREE + 1}, 4), "
-                f"got {self.coefficients.shape}"
+                f"a trajectory of {pieces} pieces needs coefficients of shape "
+                f"({pieces}, {DEGREE + 1}, 4), got {self.coefficients.shape}"
             )
         length = np.diff(self.breaks)
         finite = bool(np.isfinite(self.breaks).all())
@@ -70,8 +98,8 @@ class Trajectory:
             raise TrajectoryError(
                 f"a piece shorter than {SHORTEST:g} s, or times beyond {LONGEST:g} s"
             )
-        for first in range(0, pieces, BLOCK):
-            block = slice(first, first + BLOCK)
+        for start in range(0, pieces, BLOCK):
+            block = slice(start, start + BLOCK)
             coefficients = self.pieces(block)
             if not (finite and np.isfinite(coefficients).all()):
                 raise TrajectoryError("a trajectory holds only finite numbers")
@@ -88,56 +116,130 @@ class Trajectory:
         if isinstance(self.coefficients, np.ndarray):
             self.coefficients.setflags(write=False)
 
+    @classmethod
+    def from_samples(
+        cls,
+        t: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike | None = None,
+        qdd: ArrayLike | None = None,
+    ) -> Trajectory:
+        """Interpolate samples of a joint motion.
+
+        Parameters
+        ----------
+        t : (n,)
+            Strictly increasing times in s.
+        q, qd, qdd : (n, 4)
+            Joint positions, velocities and accelerations in rad, m and s. Velocities that are
+            left out come from the cubic spline through the positions that is at rest at both
+            ends. Accelerations that are left out make every piece a cubic polynomial.
+
+        Raises
+        ------
+        TrajectoryError
+            If there are fewer than two samples, the shapes disagree, accelerations are given
+            without velocities, a number is not finite, or the times do not increase.
+        """
+        try:
+            times = np.atleast_1d(np.array(t, dtype=float))
+            states = [np.asarray(x, dtype=float) for x in (q, qd, qdd) if x is not None]
+        except (TypeError, ValueError) as error:
+            raise TrajectoryError(f"samples are not arrays of numbers: {error}") from error
+        if qd is None and qdd is not None:
+            raise TrajectoryError("samples with accelerations qdd need velocities qd")
+        if len(times) < 2 or any(x.shape != (len(times), 4) for x in states):
+            raise TrajectoryError("samples need at least two times t (n,), and rows of four joints")
+        if not (np.diff(times) > 0).all() or not all(np.isfinite(x).all() for x in states):
+            raise TrajectoryError("samples need increasing times and finite numbers")
+        if len(states) == 1:
+            from scipy.interpolate import CubicSpline
+
+            states.append(CubicSpline(times, states[0], bc_type="clamped")(times, 1))
+        interpolate = cubics if len(states) == 2 else quintics
+        ends = (tuple(x[rows] for x in states) for rows in (slice(-1), slice(1, None)))
+        return cls(times, interpolate(np.diff(times), *ends), ())
+
     @property
     def duration(self) -> float:
-        """From the first break to the last, s."""
+        """Time between the first and the last break, s."""
         return float(self.breaks[-1] - self.breaks[0])
 
     def pieces(self, chosen: Indices | slice) -> Array:
-        """Coefficients (n, 6, 4) of some pieces: what goes through a long trajectory asks for them block by block."""
+        """Return the coefficients (n, 6, 4) of the chosen pieces."""
         return self.coefficients[chosen]
 
     def piece_of(self, t: Array, side: Side = "right") -> Indices:
-        """Index (n,) of the piece that holds each t (n,); at a break the one to its right or left."""
-        where = np.searchsorted(self.breaks, t, side="right" if side == "right" else "left") - 1
-        return np.clip(where, 0, len(self.breaks) - 2)
+        """Return the index (n,) of the piece that contains each time t (n,).
 
-    def sample(self, t: ArrayLike, side: Side = "right") -> Samples:
-        """The motion at times t (n,), or at one; one-sided limits at the breaks, where the acceleration may jump.
-
-        The arrays of the answer have one row for each time, (n, 4), and (1, 4) for a single one.
+        At a break, `side` chooses the piece to its right or to its left.
         """
-        t = np.atleast_1d(np.asarray(t, dtype=float))
-        piece = self.piece_of(t, side)
-        return self.sample_pieces(piece, t - self.breaks[piece])
+        index = np.searchsorted(self.breaks, t, side="right" if side == "right" else "left") - 1
+        return np.clip(index, 0, len(self.breaks) - 2)
+
+    def sample(self, t: ArrayLike, side: Side = "right", *, clamp: bool = False) -> Samples:
+        """Evaluate the motion and its derivatives.
+
+        Parameters
+        ----------
+        t : (n,) or float
+            Times in s between the first and the last break.
+        side : {"right", "left"}
+            One-sided limit at a break, where the acceleration may jump.
+        clamp : bool
+            Replace a time outside the trajectory by its nearer end instead of raising an error.
+
+        Returns
+        -------
+        Samples
+            Arrays with one row for each time: (n, 4), and (1, 4) for a single time.
+
+        Raises
+        ------
+        TrajectoryError
+            If a time is NaN, or if `clamp` is false and a time lies outside the trajectory.
+        """
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        start, end = self.breaks[[0, -1]]
+        clipped = np.clip(times, start, end)
+        error = np.abs(times - clipped)
+        if np.isnan(error).any() or not (
+            clamp or error.max(initial=0.0) <= ROUNDING * max(1.0, abs(start), abs(end))
+        ):
+            raise TrajectoryError(
+                f"t = {times[error.argmax()]:g} s is not between {start:g} s and {end:g} s, "
+                "the first and the last time of this trajectory"
+            )
+        piece = self.piece_of(clipped, side)
+        return self.sample_pieces(piece, clipped - self.breaks[piece])
 
     def sample_pieces(self, piece: Indices, local: Array) -> Samples:
-        """The motion at local time (n,) after the start of each piece (n,)."""
+        """Evaluate the motion at local times (n,), counted from the start of each piece (n,)."""
         q, qd, qdd, qddd = self._derivatives(piece, local, 3)
         return Samples(self.breaks[piece] + local, q, qd, qdd, qddd)
 
     def positions(self, t: Array) -> Array:
-        """q (n, 4) alone at times t (n,), as `sample` gives it."""
+        """Return the positions q (n, 4) at times t (n,)."""
         piece = self.piece_of(t)
         return self._derivatives(piece, t - self.breaks[piece], 0)[0]
 
     def _derivatives(self, piece: Indices, local: Array, highest: int) -> list[Array]:
-        """q and its derivatives up to an order, (n, 4) each, at local time (n,) after the start of each piece (n,)."""
-        found = []
-        # each coefficient's values lie together in memory: operations run along them
+        """Return q and its derivatives up to order `highest`, each (n, 4), at local times (n,)."""
+        derivatives = []
+        # the values of one coefficient are contiguous in memory, which makes the loop fast
         coefficients = np.ascontiguousarray(self.pieces(piece).transpose(1, 2, 0))
         for order in range(highest + 1):
             value = coefficients[DEGREE - order].copy()
             for k in range(DEGREE - order - 1, -1, -1):
                 value *= local
                 value += coefficients[k]
-            found.append(value.T)
+            derivatives.append(value.T)
             if order < highest:
                 coefficients = coefficients[1:] * np.arange(1, DEGREE + 1 - order)[:, None, None]
-        return found
+        return derivatives
 
     def uniform(self, rate: float) -> Samples:
-        """Samples at a fixed rate in Hz from the start, at a break what follows it; the last one is the end exactly."""
+        """Sample at a fixed rate in Hz. The last sample is the end of the trajectory."""
         count = int(np.floor(self.duration * rate * (1 + 1e-12)))
         t = self.breaks[0] + np.arange(count + 1) / rate
         if self.breaks[-1] - t[-1] > 1e-9:
@@ -146,7 +248,10 @@ class Trajectory:
         return self.sample(t)
 
     def slower(self, speed: float) -> Trajectory:
-        """The same path at a share of the speed; starts at the same time."""
+        """Return the motion along the same path at a fraction of the speed.
+
+        The start time does not change.
+        """
         begin, powers = self.breaks[0], speed ** np.arange(DEGREE + 1)[None, :, None]
         spans = (
             Span(p.name, begin + (p.start - begin) / speed, begin + (p.end - begin) / speed)
@@ -156,8 +261,8 @@ class Trajectory:
             begin + (self.breaks - begin) / speed, self.coefficients * powers, tuple(spans)
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """What plan.json holds: JSON types, s, rad, m."""
+    def to_dict(self) -> JsonObject:
+        """Return the trajectory as plan.json stores it: JSON types, s, rad, m."""
         return {
             "breaks_s": self.breaks.tolist(),
             "coefficients": self.pieces(slice(None)).tolist(),
@@ -165,8 +270,8 @@ class Trajectory:
         }
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Trajectory:
-        """Read back what `to_dict` wrote. Raises TrajectoryError."""
+    def from_dict(cls, data: JsonObject) -> Trajectory:
+        """Build a trajectory from the result of `to_dict`. Raises TrajectoryError."""
         try:
             phases = tuple(
                 Span(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"]
@@ -179,7 +284,7 @@ class Trajectory:
                 )
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not the pieces of a trajectory: {error}") from error
-        found = cls(breaks, coefficients, phases)
+        trajectory = cls(breaks, coefficients, phases)
         ends = np.array([(phase.start, phase.end) for phase in phases]).reshape(-1, 2)
         borders = np.concatenate([breaks[:1], ends[:, 1]])
         if not (
@@ -190,23 +295,21 @@ class Trajectory:
             raise TrajectoryError(
                 "the phases of a trajectory follow one another from its start to its end"
             )
-        return found
+        return trajectory
 
 
 def hermite(
     breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
 ) -> Array:
-    """Quintic pieces with given q, qd, qdd at both ends of every piece.
+    """Return the quintic pieces with given q, qd and qdd at both ends of every piece.
 
     breaks (m + 1,); start and end hold (q, qd, qdd), each (m, 4). Returns coefficients (m, 6, 4).
     """
     return quintics(np.diff(breaks), start, end)
 
 
-def quintics(
-    length: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
-) -> Array:
-    """`hermite` for pieces of lengths (m,), which need not follow one another."""
+def quintics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
+    """Return the pieces of `hermite` from their lengths (m,). They need not be adjacent."""
     h = length[:, None]
     q0, v0, a0 = start
     q1, v1, a1 = end
@@ -220,12 +323,26 @@ def quintics(
     return np.stack([q0, v0, a0 / 2, c3, c4, c5], axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class Cubic:
-    """u(t) on 0 ≤ t ≤ h with acceleration linear in t, from its state at t = 0 and its acceleration at t = h.
+def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
+    """Return cubic pieces of lengths (m,) with given q and qd at both ends of every piece.
 
-    At the share c = t / h, with r = a1 − a0: ü = a0 + c r, u̇ = v + t (a0 + c r / 2), u(t) = u + t v + t² (a0 / 2 + c r / 6).
-    NumPy arrays or CasADi expressions of shapes that go together.
+    start and end hold (q, qd), each (m, 4). Returns coefficients (m, 6, 4).
+    """
+    h = length[:, None]
+    (q0, v0), (q1, v1) = start, end
+    slope = (q1 - q0) / h
+    zero = np.zeros_like(q0)
+    c2, c3 = (3 * slope - 2 * v0 - v1) / h, (v0 + v1 - 2 * slope) / h**2
+    return np.stack([q0, v0, c2, c3, zero, zero], axis=1)
+
+
+@record
+class Cubic:
+    """A cubic u(t) on 0 ≤ t ≤ h, given by its state at t = 0 and its acceleration at both ends.
+
+    With c = t / h and r = a1 − a0:
+    ü = a0 + c r, u̇ = v + t (a0 + c r / 2), u(t) = u + t v + t² (a0 / 2 + c r / 6).
+    The fields are NumPy arrays or CasADi expressions of compatible shapes.
     """
 
     u: Any
@@ -235,7 +352,7 @@ class Cubic:
     h: Any
 
     def at(self, c: Any) -> tuple[Any, Any, Any]:
-        """u, u̇ and ü at the share c of the length."""
+        """Return u, u̇ and ü at t = c h."""
         t, rise = c * self.h, self.a1 - self.a0
         return (
             self.u + t * (self.v + t * (self.a0 / 2 + c * rise / 6)),
@@ -244,7 +361,7 @@ class Cubic:
         )
 
     def at_time(self, t: Any) -> tuple[Any, Any, Any]:
-        """u, u̇ and ü at the time t."""
+        """Return u, u̇ and ü at the time t."""
         a0, jerk = self.a0, self.jerk
         return (
             self.u + t * (self.v + t * (a0 / 2 + t * jerk / 6)),
@@ -254,7 +371,7 @@ class Cubic:
 
     @property
     def end(self) -> tuple[Any, Any]:
-        """u and u̇ at c = 1."""
+        """u and u̇ at t = h."""
         h = self.h
         return self.u + h * self.v + h**2 * (self.a0 / 3 + self.a1 / 6), self.v + h * (
             self.a0 + self.a1
@@ -262,9 +379,10 @@ class Cubic:
 
     @property
     def middle_velocity(self) -> Any:
-        """Second Bernstein coefficient of the quadratic u̇; the first and third are its values at both ends.
+        """Second Bernstein coefficient of the quadratic u̇.
 
-        While the three keep a bound, so does u̇ everywhere on the piece.
+        The first and the third coefficient are the values of u̇ at both ends. A bound that holds
+        for all three coefficients holds for u̇ on the whole piece.
         """
         return self.v + self.h * self.a0 / 2
 
@@ -275,14 +393,14 @@ class Cubic:
 
 
 def hold(q: Array) -> Array:
-    """One piece at rest at q (4,); coefficients (1, 6, 4)."""
+    """Return the coefficients (1, 6, 4) of one piece at rest at q (4,)."""
     coefficients = np.zeros((1, DEGREE + 1, 4))
     coefficients[0, 0] = q
     return coefficients
 
 
 def join(parts: Sequence[tuple[str, Array, Array]]) -> Trajectory:
-    """One trajectory out of phases, each (name, breaks from 0, coefficients)."""
+    """Concatenate phases into one trajectory. Each is (name, breaks from 0, coefficients)."""
     if not parts:
         raise TrajectoryError("a trajectory needs at least one phase")
     time = 0.0

@@ -1,11 +1,13 @@
-"""Types of arrays and ranges that every room uses."""
+"""Types of arrays, ranges and JSON objects, and the decorator of immutable records, that every room uses."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import dataclass_transform
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -13,3 +15,16 @@ Mask = NDArray[np.bool_]
 Expression = Any
 """A float, an array or a CasADi expression."""
 Range = tuple[float, float]
+JsonObject = dict[str, Any]
+"""Object of a JSON or YAML file: values of JSON types by key."""
+C = TypeVar("C")
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
+def record(cls: type[C]) -> type[C]:
+    """Make a class an immutable dataclass that defines no equality of its own.
+
+    Dataclasses compare field by field, which is not possible for arrays. A record has the equality
+    of its base class: that of `Value`, or identity.
+    """
+    return dataclass(frozen=True, eq=False)(cls)

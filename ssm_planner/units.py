@@ -1,20 +1,22 @@
-"""Quantities as the user writes them, `65 deg/s`, read to SI floats."""
+"""Conversion of quantities such as `65 deg/s` to SI numbers."""
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 deg, rpm = math.pi / 180, math.pi / 30
-"""In SI: `85 * deg` is an angle in rad, `8000 * rpm` a speed in rad/s."""
+"""SI factors: `85 * deg` is an angle in rad, `8000 * rpm` a speed in rad/s."""
 mm, mNm, ms = 1e-3, 1e-3, 1e-3
-"""In SI: `20 * mm` is a length in m, `80 * mNm` a torque in N·m, `50 * ms` a time in s."""
+"""SI factors: `20 * mm` is a length in m, `80 * mNm` a torque in N·m, `50 * ms` a time in s."""
 
 Dimensions = tuple[tuple[str, int], ...]
-"""Powers of the base dimensions, sorted; none of a pure number."""
+"""Powers of the base dimensions in sorted order, empty for a dimensionless number."""
 
 _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
 _PREFIXES |= {
@@ -27,7 +29,7 @@ _PREFIXES |= {
     "mega": 1e6,
 }
 LONGEST_SYMBOL = 3
-"""Shorter names have no plural."""
+"""Largest length of a unit without a plural form."""
 _BASES = {
     "length": "m meter metre",
     "time": "s second sec",
@@ -36,7 +38,7 @@ _BASES = {
     "temperature": "K kelvin degC degree_Celsius",
     "angle": "rad radian",
 }
-"""Angle is a dimension of its own here, so that neither `5` nor `5 mm` passes for one."""
+"""Base units. Angle is a separate dimension, so `5` and `5 mm` are not valid angles."""
 _DERIVED = {
     "min minute": (60.0, "s"),
     "h hour": (3600.0, "s"),
@@ -53,9 +55,9 @@ _DERIVED = {
     "ohm": (1.0, "V/A"),
     "in inch": (25.4e-3, "m"),
 }
-"""The units these files need, by the others."""
+"""Further units in terms of others."""
 _ZERO = {"degC": 273.15, "degree_Celsius": 273.15}
-"""Of a scale of temperatures in K; within a compound such as K/W a degree is a kelvin."""
+"""Zero of temperature scales in K. In a compound unit such as K/W, a degree is a kelvin."""
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
@@ -91,7 +93,10 @@ _AFTER = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){PER}?|s|ms|us|ns)$", 
 
 
 def of_heading(name: str) -> tuple[str, str]:
-    """(label, unit) of a column named `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`; "" where it names no unit."""
+    """Return (label, unit) of a column named `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`.
+
+    The unit is "" if the name has none.
+    """
     match = _IN_BRACKETS.match(name) or _AFTER.match(name.strip())
     return (match.group(1), match.group(2).strip()) if match else (name, "")
 
@@ -100,7 +105,7 @@ SPEEDS = {"rpm": rpm, "1/min": rpm, "rad/s": 1.0, "deg/s": deg, "mrpm": 1e-3 * r
 
 
 class BadQuantity(ValueError):
-    """A text that is not the quantity wanted: why, and what is allowed."""
+    """Text that is not the required quantity, with the reason and the allowed values."""
 
     def __init__(self, reason: str, allowed: str) -> None:
         super().__init__(f"{reason} (allowed: {allowed})")
@@ -109,7 +114,10 @@ class BadQuantity(ValueError):
 
 
 def quantity(value: object, kind: str) -> float:
-    """The SI magnitude of `65 deg/s` for a kind in KINDS, of a bare number for "number". Raises BadQuantity."""
+    """Return the SI value of `65 deg/s` for a kind in KINDS, or of a bare number for "number".
+
+    Raises BadQuantity.
+    """
     if kind == "number":
         return number(value)
     wanted = KINDS[kind]
@@ -126,7 +134,7 @@ def quantity(value: object, kind: str) -> float:
 
 
 def number(value: object) -> float:
-    """A bare finite number. Raises BadQuantity, also for a number with a unit."""
+    """Return a finite number without a unit. Raises BadQuantity."""
     if isinstance(value, str) and (match := _QUANTITY.fullmatch(_spell(value))) and match[2]:
         raise BadQuantity("this figure has no unit", _NUMBER_HINT)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -137,7 +145,10 @@ def number(value: object) -> float:
 
 
 def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
-    """SI magnitudes of `[1 mm, 2 mm, 3 mm]` or of the text `(1, 2, 3) mm`, one kind each. Raises BadQuantity."""
+    """Return the SI values of a list or text such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
+
+    Each value has its own kind. Raises BadQuantity.
+    """
     shape = ", ".join(KINDS.get(kind, NUMBER).example for kind in kinds)
     allowed = f"{len(kinds)} values such as [{shape}]"
     if isinstance(value, str) and (match := _VECTOR.fullmatch(_spell(value))):
@@ -152,7 +163,7 @@ def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
 
 
 def interval(value: object, kind: str) -> tuple[float, float]:
-    """SI bounds of `[-139 deg, -81 deg]`, the lower first. Raises BadQuantity."""
+    """Return the SI bounds of `[-139 deg, -81 deg]`, lower bound first. Raises BadQuantity."""
     low, high = vector(value, (kind, kind))
     if not low < high:
         raise BadQuantity("the lower bound is not below the upper one", "[lower, upper]")
@@ -193,7 +204,10 @@ def _plausible(value: float, wanted: Kind, written: str) -> float:
 
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> tuple[float, Dimensions]:
-    """Factor to SI and dimensions of a unit such as N*m*s/rad. Raises KeyError with the name of an unknown one."""
+    """Return the SI factor and the dimensions of a unit such as N*m*s/rad.
+
+    Raises KeyError with the name of an unknown unit.
+    """
     factor, powers = 1.0, Counter[str]()
     for slash, name, exponent in _FACTORS.findall(text):
         power = int(exponent or 1) * (-1 if slash else 1)
@@ -205,7 +219,10 @@ def _parsed(text: str) -> tuple[float, Dimensions]:
 
 @lru_cache(maxsize=256)
 def _named(name: str) -> tuple[float, Dimensions]:
-    """Of one unit, which may have a prefix and, written out, the s of a plural. Raises KeyError."""
+    """Return the factor and dimensions of one unit with an optional prefix or plural s.
+
+    Raises KeyError.
+    """
     for written in (name, name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name):
         for prefix, factor in _PREFIXES.items():
             found = _plain(written.removeprefix(prefix)) if written.startswith(prefix) else None
@@ -215,7 +232,7 @@ def _named(name: str) -> tuple[float, Dimensions]:
 
 
 def _plain(name: str) -> tuple[float, Dimensions] | None:
-    """Of one unit without a prefix."""
+    """Return the factor and dimensions of one unit without a prefix."""
     for dimension, names in _BASES.items():
         if name in names.split():
             return 1.0, ((dimension, 1),)
@@ -227,7 +244,7 @@ def _plain(name: str) -> tuple[float, Dimensions] | None:
 
 
 def _name(dimensions: Dimensions) -> str:
-    """What a unit measures, in words where this program knows a word."""
+    """Return the name of a quantity with these dimensions, if it is known."""
     for kind in KINDS.values():
         if _parsed(kind.unit)[1] == dimensions:
             return kind.name
@@ -245,7 +262,7 @@ def _spell(text: str) -> str:
 
 
 def describe(value: object) -> str:
-    """What kind of YAML value this is, for messages."""
+    """Return the kind of a YAML value for messages."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -259,17 +276,17 @@ def describe(value: object) -> str:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of quantity: how messages call it, an example, the SI unit, what else may be written, and its bound."""
+    """Kind of quantity with name, example, SI unit, alternative units and bound."""
 
     name: str
     example: str
     unit: str
     others: tuple[str, ...] = ()
-    """Further units of another dimension that mean the same (N*m*s for N*m*s/rad)."""
+    """Further units of another dimension with the same meaning (N*m*s for N*m*s/rad)."""
     largest: float = math.inf
-    """Magnitude in SI beyond which the value must be a slip."""
+    """SI value above which the unit must be wrong."""
     slip: str = ""
-    """The unit that was probably meant then."""
+    """Unit that was probably intended in this case."""
 
     @property
     def expected(self) -> str:
@@ -277,62 +294,27 @@ class Kind:
 
 
 NUMBER = Kind("a number", "0.13", "")
-"""Without a unit; not among KINDS."""
-KINDS = {
-    "angle": Kind("an angle", "-110 deg", "rad", largest=4 * math.pi * (1 + 1e-9), slip="deg"),
-    "length": Kind("a length", "20 mm", "m", largest=1.0, slip="mm"),
-    "angular_velocity": Kind("a speed", "65 deg/s", "rad/s", largest=20.0, slip="deg/s"),
-    "angular_acceleration": Kind(
-        "an acceleration", "200 deg/s^2", "rad/s^2", largest=1e4, slip="deg/s^2"
-    ),
-    "angular_jerk": Kind("a jerk", "5000 deg/s^3", "rad/s^3", largest=1e8, slip="deg/s^3"),
-    "velocity": Kind("a speed", "20 mm/s", "m/s", largest=2.0, slip="mm/s"),
-    "acceleration": Kind("an acceleration", "100 mm/s^2", "m/s^2", largest=99.0, slip="mm/s^2"),
-    "jerk": Kind("a jerk", "2000 mm/s^3", "m/s^3", largest=1e5, slip="mm/s^3"),
-    "motor_speed": Kind("a motor speed", "8000 rpm", "rad/s", largest=2.1e4, slip="rpm"),
-    "time": Kind("a time", "0.2 s", "s", largest=3600.0, slip="ms"),
-    "rate": Kind("a rate", "200 1/s", "1/s"),
-    "mass": Kind("a mass", "0.35 kg", "kg", largest=100.0, slip="g"),
-    "density": Kind("a density", "2700 kg/m^3", "kg/m^3", largest=2.5e4, slip="kg/m^3"),
-    "inertia": Kind("a moment of inertia", "0.165 g*cm^2", "kg*m^2", largest=1e3, slip="g*cm^2"),
-    "force": Kind("a force", "0.8 N", "N", largest=1e5, slip="mN"),
-    "torque": Kind("a torque", "80 mN*m", "N*m", largest=1e3, slip="mN*m"),
-    "rotary_viscosity": Kind(
-        "a viscous coefficient", "1.2e-5 N*m*s/rad", "N*m*s/rad", others=("N*m*s",)
-    ),
-    "linear_viscosity": Kind("a viscous coefficient", "0.1 N*s/m", "N*s/m"),
-    "voltage": Kind("a voltage", "24 V", "V", largest=1e3, slip="mV"),
-    "current": Kind("a current", "2480 mA", "A", largest=500.0, slip="mA"),
-    "resistance": Kind("a resistance", "0.763 ohm", "ohm", largest=1e6, slip="ohm"),
-    "torque_constant": Kind(
-        "a torque constant", "14.8 mN*m/A", "N*m/A", largest=10.0, slip="mN*m/A"
-    ),
-    "speed_constant": Kind("a speed constant", "645 rpm/V", "rad/s/V", largest=1e5, slip="rpm/V"),
-    "position_gain": Kind("a position gain", "13 A/rad", "A/rad", largest=1e6, slip="mA/rad"),
-    "integral_gain": Kind(
-        "an integral gain", "400 A/rad/s", "A/rad/s", largest=1e8, slip="mA/rad/s"
-    ),
-    "derivative_gain": Kind(
-        "a gain of a speed", "0.06 A*s/rad", "A*s/rad", largest=1e4, slip="mA*s/rad"
-    ),
-    "acceleration_gain": Kind(
-        "a gain of an acceleration", "1e-4 A*s^2/rad", "A*s^2/rad", largest=1e3, slip="mA*s^2/rad"
-    ),
-    "thermal_resistance": Kind("a thermal resistance", "32 K/W", "K/W", largest=1e4, slip="K/W"),
-    "temperature": Kind("a temperature", "155 degC", "K", largest=2000.0, slip="degC"),
-}
-"""Kinds of quantity by the name that the schema uses."""
+"""Dimensionless number. It is not in KINDS."""
+with Path(__file__).with_suffix(".csv").open(encoding="utf-8") as _table:
+    KINDS = {
+        key: Kind(
+            name, example, unit, tuple(others.split()), largest=float(largest or "inf"), slip=slip
+        )
+        for key, name, example, unit, others, largest, slip in list(csv.reader(_table))[1:]
+    }
+"""Kinds of quantity by the name in the schema."""
 
 
 RPM = 30 / math.pi
-"""1 rad/s in revolutions per minute."""
+"""Revolutions per minute in 1 rad/s."""
 _SHOWN = {"m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
 
 
 def shown(unit: str, degree: str = "deg") -> tuple[str, float]:
-    """The unit in which people read values of an SI unit, and its scale: ("deg/s", 57.3) for "rad/s".
+    """Return the unit in which people read values of an SI unit, and its scale.
 
-    "rpm" stands for a motor's speed in rad/s. degree: its sign, such as "°" on pages and figures.
+    The result for "rad/s" is ("deg/s", 57.3). "rpm" represents the speed of a motor in rad/s.
+    degree is the sign of a degree, such as "°" on pages and figures.
     """
     base, slash, per = unit.partition("/")
     name, scale = (degree, 180 / math.pi) if base == "rad" else _SHOWN.get(base, (base, 1.0))

@@ -1,4 +1,4 @@
-"""The command line: an outer skin that parses, calls, prints and sets the exit status."""
+"""Command line: it parses arguments, calls the library, prints results and sets the exit status."""
 
 from __future__ import annotations
 
@@ -21,50 +21,114 @@ from ssm_planner.errors import SsmPlannerError
 
 BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 DEBUG = "SSM_PLANNER_DEBUG"
-"""With this environment variable set, an internal fault shows its traceback."""
+"""Environment variable that makes an internal fault show its traceback."""
 ISSUES = "the issue list of ssm_planner"
 OBJECTS = 50_000
-"""New ones after which Python looks for those that nobody needs: modules that load make many, all of which stay."""
+"""Number of new objects after which Python collects garbage.
+
+Modules create many objects on import, and all of them stay.
+"""
 AGAIN = 0.01
-"""s after which an interruption that the interpreter ignored comes once more."""
+"""Delay in s before an interruption that the interpreter ignored is repeated."""
 STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 
 COMMANDS = {
-    "plan": ("plan", "plan, cross-check, verify, size, report"),
-    "retime": ("retime", "anyone's path of the joints, timed by TOPP-RA and checked"),
-    "check": ("check", "certificate for a plan.json, a CSV or a JointTrajectory of anyone's"),
-    "export": ("export", "files for the controller: csv, epos4, pvt, ros2, urdf, c"),
+    "plan": (
+        "plan",
+        "plan, cross-check, verify, size, report",
+        "plan tilt_insert -o results/tilt_insert",
+    ),
+    "retime": (
+        "retime",
+        "time-parametrise any joint path with TOPP-RA and check it",
+        "retime path.csv --robot vitreoretinal",
+    ),
+    "check": (
+        "check",
+        "certificate of any trajectory: plan.json, CSV or JointTrajectory",
+        "check results/tilt_insert",
+    ),
+    "export": (
+        "export",
+        "files for the controller: csv, epos4, pvt, ros2, urdf, c",
+        "export results/tilt_insert --to epos4 -o stream",
+    ),
     "simulate": (
         "simulate",
-        "the exported set points played on the simulated arm, and what may go wrong",
+        "simulation of the exported set points, with optional faults",
+        "simulate results/tilt_insert --power-loss everywhere -o simulated",
     ),
-    "compare": ("compare", "a recording of the executed motion against the plan"),
-    "size": ("size", "what the motion requires; which motors and gears satisfy it"),
+    "compare": (
+        "compare",
+        "a recording of the executed motion against the plan",
+        "compare results/tilt_insert roll.csv tilt.csv",
+    ),
+    "size": (
+        "size",
+        "requirements of the motion, and suitable motors and gears",
+        "size results/tilt_insert --what-if",
+    ),
     "study": (
         "study",
-        "candidate robots by the thousand: geometry, gears and motors over a set of motions",
+        "comparison of many candidate robots over a set of motions",
+        "study problems/studies/vitreoretinal.yaml -o results/study",
     ),
-    "report": ("pages", "a page with mechanism, plots and certificate; of two plans, a comparison"),
-    "view": ("pages", "a local page: workspace, inverse kinematics and planning by sliders"),
-    "workspace": ("kinematics", "closed-form tilt range, or the (alpha, beta) that reach a range"),
-    "identify": ("friction", "friction with confidence, map figure, a drive file to use"),
-    "predict": ("friction", "predicted against measured torque, NRMSD"),
-    "ik": ("kinematics", "closed-form inverse kinematics, all branches"),
-    "new": ("files", "a commented file to start from: robot, drive, motor, problem, study, …"),
-    "schema": ("files", "the JSON schema of a kind of file, for editors that complete and check"),
-    "reproduce": ("pages", "the paper's tables and figures, ours beside the published values"),
+    "report": (
+        "pages",
+        "a page with mechanism, plots and certificate, or a comparison of two plans",
+        "report results/tilt_insert -o report.html",
+    ),
+    "view": (
+        "pages",
+        "a local page with sliders: workspace, inverse kinematics and planning",
+        "view tilt_insert",
+    ),
+    "workspace": (
+        "kinematics",
+        "closed-form tilt range, or the (alpha, beta) that reach a range",
+        "workspace --reach -140deg -80deg",
+    ),
+    "identify": (
+        "friction",
+        "friction with confidence intervals, map figure and drive file",
+        "identify problems/drives/rig1_lead_screw.yaml -o identified.yaml",
+    ),
+    "predict": (
+        "friction",
+        "comparison of predicted and measured torque, NRMSD",
+        "predict identified.yaml recording.csv",
+    ),
+    "ik": (
+        "kinematics",
+        "closed-form inverse kinematics, all branches",
+        "ik vitreoretinal --tilt -100deg --depth 15mm",
+    ),
+    "new": (
+        "files",
+        "a commented template: robot, drive, motor, problem, study, …",
+        "new problem my_problem.yaml",
+    ),
+    "schema": (
+        "files",
+        "the JSON schema of a kind of file, for editors that complete and check",
+        "schema robot",
+    ),
+    "reproduce": (
+        "pages",
+        "the paper's tables and figures with our values",
+        "reproduce -o results",
+    ),
 }
-"""Module in ssm_planner.cli and help of every command; the module is imported only when its command is used.
+"""Module in ssm_planner.cli, help text and example of every command.
 
-A module has, for each of its commands, <command>_arguments(parser) and run_<command>(options) -> exit status: 0 done and
-every check passed, 1 infeasible or a failed check, 2 bad input.
+A module is imported only when its command is used. For each of its commands it has
+<command>_arguments(parser) and run_<command>(options), which returns the exit status: 0 if all
+checks passed, 1 if the problem is infeasible or a check failed, 2 for invalid input.
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    # Before NumPy loads: on vectors as short as these, threads of its linear algebra wait for each other more than they work.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments is None:
         gc.set_threshold(OBJECTS)
     _prepare_streams()
@@ -72,6 +136,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signals = _Signals(for_good=arguments is None)
     try:
         with signals:
+            if arguments is None:
+                _fix_kernels()
             if not words and "_ARGCOMPLETE" not in os.environ:
                 _parser(words).print_help(sys.stderr)
                 return BAD_INPUT
@@ -81,7 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return status if signals.arrived is None else _interrupted(signals)
     except SsmPlannerError as error:
         return _refused(error, "--json" in words)
-    except BrokenPipeError:  # the reader of a pipe has seen enough
+    except BrokenPipeError:  # the reader has closed the pipe
         _discard_output()
         return CLOSED_PIPE
     except OSError as error:
@@ -91,12 +157,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refused(SsmPlannerError(f"standard output: cannot be written: {error.strerror}"))
     except KeyboardInterrupt:
         return _interrupted(signals)
-    except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line and a status of its own
+    except Exception as error:  # noqa: BLE001 the user gets one line and a separate status
         return _interrupted(signals) if signals.arrived is not None else _fault(error)
 
 
+def _fix_kernels() -> None:
+    """Make NumPy and SciPy round alike on every processor with AVX2 and FMA.
+
+    OpenBLAS and NumPy choose among kernels when they load, and each kernel rounds differently.
+    The environment decides this choice, so it is set before NumPy loads. Where the Python
+    installation has loaded NumPy already, the command begins again in the same process.
+    Child processes inherit the choice.
+    """
+    from ssm_planner.native import library
+
+    choice = {"OPENBLAS_NUM_THREADS": "1"}  # short vectors gain nothing from threads
+    if library.has_avx2():
+        version = tuple(map(int, metadata.version("numpy").split(".")[:2]))
+        avx512 = "AVX512F AVX512_SKX" if version < (2, 4) else "X86_V4"
+        choice |= {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": avx512}
+        os.environ.pop("NPY_ENABLE_CPU_FEATURES", None)  # NumPy refuses to load with both
+    is_changed = any(os.environ.get(name) != value for name, value in choice.items())
+    os.environ.update(choice)
+    if is_changed and "numpy" in sys.modules:
+        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+
+
 def _refused(error: SsmPlannerError, as_json: bool = False) -> int:
-    """Say what is wrong, with --json on stdout too; the exit status."""
+    """Print an error, with --json on stdout as well, and return the exit status."""
     print(f"ssm-planner: {error}", file=sys.stderr)
     if as_json:
         import json
@@ -110,15 +198,18 @@ def _refused(error: SsmPlannerError, as_json: bool = False) -> int:
 
 
 def _discard_output() -> None:
-    """What is still to be flushed at the end goes nowhere."""
+    """Discard the output that would be flushed at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Signals:
-    """A request to end (SIGTERM, SIGHUP) ends the program as Ctrl-C does; which of them arrived."""
+    """Context that treats SIGTERM and SIGHUP like Ctrl-C and records the signal."""
 
     def __init__(self, for_good: bool) -> None:
-        """for_good: the program ends afterwards, and its last steps need no interruption."""
+        """Create the context.
+
+        With for_good, the program ends afterwards and must not be interrupted again.
+        """
         self.arrived: int | None = None
         self.for_good = for_good
         self._before: dict[int, Any] = {}
@@ -127,7 +218,7 @@ class _Signals:
         if threading.current_thread() is threading.main_thread():
             for name in ("SIGINT", "SIGTERM", "SIGHUP"):
                 number = getattr(signal, name, None)
-                # what was ignored from outside, such as by nohup, stays ignored
+                # signals that are already ignored, such as by nohup, stay ignored
                 if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
                     self._before[number] = signal.signal(number, self._arrive)
         if self._before:
@@ -144,12 +235,12 @@ class _Signals:
         raise KeyboardInterrupt
 
     def _ignored(self, unraisable: Any) -> None:
-        """An interruption within a weak reference's callback or a finaliser is lost there: let it come once more."""
+        """Repeat an interruption that a finaliser or a weak reference's callback has swallowed."""
         if not isinstance(unraisable.exc_value, KeyboardInterrupt):
             self._hook(unraisable)
         elif (
             self.arrived is not None
-        ):  # else it stops a search; from a thread: here it would be lost again
+        ):  # stop a search otherwise, from a thread because an exception is lost in this hook
             threading.Timer(AGAIN, self._again).start()
 
     def _again(self) -> None:
@@ -158,28 +249,26 @@ class _Signals:
 
 
 def _interrupted(signals: _Signals) -> int:
-    """Say what an interruption leaves; its exit status."""
+    """Report the results that an interruption leaves, and return the exit status."""
     exec(
         ""
-    )  # CPython remembers an interruption within exec(), and would end by SIGINT; the next exec() forgets it
+    )  # exec() resets CPython's record of an interruption, which would end the process by SIGINT
     atomic = sys.modules.get("ssm_planner.atomic")
     written = [str(path) for path in atomic.written] if atomic is not None else []
     if atomic is not None and signals.for_good:
         atomic.remove_temporaries()
     left = (
-        f"written whole before that: {', '.join(written)}"
+        f"completed before that: {', '.join(written)}"
         if written
-        else "earlier results are untouched"
+        else "earlier results are unchanged"
     )
     term = signals.arrived is not None and signals.arrived != signal.SIGINT
-    print(
-        f"\nssm-planner: {'ended from outside' if term else 'interrupted'}; {left}", file=sys.stderr
-    )
+    print(f"\nssm-planner: {'terminated' if term else 'interrupted'}; {left}", file=sys.stderr)
     return TERMINATED if term else INTERRUPTED
 
 
 def _fault(error: Exception) -> int:
-    """Say that the program itself is at fault, in one line; its exit status."""
+    """Report an internal fault in one line, and return the exit status."""
     if os.environ.get(DEBUG):
         import traceback
 
@@ -194,15 +283,15 @@ def _fault(error: Exception) -> int:
     )
     text = " ".join(f"{type(error).__name__}: {error}".split())
     print(
-        f"ssm-planner: internal fault{where}: {text[:200]}; nothing of what you gave says so: please report it in {ISSUES}, "
-        f"with the command and its files ({DEBUG}=1 shows where it arose)",
+        f"ssm-planner: internal fault{where}: {text[:200]}; please report it in {ISSUES}, "
+        f"with the command and its files ({DEBUG}=1 shows the traceback)",
         file=sys.stderr,
     )
     return FAULT
 
 
 def _prepare_streams() -> None:
-    """A closed stream swallows what is written; one that cannot hold a character, as in the C locale, escapes it."""
+    """Replace closed streams, and escape characters that a stream cannot encode."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -221,12 +310,13 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
         and not {"-h", "--help", "--version"} & set(words)
     ):
         raise UsageError(
-            f"no command {named!r}{suggestion(named, COMMANDS)} (allowed: {', '.join(COMMANDS)})"
+            f"unknown command {named!r}{suggestion(named, COMMANDS)} (one of {', '.join(COMMANDS)})"
         )
     parser = Parser(
         prog="ssm-planner",
-        description="Plan, verify and export motions of serial spherical mechanisms with self-locking drives.",
-        epilog="Exit status: 0 done and every check passed; 1 infeasible, or a check failed; 2 bad input; "
+        description="Plan, verify and export motions of serial spherical mechanisms with "
+        "self-locking drives.",
+        epilog="Exit status: 0 all checks passed; 1 infeasible or a check failed; 2 invalid input; "
         "3 a fault of this program; 130 interrupted; 143 ended by SIGTERM.",
     )
     parser.add_argument(
@@ -234,8 +324,13 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     )
     asked = [*words, *os.environ.get("COMP_LINE", "").split()]
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, (module, text) in COMMANDS.items():
-        command = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    for name, (module, text, example) in COMMANDS.items():
+        command = commands.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            epilog=f"Example: ssm-planner {example}",
+        )
         if name in asked:
             implementation = importlib.import_module(f"ssm_planner.cli.{module}")
             getattr(implementation, f"{name}_arguments")(command)
@@ -248,7 +343,10 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _kept_apart(word: str) -> str:
-    """`-140deg` is a value, not an option: argparse takes a word with a space in it as a value."""
+    """Return the word with a leading space if it is a negative value such as `-140deg`.
+
+    argparse treats a word with a space as a value and not as an option.
+    """
     return f" {word}" if re.match(r"-\.?\d", word) else word
 
 

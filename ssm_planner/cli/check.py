@@ -1,4 +1,7 @@
-"""`ssm-planner check TRAJECTORY`: the certificate of anybody's trajectory. It never imports the planner."""
+"""`ssm-planner check TRAJECTORY`: the certificate of any trajectory.
+
+It never imports the planner.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,8 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "trajectory",
         type=Path,
-        help="plan.json, CSV (columns named with units), JointTrajectory (YAML or rosbag2), or folder of a plan or export",
+        help="plan.json, CSV (columns named with units), JointTrajectory (YAML or rosbag2), or "
+        "folder of a plan or export",
     )
     parser.add_argument(
         "--robot", type=Path, help="robot file; needed unless the trajectory is a plan.json"
@@ -41,7 +45,7 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--problem",
         type=Path,
-        help="problem file: its limits of the task, and its robot unless --robot is given",
+        help="problem file with task limits, and with the robot unless --robot is given",
     )
     parser.add_argument(
         "--tip-speed", type=quantity_argument("velocity"), help="limit of the tool tip's speed"
@@ -50,13 +54,13 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{end}-rate",
             metavar="RATES",
-            help=f"speeds that the motion {end}s with, such as tilt=-10deg/s,depth=5mm/s, or any; default: as the plan, "
-            "the problem or the export declares, else at rest",
+            help=f"speeds at the {end} of the motion, such as tilt=-10deg/s,depth=5mm/s, or any; "
+            "default: as the plan, the problem or the export declares, else at rest",
         )
     parser.add_argument(
         "--speed",
         metavar="PERCENT",
-        help="share of its speed at which the motion is played, such as 10%%, or all speeds of a range such as 1%%..100%%",
+        help="playback speed such as 10%%, or a range of speeds such as 1%%..100%%",
     )
     output_arguments(parser)
 
@@ -95,12 +99,15 @@ def run_check(options: argparse.Namespace) -> int:
 def _check_speeds(
     options: argparse.Namespace, reading: Reading, robot: Robot, limits: TaskLimits
 ) -> int:
-    """The motion at one lower speed, or at all of a range; exit status. Raises ProblemError."""
+    """Check the motion at one lower speed or at all speeds of a range, and return the exit status.
+
+    Raises ProblemError.
+    """
     from ssm_planner.verification.slower import check_slower, check_speeds
 
     if reading.resolution is not None:
         raise ProblemError(
-            "the trajectory is straight between its points", key="--speed", allowed="smooth motions"
+            "the trajectory has straight segments", key="--speed", allowed="smooth motions"
         )
     slowest, dots, fastest = options.speed.partition("..")
     document: dict[str, Any] = {
@@ -112,7 +119,7 @@ def _check_speeds(
     if dots:
         if share(fastest) != 1.0:
             raise ProblemError(
-                "does not end at full speed",
+                "the range must end at 100 %",
                 key="--speed",
                 value=options.speed,
                 allowed="such as 1%..100%",
@@ -136,13 +143,13 @@ def _check_speeds(
     return OK if certificate.passed else FAILED
 
 
-def speed_lines(found: SpeedRange) -> list[str]:
-    """The worst speed of every limit that slowness may break."""
+def speed_lines(speeds: SpeedRange) -> list[str]:
+    """Return text with the worst speed of every limit that a slower motion may violate."""
     from ssm_planner.display import number, percent
     from ssm_planner.reporting.text import Table, unit_of_limit
 
     rows = []
-    for each in found.worst:
+    for each in speeds.worst:
         unit, scale = unit_of_limit(each.found)
         values = number(scale * each.found.worst, 5), number(scale * each.found.limit, 5), unit
         rows.append(
@@ -156,7 +163,7 @@ def speed_lines(found: SpeedRange) -> list[str]:
         )
     header = ("limit", "joint", "worst at % of the speed", "worst", "limit", "unit", "margin")
     return [
-        f"every speed from {100 * found.slowest:.4g} % to 100 %",
+        f"every speed from {100 * speeds.slowest:.4g} % to 100 %",
         "",
         *Table(header, rows, (2, 3, 4, 6)).lines(),
         "",
@@ -166,10 +173,10 @@ def speed_lines(found: SpeedRange) -> list[str]:
 def read(
     path: Path, robot_file: Path | None, problem_file: Path | None = None
 ) -> tuple[Reading, Robot, TaskLimits]:
-    """(trajectory, robot, limits of the task) of a file.
+    """Return trajectory, robot and task limits of a file.
 
-    A plan.json brings its own robot and limits; those of a problem file come first, a robot file before both. Raises
-    TrajectoryError or ProblemError.
+    A plan.json contains its own robot and limits. A problem file overrides both, and a robot file
+    overrides the robots of both. Raises TrajectoryError or ProblemError.
     """
     from ssm_planner.errors import TrajectoryError
     from ssm_planner.formats.read import read_trajectory
@@ -191,30 +198,30 @@ def read(
 
         plan = load_plan(path)
         notes = (
-            []
-            if plan.doubt is None
-            else [f"the certificate in the file does not hold: {plan.doubt}"]
+            [] if plan.doubt is None else [f"the certificate in the file is invalid: {plan.doubt}"]
         )
         if robot is None:
             notes.append(
-                "robot and limits are the plan's own: give --robot or --problem to hold it against others"
+                "robot and limits are those of the plan; --robot or --problem selects others"
             )
         else:
             notes += plan.limits_unlike(robot)
         reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
-        # rates at both ends, and the way, are the plan's to declare
+        # the plan declares the rates at both ends and the path
         own = {name: getattr(plan.limits, name) for name in ("start_rate", "end_rate", "motion")}
         limits = plan.limits if limits is None else replace(limits, **own)
         return reading, robot or plan.robot, limits if robot is None else limits.within(robot)
     beside = path.parent / PLAN_FILE
     sampled = path.name == "trajectory.csv" and beside.is_file()
     instead = (
-        f"it samples the plan beside it, which `ssm-planner check {path.parent}` checks in full; a table that keeps "
+        f"it samples the plan beside it: use `ssm-planner check {path.parent}`; a table that keeps "
         f"the limits between its rows: `ssm-planner export {path.parent} --to csv`"
     )
     if robot is None:
         reason = (
-            "does not say which robot it is for: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
+            "the file does not name a robot: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
+            if path.exists()
+            else "no such file or folder"
         )
         raise TrajectoryError(f"{path}: {reason}{f'; {instead}' if sampled else ''}")
     limits = TaskLimits(robot.limits) if limits is None else limits.within(robot)
@@ -223,7 +230,10 @@ def read(
 
 
 def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
-    """The limits with the rates at both ends that the caller declares. Raises ProblemError."""
+    """Return the limits with the rates at both ends that the options declare.
+
+    Raises ProblemError.
+    """
     if options.start_rate is not None:
         limits = replace(limits, start_rate=_rates("--start-rate", options.start_rate))
     if options.end_rate is not None:
@@ -232,7 +242,7 @@ def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
 
 
 def _rates(option: str, text: str) -> dict[str, float] | None:
-    """Rates by task coordinate; None for any. Raises ProblemError."""
+    """Return rates by task coordinate, or None for any rate. Raises ProblemError."""
     from ssm_planner.problem.limits import TASK
 
     if text.strip() == "any":
@@ -243,7 +253,7 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
         if name not in TASK:
             allowed = f"any, or {', '.join(TASK)}"
             raise ProblemError(
-                "no task coordinate", key=option, value=word.strip(), allowed=allowed
+                "unknown task coordinate", key=option, value=word.strip(), allowed=allowed
             )
         kind = "velocity" if name == "depth" else "angular_velocity"
         rates[name] = part_quantity(option, value, kind, whole=word.strip())
@@ -251,7 +261,10 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
 
 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
-    """The certificate as text: worst value, limit, margin, joint and time of every limit, worst first."""
+    """Return the certificate as text, worst limit first.
+
+    Every limit has its worst value, bound, margin, joint and time.
+    """
     from ssm_planner.reporting.text import limits_table
 
     verdict = (

@@ -1,4 +1,4 @@
-"""`ssm-planner compare PLAN RECORDING...`: an executed motion against its plan."""
+"""`ssm-planner compare PLAN RECORDING...`: comparison of an executed motion with its plan."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         "recordings",
         nargs="+",
         metavar="[JOINT=]RECORDING",
-        help="EPOS recorder exports or CSV on one clock, one for each axis; joints are taken from the files' names where "
-        "not given",
+        help="EPOS recorder exports or CSV on one clock, one for each axis; the names of the files "
+        "give the joints where not given",
     )
     parser.add_argument(
         "--counts-per-turn",
@@ -38,7 +38,8 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         "--lag",
         type=quantity_argument("time"),
         metavar="TIME",
-        help="time by which a joint may be behind at its largest speed: the limit of tracking errors (default 10 ms)",
+        help="allowed delay of a joint at its largest speed, which limits tracking errors (default "
+        "10 ms)",
     )
     output_arguments(parser)
 
@@ -62,13 +63,13 @@ def run_compare(options: argparse.Namespace) -> int:
     return OK if found.held else FAILED
 
 
-def compare_lines(found: Comparison) -> list[str]:
-    """The clock, errors of every axis, its limits in reality beside the planned margins, and what was found."""
+def compare_lines(comparison: Comparison) -> list[str]:
+    """Return text with clock, errors of every axis, measured and planned margins, and findings."""
     from ssm_planner.comparison.clock import CERTAIN
     from ssm_planner.display import fixed, number, percent
     from ssm_planner.reporting.text import Table, unit_of_limit
 
-    clock = found.clock
+    clock = comparison.clock
     rate = f"{percent(1 / clock.estimated_rate - 1, 4)} ± {100 * CERTAIN * clock.rate_error:.2g} %"
     played = (
         f"; the motion was played at {100 * clock.estimated_rate:.3g} % of its speed"
@@ -76,15 +77,16 @@ def compare_lines(found: Comparison) -> list[str]:
         else ""
     )
     answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(
-        found.verdict, "CANNOT TELL"
+        comparison.verdict, "CANNOT TELL"
     )
     lines = [f"margins: {answer}", ""]
     lines += [
-        f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by {rate}{played}",
+        f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by "
+        f"{rate}{played}",
         "",
     ]
     errors = []
-    for axis in found:
+    for axis in comparison:
         shares = (
             fixed(axis.differences[name].nrmsd, 4) for name in ("position", "speed", "torque")
         )
@@ -109,7 +111,7 @@ def compare_lines(found: Comparison) -> list[str]:
     )
     lines += [*Table(header, errors, range(2, 7)).lines(), ""]
     rows = []
-    for axis in found:
+    for axis in comparison:
         for limit in axis.limits:
             unit, scale = unit_of_limit(limit)
             values = (
@@ -132,8 +134,8 @@ def compare_lines(found: Comparison) -> list[str]:
         "",
     )
     lines += [*Table(of_limits, rows, (2, 3, 4, 6, 7)).lines(), ""]
-    lines += [f"note: {axis.joint}: {note}" for axis in found for note in axis.notes]
-    findings = [("", each) for each in found.findings]
-    findings += [(f"{axis.joint}: ", each) for axis in found for each in axis.findings]
+    lines += [f"note: {axis.joint}: {note}" for axis in comparison for note in axis.notes]
+    findings = [("", each) for each in comparison.findings]
+    findings += [(f"{axis.joint}: ", each) for axis in comparison for each in axis.findings]
     lines += [f"{each.verdict}: {where}{each.kind}: {each.text}" for where, each in findings]
     return lines

@@ -1,4 +1,4 @@
-"""`ssm-planner export PLAN --to FORMAT`: a plan in the forms that controllers and simulators take."""
+"""`ssm-planner export PLAN --to FORMAT`: files for controllers and simulators."""
 
 from __future__ import annotations
 
@@ -24,14 +24,16 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", required=True, choices=FORMATS, help="form to write")
     output_arguments(parser, "folder (default: beside the plan)")
     parser.add_argument(
-        "--force", action="store_true", help="export an unverified plan too, in files marked so"
+        "--force",
+        action="store_true",
+        help="export an unverified plan as well; its files are marked",
     )
     parser.add_argument(
         "--rate",
         type=rate_argument,
         metavar="HZ",
-        help="csv: rows at equal distances (default: where the limits need them); epos4: setpoints per second (default "
-        "1000); ros2: states in the bag (default 100)",
+        help="csv: equidistant rows (default: as the limits require); epos4: setpoints per second "
+        "(default 1000); ros2: states in the bag (default 100)",
     )
     parser.add_argument(
         "--columns", metavar="LIST", help="csv: groups of columns such as q,qd,torque, or counts"
@@ -43,18 +45,19 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         "--counts-per-turn",
         nargs="+",
         metavar="[JOINT=]N",
-        help="epos4, pvt, counts: increments per motor turn (4 × encoder counts) where the motor file gives no encoder",
+        help="epos4, pvt, counts: increments per motor turn (4 × encoder counts) if the motor file "
+        "has no encoder",
     )
     parser.add_argument(
         "--speed",
         metavar="PERCENT",
-        help="share of its speed at which the motion is exported, such as 10%%",
+        help="speed of the exported motion, such as 10%%",
     )
     parser.add_argument(
-        "--stops", type=int, metavar="N", help="csv, epos4: also controlled stops from N instants"
+        "--stops", type=int, metavar="N", help="csv, epos4: add controlled stops from N instants"
     )
     parser.add_argument(
-        "--effort", action="store_true", default=None, help="ros2: give joint efforts too"
+        "--effort", action="store_true", default=None, help="ros2: add joint efforts"
     )
     parser.add_argument(
         "--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2"
@@ -96,15 +99,13 @@ def run_export(options: argparse.Namespace) -> int:
 
 
 def _counts(words: list[str]) -> int | dict[str, int]:
-    """Increments for all joints, or by joint."""
+    """Return the increments for all joints, or a mapping by joint."""
     counts: dict[str, int] = {}
     for word in words:
         joint, _, number = word.rpartition("=")
         if not number.isdigit():
-            raise ExportError(f"--counts-per-turn {word}: not [JOINT=]N with a whole number N")
+            raise ExportError(f"--counts-per-turn {word}: expected [JOINT=]N with a whole number N")
         counts[joint] = int(number)
     if "" in counts and len(counts) > 1:
-        raise ExportError(
-            "--counts-per-turn: either one number for all joints, or JOINT=N for each"
-        )
+        raise ExportError("--counts-per-turn: give one number for all joints, or JOINT=N for each")
     return counts.get("", counts)

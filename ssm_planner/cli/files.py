@@ -1,4 +1,4 @@
-"""`ssm-planner schema KIND` and `ssm-planner new KIND`: what files may say, and files to start from."""
+"""`ssm-planner schema KIND` and `ssm-planner new KIND`: keys of files, and templates."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EXAMPLES = {
     "motorisation": "motorisation/package",
     "controller": "controllers/epos4",
 }
-"""Shipped files whose figures a new file starts with."""
+"""Shipped files that provide the figures of templates."""
 STUDY = {
     "robot": "vitreoretinal",
     "motions": ["tilt_insert"],
@@ -53,7 +53,7 @@ def run_schema(options: argparse.Namespace) -> int:
 def new_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = *EXAMPLES, "study"
     parser.add_argument(
-        "kind", choices=kinds, help="kind of file; drive: of a worm gear, screw: of a lead screw"
+        "kind", choices=kinds, help="kind of file (drive: worm gear, screw: lead screw)"
     )
     parser.add_argument(
         "file", type=Path, nargs="?", help="file to write (default: on stdout); it must not exist"
@@ -70,7 +70,7 @@ def run_new(options: argparse.Namespace) -> int:
 
     if options.file.exists():
         raise ExportError(
-            f"{options.file}: exists already; nothing of yours is overwritten: name another file"
+            f"{options.file}: the file exists and is not overwritten: name another file"
         )
     with replacing(options.file) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -79,20 +79,20 @@ def run_new(options: argparse.Namespace) -> int:
 
 
 def schema(kind: str) -> dict[str, Any]:
-    """The JSON schema of a kind of file."""
+    """Return the JSON schema of a kind of file."""
     from ssm_planner.loading.load import json_schema
     from ssm_planner.studies.study_file import StudyModel
 
-    found = StudyModel.model_json_schema() if kind == "study" else json_schema(kind)  # type: ignore[arg-type]
+    document = StudyModel.model_json_schema() if kind == "study" else json_schema(kind)  # type: ignore[arg-type]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **found,
+        **document,
         "title": f"ssm_planner {kind} file",
     }
 
 
 def file_keys(kind: str) -> tuple[Key, ...]:
-    """Every key of a kind of file; drive: of worm gears, screw: of lead screws."""
+    """Return every key of a kind of file. drive means worm gears and screw means lead screws."""
     from ssm_planner.loading.drives import drive_model
     from ssm_planner.loading.load import file_keys
     from ssm_planner.loading.schema import keys
@@ -103,35 +103,33 @@ def file_keys(kind: str) -> tuple[Key, ...]:
 
 
 def template(kind: str, name: str) -> str:
-    """A file of this kind that loads as it stands; keys that may be left out are comments."""
+    """Return a valid file of this kind, in which optional keys are comments."""
     from ssm_planner.loading.files import read, shipped_folder
 
     known = {key.path: key for key in file_keys(kind)}
     data = STUDY if kind == "study" else read(shipped_folder() / f"{EXAMPLES[kind]}.yaml").value
     figures = (
-        "a study to begin with"
-        if kind == "study"
-        else f"the figures of the shipped {EXAMPLES[kind]}"
+        "an example study" if kind == "study" else f"the figures of the shipped {EXAMPLES[kind]}"
     )
     kind = "drive" if kind == "screw" else kind
     head = [
-        f"# A {kind} file with {figures}: put yours in their place.",
-        "# What stands behind # is a comment; keys in comments may be left out. Every figure has its unit.",
-        f"# Editors complete and check it by what `ssm-planner schema {kind}` prints.",
+        f"# A {kind} file with {figures}. Replace them with yours.",
+        "# Text after # is a comment. Keys in comments are optional. Every figure has its unit.",
+        f"# Editors can complete and check it with the output of `ssm-planner schema {kind}`.",
     ]
     writer = _Writer(known)
     return "\n".join([*head, *writer.mapping({"name": name} | data | {"name": name}, "", 0)]) + "\n"
 
 
 class _Writer:
-    """Lines of YAML; each key is described where it first stands."""
+    """Writer of YAML lines that describes each key at its first occurrence."""
 
     def __init__(self, known: Mapping[str, Key]) -> None:
         self.known = known
         self.said: set[str] = set()
 
     def mapping(self, data: Mapping[str, Any], path: str, depth: int) -> Iterator[str]:
-        """Keys as given, and those that are left out as comments."""
+        """Yield the given keys, and the optional ones as comments."""
         for name, value in data.items():
             yield from self._entry(name, value, path, depth)
         for place, key in self.known.items():
@@ -160,7 +158,7 @@ class _Writer:
         yield _commented(f"{pad}{name}: {_flow(value, name in REFERENCES)}", key)
 
     def _new(self, path: str) -> bool:
-        """Whether a key was not described yet; joints that turn have the same ones."""
+        """Return True if a key was not described yet. Revolute joints share their keys."""
         place = (
             re.sub(r"\b(tilt|spin)\.", "roll.", path)
             if path.startswith(("joints.", "compliance."))
@@ -171,7 +169,7 @@ class _Writer:
 
 
 def _commented(line: str, key: Key | None) -> str:
-    """The line with what its key means beside it, or where that is long above it."""
+    """Return the line with the meaning of its key beside it, or above it if the text is long."""
     if key is None:
         return line
     allowed = "" if key.allowed in ("", "a text") else f" ({key.allowed})"
@@ -185,7 +183,10 @@ def _commented(line: str, key: Key | None) -> str:
 
 
 def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
-    """A value on one line; files that are shipped by their names, which are found from anywhere."""
+    """Return a value on one line.
+
+    Shipped files are given by name because names work in any folder.
+    """
     if isinstance(value, dict):
         return (
             "{"

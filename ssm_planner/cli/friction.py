@@ -27,11 +27,13 @@ def identify_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="*",
         metavar="RECORDING",
-        help="EPOS recorder files, CSV with named columns, or folders; none: the shipped table of figures of the rig",
+        help="EPOS recorder files, CSV with named columns, or folders (default: the shipped table "
+        "of the rig)",
     )
     output_arguments(
         parser,
-        "folder of the drive file and its map (default: results/<drive>); FILE.yaml names the drive file",
+        "folder of the drive file and its map (default: results/<drive>); FILE.yaml names the "
+        "drive file",
     )
     parser.add_argument(
         "--law", choices=LAWS, default="auto", help="friction law (default: by blind error)"
@@ -41,14 +43,14 @@ def identify_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="a known parameter, SI, such as preload=0.8",
+        help="fix a parameter, SI, such as preload=0.8",
     )
     parser.add_argument(
         "--free",
         action="append",
         default=[],
         metavar="NAME",
-        help="fit this parameter too: b_ov, preload",
+        help="also fit this parameter: b_ov, preload",
     )
 
 
@@ -72,17 +74,23 @@ def run_identify(options: argparse.Namespace) -> int:
     return OK
 
 
-def _write_drive(found: Identification, drive: Path, output: Path | None) -> dict[str, str]:
-    """Write the identified drive file and its map; their paths by name. Raises ExportError."""
+def _write_drive(
+    identification: Identification, drive: Path, output: Path | None
+) -> dict[str, str]:
+    """Write the identified drive file and its map, and return their paths by name.
+
+    Raises ExportError.
+    """
     from ssm_planner.publishing import publishing
     from ssm_planner.reporting.figures.sizing import map_figure
     from ssm_planner.reporting.figures.style import save_figure
 
     path = output_file(output, ".yaml", Path("results") / drive.stem / f"{drive.stem}.yaml")
     with publishing(path.parent) as temporary:
-        found.save(temporary / path.name)
+        identification.save(temporary / path.name)
         figures = save_figure(
-            map_figure(found.fit, found.data, found.load), temporary / f"{path.stem}_map"
+            map_figure(identification.fit, identification.data, identification.load),
+            temporary / f"{path.stem}_map",
         )
     names = (str(path.with_name(figure.name)) for figure in figures.values())
     return {"drive": str(path), **dict(zip(("map", "map_pdf"), names, strict=True))}
@@ -94,7 +102,7 @@ def _known(text: str) -> tuple[str, float]:
         return name.strip(), float(value)
     except ValueError:
         reason = (
-            "a known parameter is NAME=VALUE with a number in SI"
+            "a fixed parameter is NAME=VALUE with a number in SI"
             if sign
             else "the value is missing"
         )
@@ -130,7 +138,8 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
         lines.append(f"together     {', '.join(given)}, in slow motion")
     for row in result["start_stop"]:
         lines.append(
-            f"start–stop  {row['recording']}: NRMSD {row['nrmsd_map_only']:.4f} by the map, {row['nrmsd']:.4f} fitted"
+            f"start–stop  {row['recording']}: NRMSD {row['nrmsd_map_only']:.4f} by the map, "
+            f"{row['nrmsd']:.4f} fitted"
         )
     ripple = []
     for way, found in result["harmonics"].items():
@@ -150,7 +159,8 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
     if result["outliers"]:
         lines += ["", "Outliers (kept, with less weight)"]
         lines += [
-            f"  {o['recording']}: {1e3 * o['distance']:.3f} mN·m from its neighbours, weight {o['weight']:.2f}"
+            f"  {o['recording']}: {1e3 * o['distance']:.3f} mN·m from its neighbours, weight "
+            f"{o['weight']:.2f}"
             for o in result["outliers"]
         ]
     return [*lines, "", *(f"{name}: {path}" for name, path in result["files"].items())]
@@ -212,7 +222,7 @@ def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 def _write_figures(prediction: Prediction, folder: Path | None) -> dict[str, str]:
-    """Write the figure of one recording; its paths by name. Raises ExportError."""
+    """Write the figure of one recording, and return its paths by name. Raises ExportError."""
     if folder is None:
         return {}
     from ssm_planner.reporting.figures.sizing import prediction_figure

@@ -1,4 +1,4 @@
-"""`ssm-planner ik ROBOT --tilt …`, `ssm-planner workspace ROBOT` and `ssm-planner workspace --reach A B`."""
+"""`ssm-planner ik ROBOT --tilt …` and `ssm-planner workspace ROBOT` or `--reach A B`."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def run_ik(options: argparse.Namespace) -> int:
     return OK if found.reachable else FAILED
 
 
-def _solution_lines(found: JointSolutions) -> Iterator[str]:
+def _solution_lines(solutions: JointSolutions) -> Iterator[str]:
     yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
-    for q, inside in zip(found.joints, found.in_limits, strict=True):
+    for q, inside in zip(solutions.joints, solutions.in_limits, strict=True):
         angles = "   ".join(f"{fixed(math.degrees(value), 5):>11}" for value in q[:3])
         yield f"{angles}   {fixed(1e3 * q[3], 4):>10}   {'yes' if inside else 'no'}"
-    if not found.reachable:
-        off = math.degrees(found.orientation_error), 1e3 * found.tip_error
+    if not solutions.reachable:
+        off = math.degrees(solutions.orientation_error), 1e3 * solutions.tip_error
         yield f"not reachable: the nearest is off by {off[0]:.6g} deg and {off[1]:.6g} mm"
 
 
@@ -66,7 +66,7 @@ def workspace_arguments(parser: argparse.ArgumentParser) -> None:
         "--margin",
         type=angle,
         default=0.0,
-        help="tilt to spare at both ends, such as 1deg (default 0)",
+        help="margin at both ends, such as 1deg (default 0)",
     )
     output_arguments(parser, "write the figures there")
 
@@ -87,7 +87,7 @@ def run_workspace(options: argparse.Namespace) -> int:
 
 
 def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
-    """{alpha, beta, tilt_range, home, extremes}, and where an output is given the figures' paths."""
+    """Return {alpha, beta, tilt_range, home, extremes}, and the paths of figures in output."""
     from ssm_planner.kinematics.of_robot import workspace
 
     result = workspace(robot).to_dict()
@@ -104,7 +104,10 @@ def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
 def _designs(
     reach: Range, margin: float, robot: Robot | None, output: Path | None
 ) -> dict[str, Any]:
-    """{alpha, beta, region, margin, reachable} of the designs that reach a range, and what a robot has to spare."""
+    """Return {alpha, beta, region, margin, reachable} of the designs that reach a range.
+
+    A robot adds its own margin.
+    """
     from ssm_planner.kinematics.of_robot import workspace
     from ssm_planner.kinematics.workspace import design_margin, design_region
 
@@ -146,13 +149,15 @@ def _workspace_lines(result: dict[str, Any]) -> list[str]:
             f"alpha       {degrees(result['alpha'])}",
             f"beta        {degrees(result['beta'])}",
             f"tilt range  {degrees(low)} to {degrees(high)} ({degrees(high - low)})",
-            f"home        roll {degrees(result['home']['roll'])}, tilt {degrees(result['home']['tilt'])}",
+            f"home        roll {degrees(result['home']['roll'])}, tilt "
+            f"{degrees(result['home']['tilt'])}",
         ]
     elif not result["reachable"]:
         lines.append("no mechanism of this kind reaches the range")
     else:
         lines += [
-            f"smallest alpha that reaches the range: alpha {degrees(result['alpha'])}, beta {degrees(result['beta'])}",
+            f"smallest alpha that reaches the range: alpha {degrees(result['alpha'])}, beta "
+            f"{degrees(result['beta'])}",
             "corners (alpha, beta) of all that reach it:",
             *(f"  {degrees(alpha)}, {degrees(beta)}" for alpha, beta in result["region"]),
         ]

@@ -20,9 +20,7 @@ from ssm_planner.errors import ProblemError
 
 def report_arguments(parser: argparse.ArgumentParser) -> None:
     plan_argument(parser)
-    parser.add_argument(
-        "other", type=Path, nargs="?", help="a second one, to compare the first with"
-    )
+    parser.add_argument("other", type=Path, nargs="?", help="second plan for a comparison")
     output_arguments(parser, "folder of the page (default: that of PLAN); FILE.html names the page")
     parser.add_argument(
         "--figures",
@@ -33,7 +31,8 @@ def report_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--width",
         choices=("single", "double", "slide"),
-        help="of the figures: one (89 mm) or two columns (182 mm) of a page, or a slide (203 mm); default 229 mm",
+        help="width of the figures: one (89 mm) or two columns (182 mm), or a slide (203 mm); "
+        "default 229 mm",
     )
 
 
@@ -44,7 +43,7 @@ def run_report(options: argparse.Namespace) -> int:
 
     if options.width is not None and options.figures is None:
         raise ProblemError(
-            "is the width of figures: name their folder too", key="--width", allowed="--figures DIR"
+            "--width requires a folder for the figures", key="--width", allowed="--figures DIR"
         )
     plan = load_plan(options.plan)
     if options.other is None:
@@ -87,7 +86,7 @@ def run_view(options: argparse.Namespace) -> int:
     from ssm_planner.view.server import ADDRESS, ViewServer
 
     if not 0 <= options.port <= 65535:
-        raise ProblemError("not a port", key="--port", value=options.port, allowed="0 to 65535")
+        raise ProblemError("invalid port", key="--port", value=options.port, allowed="0 to 65535")
     problem = None if options.problem is None else load_problem(options.problem)
     try:
         server = ViewServer(Study(problem), options.port)
@@ -116,7 +115,8 @@ def reproduce_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="DIR",
         default=Path("../shared/recordings"),
-        help="recordings of the three rigs (default ../shared/recordings); where absent, their rows are left out",
+        help="recordings of the three rigs (default ../shared/recordings); missing ones leave out "
+        "their rows",
     )
     parser.add_argument(
         "--problems",

@@ -14,6 +14,7 @@ from ssm_planner.cli.shared import (
     rate_argument,
     show,
 )
+from ssm_planner.cli.terminal import shortened
 from ssm_planner.errors import ProblemError
 
 
@@ -25,20 +26,30 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
         "--rate",
         type=rate_argument,
         metavar="HZ",
-        help="rows per second of trajectory.csv (default: 1000; a power of ten less where these were more than 100 000 rows)",
+        help="rows per second of trajectory.csv (default: 1000, reduced by powers of ten to at "
+        "most 100 000 rows)",
     )
     parser.add_argument(
         "--from",
         type=Path,
         dest="moving",
         metavar="PLAN",
-        help="begin while the robot moves as in this plan (plan.json or its folder), in the place of the problem's start",
+        help="begin during the motion of this plan (plan.json or its folder) instead of at the "
+        "problem's start",
     )
     parser.add_argument(
         "--at",
         type=quantity_argument("time"),
         metavar="TIME",
-        help="with --from: the instant of that plan, such as 1.2s",
+        help="with --from: the time in that plan, such as 1.2s",
+    )
+    parser.add_argument(
+        "--explain",
+        action="store_true",
+        help="list the ways to move every phase that were tried, and why each was not taken",
+    )
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help="print all phases, motors, limits and unknowns"
     )
     output_arguments(parser, "result folder (default: results/<problem name>)")
 
@@ -48,29 +59,33 @@ def run_plan(options: argparse.Namespace) -> int:
 
     progress = progress_reporter()
     progress(f"reading {options.problem}")
-    with FigureProcess() as drawer:  # first of all, so that it is ready when the plan is
+    with FigureProcess() as drawer:  # it starts first to be ready together with the plan
         from ssm_planner.loading.load import load_problem
-        from ssm_planner.pipeline.folder import load_plan
-        from ssm_planner.pipeline.run import begun_at, plan_to_folder
+        from ssm_planner.pipeline.run import plan_to_folder, starting_from
+        from ssm_planner.plans import load_plan
         from ssm_planner.publishing import file_name
-        from ssm_planner.reporting.text import summary_lines
+        from ssm_planner.reporting.text import explanation, summary_lines
 
         if (options.moving is None) != (options.at is None):
             raise ProblemError(
-                "where does the motion begin?",
+                "--from needs a time in its plan",
                 key="--at",
                 allowed="--from PLAN and --at TIME together",
             )
         problem = load_problem(options.problem)
         if options.moving is not None:
-            problem = begun_at(problem, load_plan(options.moving), options.at)
+            problem = starting_from(problem, load_plan(options.moving), options.at)
         folder = options.output or Path("results") / file_name(problem.name)
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress("done")
+    text = summary_lines(result, folder if files else None, options.verbose)
     document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
     show(
         options.json,
         document,
-        lambda: [*summary_lines(result), *(("", f"Results: {folder}") if files else ())],
+        lambda: [
+            *(explanation(result) if options.explain else ()),
+            *(text if options.verbose else shortened(text)),
+        ],
     )
     return OK if result.passed else FAILED

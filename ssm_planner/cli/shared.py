@@ -1,4 +1,4 @@
-"""What commands share: arguments, progress on stderr, results on stdout and in a folder."""
+"""Common parts of commands: arguments, progress on stderr, results on stdout and in a folder."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ OK, FAILED = 0, 1
 
 
 def plan_argument(
-    parser: argparse.ArgumentParser, text: str = "plan.json, or the result folder that holds it"
+    parser: argparse.ArgumentParser, text: str = "plan.json, or the result folder that contains it"
 ) -> None:
-    """PLAN."""
+    """Add the argument PLAN."""
     parser.add_argument("plan", type=Path, help=text)
 
 
@@ -31,7 +31,7 @@ def output_arguments(
     metavar: str = "DIR",
     default: Path | None = None,
 ) -> None:
-    """--json, and --output where the command writes files: what goes there."""
+    """Add --json, and --output for a command that writes files. text describes the files."""
     if text is not None:
         parser.add_argument(
             "-o", "--output", type=Path, metavar=metavar, default=default, help=text
@@ -40,14 +40,20 @@ def output_arguments(
 
 
 def output_file(path: Path | None, suffix: str, default: Path) -> Path:
-    """Where the main file of a command goes: -o is its folder, or by its ending the file itself."""
+    """Return the path of the main file of a command.
+
+    -o is the file if it has the suffix, otherwise its folder.
+    """
     if path is None:
         return default
     return path if path.suffix.lower() == suffix and not path.is_dir() else path / default.name
 
 
 def quantity_argument(kind: str) -> Callable[[str], float]:
-    """An argparse type for a quantity with unit, such as `-140deg`; kind as in units.KINDS."""
+    """Return an argparse type for a quantity with unit, such as `-140deg`.
+
+    kind is a key of units.KINDS.
+    """
 
     def convert(text: str) -> float:
         from ssm_planner.units import BadQuantity, quantity
@@ -61,19 +67,22 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
 
 
 def rate_argument(text: str) -> float:
-    """An argparse type for `500`, `500 Hz` or `1kHz`."""
+    """Return the rate in Hz for `500`, `500 Hz` or `1kHz`."""
     match = re.fullmatch(r"([0-9.eE+]+)\s*(k?Hz)?", text.strip(), re.I)
     try:
         value = float(match.group(1)) if match else -1.0
     except ValueError:
         value = -1.0
     if value <= 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a rate, such as 500 or 1kHz")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a rate such as 500 or 1kHz")
     return value * (1000 if match is not None and (match.group(2) or "").lower() == "khz" else 1)
 
 
 def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:
-    """A quantity that is a part of what an option was given; whole: all of that. Raises ProblemError."""
+    """Return a quantity that is part of an option's value.
+
+    whole is the complete value, for messages. Raises ProblemError.
+    """
     from ssm_planner.units import BadQuantity, quantity
 
     try:
@@ -84,24 +93,27 @@ def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -
 
 
 def share(text: str, option: str = "--speed") -> float:
-    """`10%`, `10 %` or 0.1 of an option as 0.1. Raises ProblemError."""
+    """Return 0.1 for the value `10%`, `10 %` or 0.1 of an option. Raises ProblemError."""
     word = text.strip()
     try:
         return float(word.removesuffix("%")) / 100 if word.endswith("%") else float(word)
     except ValueError:
         raise ProblemError(
-            "not a share", key=option, value=text, allowed="such as 10% or 0.1"
+            "invalid share", key=option, value=text, allowed="such as 10% or 0.1"
         ) from None
 
 
 COUNTED = re.compile(r"\b(\d+) of (\d+)\b")
 EVERY = 1.0
-"""Seconds between reports of counted steps beyond the first ones."""
+"""Interval in s between reports of counted steps after the first ones."""
 FIRST = 5
 
 
 def progress_reporter() -> Callable[[str], None]:
-    """Reports each step on stderr with the time since the start; of counted steps ("3 of 62") with the time left."""
+    """Return a function that reports each step on stderr with the elapsed time.
+
+    Counted steps ("3 of 62") are reported with the remaining time.
+    """
     begin = shown = time.perf_counter()
     first, series = 0, begin
     live = sys.stderr.isatty()
@@ -130,7 +142,7 @@ def progress_reporter() -> Callable[[str], None]:
 
 
 def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
-    """The result on stdout: one JSON document, or lines of text."""
+    """Print the result on stdout as one JSON document or as lines of text."""
     if as_json:
         print(_json(document))
     else:
@@ -140,9 +152,9 @@ def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> No
 def write_results(
     folder: Path | None, name: str, document: Any, write: Callable[[Path], Mapping[str, Path]]
 ) -> dict[str, str]:
-    """<name>.json and what `write` adds to the folder, as one generation; paths by name, none without a folder.
+    """Write <name>.json and the files of `write` into the folder at once.
 
-    Raises ExportError.
+    It returns their paths by name, or no paths without a folder. Raises ExportError.
     """
     if folder is None:
         return {}

@@ -1,4 +1,4 @@
-"""`ssm-planner simulate PLAN`: the exported set points played on the simulated arm, and what may go wrong."""
+"""`ssm-planner simulate PLAN`: simulation of the exported set points with optional faults."""
 
 from __future__ import annotations
 
@@ -34,17 +34,21 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--power-loss",
         metavar="TIME|everywhere",
-        help="all drives off at a time, or at many instants",
+        help="switch off all drives at a time, or at many instants",
     )
     parser.add_argument(
-        "--instants", type=int, default=1000, metavar="N", help="of a power loss everywhere (1000)"
+        "--instants",
+        type=int,
+        default=1000,
+        metavar="N",
+        help="number of instants for --power-loss everywhere (default 1000)",
     )
     parser.add_argument(
         "--payload",
         metavar="MASS[@TIME]",
-        help="point mass at the tip, from a time on (default 0 s)",
+        help="point mass at the tip after a time (default 0 s)",
     )
-    parser.add_argument("--stall", metavar="JOINT@TIME", help="a motor is held fast from a time on")
+    parser.add_argument("--stall", metavar="JOINT@TIME", help="block a motor after a time")
     parser.add_argument(
         "--supply", type=quantity_argument("voltage"), help="supply voltage (default: nominal)"
     )
@@ -53,43 +57,48 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=1.0,
         metavar="FACTOR",
-        help="times the friction of all drives",
+        help="factor on the friction of all drives",
     )
     parser.add_argument(
         "--draws",
         type=int,
         default=0,
         metavar="N",
-        help="frictions drawn from what the drive files know",
+        help="number of random frictions from the drive files",
     )
     parser.add_argument(
         "--spread",
         metavar="PERCENT",
-        help="range of friction that the drive files state nothing of",
+        help="range of the friction without uncertainty in the drive files",
     )
     parser.add_argument(
         "--compliance",
         type=float,
         default=1.0,
         metavar="FACTOR",
-        help="times the assumed stiffness",
+        help="factor on the assumed stiffness",
     )
     parser.add_argument(
-        "--speed", default="100%", metavar="PERCENT", help="of the playback, such as 10%%"
+        "--speed", default="100%", metavar="PERCENT", help="playback speed, such as 10%%"
     )
     parser.add_argument(
-        "--dropped", type=quantity_argument("time"), metavar="TIME", help="a set point is lost then"
+        "--dropped",
+        type=quantity_argument("time"),
+        metavar="TIME",
+        help="lose a set point at this time",
     )
     parser.add_argument(
-        "--wrong-direction", metavar="JOINT", help="a controller counts the wrong way"
+        "--wrong-direction", metavar="JOINT", help="reverse the direction of a controller"
     )
     parser.add_argument(
         "--tip-error",
         type=quantity_argument("length"),
-        help="largest tip error that passes (default 0.1 mm)",
+        help="largest allowed tip error (default 0.1 mm)",
     )
     parser.add_argument(
-        "--travel", type=quantity_argument("length"), help="largest way of the tip without power"
+        "--travel",
+        type=quantity_argument("length"),
+        help="largest allowed travel of the tip without power",
     )
     output_arguments(parser, "write simulation.json, a page, recordings and figures")
 
@@ -134,7 +143,10 @@ def run_simulate(options: argparse.Namespace) -> int:
 
 
 def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
-    """What the command line says happens. Raises ProblemError naming option, value and what is allowed."""
+    """Return the scenario of the options.
+
+    Raises ProblemError with option, value and allowed values.
+    """
     from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR, Scenario
 
     payload, payload_time = 0.0, 0.0
@@ -147,7 +159,7 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
         joint, at, time = options.stall.partition("@")
         if not at:
             raise ProblemError(
-                "no instant",
+                "invalid time",
                 key="--stall",
                 value=options.stall,
                 allowed="JOINT@TIME, such as tilt@1s",
@@ -156,7 +168,7 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
     loss = options.power_loss
     if options.instants < 1:
         raise ProblemError(
-            "no instant", key="--instants", value=options.instants, allowed="1 and more"
+            "invalid number", key="--instants", value=options.instants, allowed="1 or more"
         )
     return Scenario(
         speed=share(options.speed),
@@ -180,7 +192,7 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
 
 
 def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> list[str]:
-    """The verdict with its reasons, tracking, motors, stops with power beside those without."""
+    """Return text with verdict and reasons, tracking, motors, and stops with and without power."""
     from ssm_planner.reporting.text import simulation_tables
 
     lines = [
@@ -201,14 +213,14 @@ def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> li
         found = result.draws.to_dict()
         low, middle, high = (1e3 * value for value in found["tip_error"])
         lines.append(
-            f"frictions     {found['passed']} of {found['count']} drawn ones pass; tip error {middle:.4g} mm, "
-            f"95 % within {low:.4g} … {high:.4g} mm"
+            f"frictions     {found['passed']} of {found['count']} drawn ones pass; tip error "
+            f"{middle:.4g} mm, 95 % within {low:.4g} … {high:.4g} mm"
         )
     if stops is not None:
         longest, farthest = int(stops.duration.argmax()), int(stops.travel.argmax())
         lines.append(
             f"with power    stops on the path within {1e3 * stops.duration[longest]:.4g} ms (from "
-            f"{stops.time[longest]:.4f} s) and {1e3 * stops.travel[farthest]:.4g} mm (from {stops.time[farthest]:.4f} s); "
-            + ("certified" if stops.passed else "NOT CERTIFIED")
+            f"{stops.time[longest]:.4f} s) and {1e3 * stops.travel[farthest]:.4g} mm (from "
+            f"{stops.time[farthest]:.4f} s); " + ("certified" if stops.passed else "NOT CERTIFIED")
         )
     return [*lines, *(f"note: {note}" for note in result.notes)]

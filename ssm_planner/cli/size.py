@@ -1,4 +1,4 @@
-"""`ssm-planner size PLAN`: what a motion requires of motors and gears, and which candidates provide it."""
+"""`ssm-planner size PLAN`: requirements of a motion on motors and gears, and suitable candidates."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
         "plan.json, a motorisation file (YAML), or with --robot any trajectory that check reads",
     )
     parser.add_argument(
-        "--robot", type=Path, help="robot file (YAML) of a trajectory that is no plan.json"
+        "--robot", type=Path, help="robot file (YAML), unless the trajectory is a plan.json"
     )
     parser.add_argument(
         "--motor",
@@ -57,7 +57,7 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pause",
         type=quantity_argument("time"),
-        help="rest after each motion (default: the plan's duty, else 0)",
+        help="pause after each motion (default: the plan's duty, or 0)",
     )
     parser.add_argument(
         "--payload", type=quantity_argument("mass"), default=0.0, help="point mass at the tool tip"
@@ -66,12 +66,12 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
         "--confidence",
         type=float,
         default=0.99,
-        help="for which adequate is claimed (default 0.99)",
+        help="confidence level of the verdicts (default 0.99)",
     )
     parser.add_argument(
         "--spread",
         type=float,
-        help="range of friction that the drive files state nothing of, such as 0.2 for ±20 %%",
+        help="range of the friction without uncertainty in the drive files, such as 0.2 for ±20 %%",
     )
     parser.add_argument(
         "--draws",
@@ -83,7 +83,7 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
         "--catalogue",
         type=Path,
         metavar="FILE",
-        help="judge every motor of a CSV or folder of YAML on every axis",
+        help="check every motor of a CSV or folder of YAML on every axis",
     )
     parser.add_argument(
         "--gears",
@@ -91,7 +91,7 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="FILE",
-        help="with every worm or screw of these catalogues",
+        help="combine them with every worm or screw of these catalogues",
     )
     parser.add_argument(
         "--rank",
@@ -149,11 +149,11 @@ def run_size(options: argparse.Namespace) -> int:
 
 
 SHOWN = 10
-"""Pairs of a joint that are shown in full."""
+"""Largest number of pairs of motor and gear that are shown per joint."""
 
 
 def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Conditions) -> int:
-    """Every motor of a catalogue with every gear."""
+    """Check every motor of a catalogue with every gear, and return the exit status."""
     from ssm_planner.loading.catalogues import Part, gears_of, motors_of
     from ssm_planner.reporting.text import selection_lines
     from ssm_planner.sizing.selection import select
@@ -161,7 +161,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     if options.motor or options.what_if or options.catalogue is None:
         key = "--motor" if options.motor else "--what-if" if options.what_if else "--gears"
         raise ProblemError(
-            "not with this choice",
+            "not allowed with --catalogue",
             key=key,
             allowed="--catalogue, with --gears, --rank and conditions",
         )
@@ -178,7 +178,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     adequate = False if -1 in found.values() else None if 0 in found.values() or not found else True
     notes = [
         *duty.notes,
-        "the friction of each joint's own drive is taken for every gear that states none",
+        "gears without friction get the friction of the joint's present drive",
     ]
     document: dict[str, Any] = {
         "motion": duty.name,
@@ -198,7 +198,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
 
 
 def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
-    """What to size for: a plan.json, a motorisation file, or with a robot file any trajectory that `check` reads.
+    """Return the duty cycle of a plan.json, a motorisation file, or a trajectory with a robot file.
 
     Raises TrajectoryError or ProblemError.
     """
@@ -214,7 +214,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
         if reading.resolution is not None:
             notes = (
                 *notes,
-                f"{path} gives no accelerations for all of its points: inertia is not fully counted",
+                f"{path} has no accelerations at some points, so inertia is incomplete",
             )
         return DutyCycle(str(path), robot, ((reading.trajectory, None),), notes)
     if path.suffix.lower() in (".yaml", ".yml"):
@@ -222,9 +222,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
 
         return DutyCycle.of_motorisation(load_motorisation(path))
     if path.suffix.lower() not in ("", ".json"):
-        raise TrajectoryError(
-            f"{path}: a trajectory that is no plan.json says nothing of the robot: give --robot"
-        )
+        raise TrajectoryError(f"{path}: this file does not contain a robot; pass --robot ROBOT")
     from ssm_planner.plans import load_plan
 
     found = load_plan(path)
@@ -239,7 +237,10 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
 
 
 def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Motor]]:
-    """Candidates by joint from `[JOINT=]FILE`; without a joint for all that the duty moves. Raises ProblemError."""
+    """Return the candidates by joint from `[JOINT=]FILE`.
+
+    A file without a joint applies to all joints that the duty moves. Raises ProblemError.
+    """
     from ssm_planner.loading.load import load_motor
     from ssm_planner.problem.robot import JOINTS
 
@@ -252,7 +253,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
         if equals and "/" not in joint and not Path(word).exists():
             if joint not in JOINTS:
                 raise ProblemError(
-                    "no joint of this name", key="--motor", value=word, allowed=", ".join(JOINTS)
+                    "unknown joint", key="--motor", value=word, allowed=", ".join(JOINTS)
                 )
             names = [joint]
         else:
@@ -264,7 +265,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
 
 
 def chosen_motors(sizing: Sizing) -> dict[str, Motor]:
-    """Per joint the smallest motor that suffices, else the largest candidate."""
+    """Return the smallest sufficient motor of each joint, or its largest candidate if none suffices."""
     chosen: dict[str, Motor] = {}
     for joint in sizing.joints:
         if joint.candidates:

@@ -1,4 +1,4 @@
-"""`ssm-planner study FILE`: candidate robots by the thousand, each planned, checked and sized over a set of motions."""
+"""`ssm-planner study FILE`: plans, checks and sizes many candidate robots for a set of motions."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ssm_planner.studies.study import Study
 
 SHOWN = 12
-"""Rows of the front and reasons that the terminal shows."""
+"""Largest number of rows of the front and of reasons in the terminal."""
 REPORT_EVERY = 1.0
-"""Seconds between reports of the progress."""
+"""Interval in s between reports of the progress."""
 
 
 def study_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,8 +35,8 @@ def study_arguments(parser: argparse.ArgumentParser) -> None:
         "words",
         nargs="+",
         metavar="FILE",
-        help="study file (YAML); before it `show N …` writes candidates as robot file, plans and pages, `compare A B` "
-        "puts two beside each other",
+        help="study file (YAML); `show N …` before it writes robot file, plans and pages of "
+        "candidates, `compare A B` compares two of them",
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
@@ -48,10 +48,13 @@ def study_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="of a running Dask scheduler, such as tcp://host:8786",
+        help="address of a running Dask scheduler, such as tcp://host:8786",
     )
     parser.add_argument(
-        "--table", type=Path, metavar="FILE", help="write the table there too: .csv or .parquet"
+        "--table",
+        type=Path,
+        metavar="FILE",
+        help="also write the table to this file: .csv or .parquet",
     )
     output_arguments(parser, "default results/NAME")
 
@@ -64,30 +67,30 @@ def run_study(options: argparse.Namespace) -> int:
     folder = options.output or Path("results") / study.name
     if options.workers is not None and options.workers < 1:
         raise ProblemError(
-            "not a number of workers", key="--workers", value=options.workers, allowed="1 or more"
+            "invalid number of workers", key="--workers", value=options.workers, allowed="1 or more"
         )
     if verb == "study":
         return _study(study, folder, options)
-    from ssm_planner.studies.show import compared, shown
+    from ssm_planner.studies.show import compare_candidates, write_candidate
 
     if verb == "show":
-        written = [path for number in numbers for path in shown(study, folder, number)]
+        written = [path for number in numbers for path in write_candidate(study, folder, number)]
         show(
             options.json,
             {"files": [str(path) for path in written]},
             lambda: [f"file: {path}" for path in written],
         )
         return OK
-    document = compared(study, folder, *numbers)
+    document = compare_candidates(study, folder, *numbers)
     show(options.json, document, lambda: _compared_lines(document))
     return OK
 
 
 def _words(words: Sequence[str]) -> tuple[str, list[int], str]:
-    """What is asked for, of which candidates, in which study file."""
+    """Return the request, the numbers of the candidates and the study file."""
     if words[0] not in ("show", "compare"):
         if len(words) > 1:
-            raise ProblemError("one study file at a time", value=" ".join(words), key="FILE")
+            raise ProblemError("give a single study file", value=" ".join(words), key="FILE")
         return "study", [], words[0]
     numbers = words[1:-1]
     needed = "two" if words[0] == "compare" else "at least one"
@@ -95,7 +98,7 @@ def _words(words: Sequence[str]) -> tuple[str, list[int], str]:
         len(numbers) != 2 if words[0] == "compare" else not numbers
     ):
         raise ProblemError(
-            f"{words[0]} needs {needed} of the table's numbers, and then the study file",
+            f"{words[0]} needs {needed} of the table's numbers, followed by the study file",
             key=words[0],
         )
     return words[0], [int(word) for word in numbers], words[-1]
@@ -128,7 +131,7 @@ def _study(study: Study, folder: Path, options: argparse.Namespace) -> int:
     }
     show(options.json, document, lambda: _lines(study, result, files))
     if not result.finished:
-        print("ssm-planner: interrupted; the same command goes on", file=sys.stderr)
+        print("ssm-planner: interrupted; the same command continues", file=sys.stderr)
         return 130
     return OK if result.front else FAILED
 
@@ -158,14 +161,16 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
 
 
 def _progress() -> Callable[[int, int, dict[str, int]], None]:
-    """How many are done, at which rate and how long it takes still, once a second on stderr."""
+    """Return a function that reports count, rate and remaining time on stderr once a second."""
     begin = last = time.monotonic()
     first: int | None = None
 
     def report(done: int, count: int, states: dict[str, int]) -> None:
         nonlocal last, first
         now = time.monotonic()
-        first = done if first is None else first  # those of an earlier run say nothing of the rate
+        first = (
+            done if first is None else first
+        )  # candidates of an earlier run do not count for the rate
         if now - last < REPORT_EVERY and done < count:
             return
         last = now

@@ -1,4 +1,4 @@
-"""Text on a terminal: wrapped to its width, verdicts in colour; messages of the parser with what was probably meant."""
+"""Terminal output: wrapped lines, coloured verdicts and parser messages with suggestions."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ from ssm_planner.display import columns
 from ssm_planner.errors import SsmPlannerError
 
 LABEL = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
-"""What stands before the text of a line that is wrapped: a label and at least two spaces, or the indentation."""
+"""Beginning of a wrapped line: a label and at least two spaces, or the indentation."""
 WIDEST_LABEL = 20
+SHORT, LAST = 25, 6
+"""Largest number of lines of a short text, and number of lines at its end that it keeps."""
 RED, GREEN, YELLOW = 31, 32, 33
 COLOURS = (
     (
         RED,
-        r"NOT \w+|DOES NOT HOLD|FAILED|EXCEEDED|BEYOND|OUTSIDE|SATURATED|TRIPPED|UNVERIFIED|NO|no plan",
+        r"NOT \w+|DOES NOT HOLD|FAILED|EXCEEDED|BEYOND|OUTSIDE|SATURATED|TRIPPED|UNVERIFIED|NO|no "
+        r"plan",
     ),
     (GREEN, r"PASSED|held in reality|suffices?"),
     (YELLOW, r"not known|not checked|not decided|placeholder figures|CANNOT TELL"),
@@ -31,21 +34,21 @@ OPTION = re.compile(r"unrecognized arguments: (.*)")
 
 
 class UsageError(SsmPlannerError):
-    """Arguments that no command takes."""
+    """Error for invalid command-line arguments."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises UsageError with usage and what was probably meant."""
+    """Argument parser that raises UsageError with usage and a suggestion."""
 
     def error(self, message: str) -> NoReturn:
-        """Raises UsageError."""
+        """Raise UsageError."""
         hint = ""
         if found := OPTION.fullmatch(message):
             hint = suggestion(found[1].split()[0].partition("=")[0], list(self.options()))
         raise UsageError(f"{message}{hint}\n{self.format_usage().strip()}")
 
     def options(self) -> Iterator[str]:
-        """Every option, those of the commands that were loaded too."""
+        """Return every option, including those of the commands that were loaded."""
         for action in self._actions:
             yield from action.option_strings
             for parser in (
@@ -55,14 +58,18 @@ class Parser(argparse.ArgumentParser):
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """The word that was probably meant, as the end of a message; empty where none is near."""
+    """Return the most similar known word as the end of a message, or "" if none is similar."""
     close = difflib.get_close_matches(word, list(known), n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def wrapped(line: str, width: int) -> list[str]:
-    """A line in lines of at most this width, words whole; what follows the first stands under its text."""
-    if len(line) <= width:
+    """Return a line as lines of at most this width without broken words.
+
+    Continuation lines are aligned with the text of the first one. A line with a file stays one
+    line, so that its path can be copied.
+    """
+    if len(line) <= width or line.startswith("file  "):
         return [line]
     label = LABEL.match(line)
     end = label.end() if label is not None else 0
@@ -72,8 +79,16 @@ def wrapped(line: str, width: int) -> list[str]:
     )
 
 
+def shortened(lines: Iterable[str]) -> list[str]:
+    """Return lines, wrapped, without the middle of what exceeds SHORT lines. The end stays whole."""
+    shown = [part for line in lines for part in wrapped(line, columns())]
+    if len(shown) <= SHORT:
+        return shown
+    return [*shown[: SHORT - LAST - 1], "… (-v prints all)", *shown[-LAST:]]
+
+
 def printed(lines: Iterable[str], stream: TextIO | None = None) -> None:
-    """Lines on a stream (stdout), wrapped, and coloured where it is a terminal that shows colours."""
+    """Print lines on a stream (default stdout), wrapped and coloured if the terminal supports it."""
     stream = sys.stdout if stream is None else stream
     colour = stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for block in lines:
@@ -82,5 +97,5 @@ def printed(lines: Iterable[str], stream: TextIO | None = None) -> None:
                 print(VERDICT.sub(_coloured, part) if colour else part, file=stream)
 
 
-def _coloured(found: re.Match[str]) -> str:
-    return f"\x1b[{(found.lastgroup or '')[1:]}m{found[0]}\x1b[0m"
+def _coloured(match: re.Match[str]) -> str:
+    return f"\x1b[{(match.lastgroup or '')[1:]}m{match[0]}\x1b[0m"

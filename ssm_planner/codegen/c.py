@@ -1,4 +1,4 @@
-"""A CasADi Function as the body of a C99 function, in double or single precision: one statement for each operation."""
+"""Write a CasADi Function as the body of a C99 function, one statement per operation."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ typedef double ssm_real;
 #define SSM_F(function) function
 #endif
 """
-"""The one type of all numbers, a constant of it, and a function of math.h for it."""
+"""Type of all numbers, macro for its constants, and macro for functions of math.h."""
 PLAIN = {name: operation.c for name, operation in OPERATIONS.items()}
-"""Expressions of operations."""
+"""C expressions by operation."""
 SIGN = "static ssm_real sign_of(ssm_real x) { return (ssm_real)((x > SSM_R(0.0)) - (x < SSM_R(0.0))); }\n"
 
 
 @dataclass(frozen=True)
 class Argument:
-    """A C argument: an array of `size` numbers, or one number where size is 0."""
+    """A C argument: an array of `size` numbers, or a single number if size is 0."""
 
     name: str
     size: int
     places: Sequence[int] | None = None
-    """Of an output: where its numbers go in the array; None: one after the other."""
+    """Positions of an output's numbers in the array; None: consecutive."""
     adds: bool = False
-    """An output is added to what is there."""
+    """Whether the output is added to the array."""
 
     def at(self, index: int) -> str:
-        """A number of it."""
+        """Return the C expression of the number at `index`."""
         return (
             self.name
             if self.size == 0
@@ -54,22 +54,23 @@ def write_function(
     outputs: Sequence[Argument],
     expressions: Mapping[str, str] = PLAIN,
 ) -> str:
-    """C text of a function; it needs REAL and SIGN.
+    """Return the C text of a function; it needs REAL and SIGN.
 
-    All inputs are read before any output is written, for they may overlap. expressions: in place of those of OPERATIONS.
+    The function reads all inputs before it writes outputs, because they may overlap. expressions: C
+    expressions by operation, by default those of OPERATIONS.
     """
-    place: dict[int, str] = {}
+    value_of: dict[int, str] = {}
     used: dict[int, None] = {}
     body: list[str] = []
     results: list[tuple[str, str, int]] = []
-    read: set[int] = set()
+    inputs_read: set[int] = set()
     for step in steps(function):
-        operands = [place[k] for k in step.operands]
+        operands = [value_of[k] for k in step.operands]
         if step.name == "const":
-            place[step.out] = literal(step.constant)
+            value_of[step.out] = literal(step.constant)
         elif step.name == "input":
-            place[step.out] = inputs[step.argument].at(step.index)
-            read.add(step.argument)
+            value_of[step.out] = inputs[step.argument].at(step.index)
+            inputs_read.add(step.argument)
         elif step.name == "output":
             output = outputs[step.argument]
             results.append(
@@ -78,12 +79,14 @@ def write_function(
             body.append("")
         else:
             used[step.out] = None
-            place[step.out] = f"w{step.out}"
-            body.append(f"{place[step.out]} = {expressions[step.name].format(*operands)};")
-    for k, (target, value, at) in enumerate(results):
-        body[at] = f"r{k} = {value};"
+            value_of[step.out] = f"w{step.out}"
+            body.append(f"{value_of[step.out]} = {expressions[step.name].format(*operands)};")
+    for k, (target, value, line) in enumerate(results):
+        body[line] = f"r{k} = {value};"
         body.append(f"{target} r{k};")
-    unused = [f"(void){argument.name};" for i, argument in enumerate(inputs) if i not in read]
+    unused = [
+        f"(void){argument.name};" for i, argument in enumerate(inputs) if i not in inputs_read
+    ]
     names = [f"w{k}" for k in sorted(used)] + [f"r{k}" for k in range(len(results))]
     lines = [f"    ssm_real {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]
     return "\n".join(
@@ -92,7 +95,7 @@ def write_function(
 
 
 def literal(value: float) -> str:
-    """A constant of type `ssm_real`."""
+    """Return a constant of type `ssm_real`."""
     if not math.isfinite(value):
         return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
     text = repr(abs(float(value)))

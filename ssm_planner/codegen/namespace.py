@@ -1,4 +1,4 @@
-"""The few elementary functions that the closed forms need, for NumPy arrays and CasADi expressions alike."""
+"""Provide the elementary functions of the closed forms for NumPy arrays and CasADi expressions."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import numpy as np
 
 NAMES = ("sin", "cos", "sqrt", "exp", "sign", "arctan2", "where", "minimum", "maximum")
 IN_CASADI = {"arctan2": "atan2", "where": "if_else", "minimum": "fmin", "maximum": "fmax"}
-"""What CasADi calls differently."""
+"""CasADi's names that differ from NumPy's."""
 
 
 class Namespace(SimpleNamespace):
-    """The functions NAMES of one kind of number, as NumPy names them; the closed forms are written once against this.
+    """The functions NAMES for one kind of number, under NumPy's names.
 
-    nonnegative cuts rounding below zero where values are numbers; it leaves symbols alone, so that a solver sees NaN outside.
+    The closed forms are written once with them. `nonnegative` removes rounding below zero from
+    numbers. It does not change symbols, so that a solver sees NaN outside the domain.
     """
 
 
@@ -27,7 +28,7 @@ NUMPY = Namespace(
 
 @cache
 def casadi_namespace() -> Namespace:
-    """The same for CasADi SX and MX expressions."""
+    """Return the functions for CasADi SX and MX expressions."""
     import casadi
 
     functions = {name: getattr(casadi, IN_CASADI.get(name, name)) for name in NAMES}
@@ -35,6 +36,6 @@ def casadi_namespace() -> Namespace:
 
 
 def namespace_of(*values: Any) -> Namespace:
-    """CasADi's functions where one of the values is a CasADi expression, else NumPy's."""
+    """Return CasADi's functions if one of the values is a CasADi expression, else NumPy's."""
     symbolic = any(type(value).__module__.startswith("casadi") for value in values)
     return casadi_namespace() if symbolic else NUMPY

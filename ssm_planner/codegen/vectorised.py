@@ -1,6 +1,6 @@
-"""CasADi Functions over batches of samples; their scalar operations in order, to be run by NumPy or written as C.
+"""Evaluate CasADi Functions over batches of samples, operation by operation, by NumPy or in C.
 
-NumPy runs them over many samples at once several times faster than CasADi's virtual machine.
+NumPy evaluates many samples several times faster than CasADi's virtual machine.
 """
 
 from __future__ import annotations
@@ -23,45 +23,36 @@ from ssm_planner.typing import Array
 
 
 def _copy(source: Array, out: Array) -> None:
+    """Copy an operand."""
     out[...] = source
 
 
 def _if_else_zero(condition: Array, value: Array, out: Array) -> None:
+    """Write the value where the condition holds, else 0."""
     out[...] = np.where(condition != 0, value, 0.0)
 
 
 @dataclass(frozen=True)
 class Operation:
-    """What a CasADi operation computes, in NumPy and in C."""
+    """Implementation of a CasADi operation in NumPy and in C."""
 
     numpy: Callable[..., Any]
-    """Of the operands and `out`, rows of one length."""
+    """Called with the operands and `out`, rows of one length."""
     c: str
-    """An expression in the terms of `codegen.c.REAL`; {0} and {1} stand for the operands."""
+    """Expression with the macros of `codegen.c.REAL`; {0} and {1} are the operands."""
 
     @property
     def operands(self) -> int:
-        """How many it takes."""
+        """Return the number of operands."""
         return 2 if "{1}" in self.c else 1
 
 
 OPERATIONS = {
     "assign": Operation(_copy, "{0}"),
     "neg": Operation(np.negative, "-{0}"),
-    "exp": Operation(np.exp, "SSM_F(exp)({0})"),
-    "log": Operation(np.log, "SSM_F(log)({0})"),
-    "sqrt": Operation(np.sqrt, "SSM_F(sqrt)({0})"),
     "sq": Operation(np.square, "{0} * {0}"),
     "twice": Operation(lambda a, out: np.add(a, a, out), "SSM_R(2.0) * {0}"),
     "inv": Operation(np.reciprocal, "SSM_R(1.0) / {0}"),
-    "sin": Operation(np.sin, "SSM_F(sin)({0})"),
-    "cos": Operation(np.cos, "SSM_F(cos)({0})"),
-    "tan": Operation(np.tan, "SSM_F(tan)({0})"),
-    "asin": Operation(np.arcsin, "SSM_F(asin)({0})"),
-    "acos": Operation(np.arccos, "SSM_F(acos)({0})"),
-    "atan": Operation(np.arctan, "SSM_F(atan)({0})"),
-    "floor": Operation(np.floor, "SSM_F(floor)({0})"),
-    "ceil": Operation(np.ceil, "SSM_F(ceil)({0})"),
     "fabs": Operation(np.abs, "SSM_F(fabs)({0})"),
     "sign": Operation(np.sign, "sign_of({0})"),
     "not": Operation(np.logical_not, "(ssm_real)({0} == SSM_R(0.0))"),
@@ -69,7 +60,6 @@ OPERATIONS = {
     "sub": Operation(np.subtract, "{0} - {1}"),
     "mul": Operation(np.multiply, "{0} * {1}"),
     "div": Operation(np.divide, "{0} / {1}"),
-    "pow": Operation(np.power, "SSM_F(pow)({0}, {1})"),
     "constpow": Operation(np.power, "SSM_F(pow)({0}, {1})"),
     "lt": Operation(np.less, "(ssm_real)({0} < {1})"),
     "le": Operation(np.less_equal, "(ssm_real)({0} <= {1})"),
@@ -77,20 +67,34 @@ OPERATIONS = {
     "ne": Operation(np.not_equal, "(ssm_real)({0} != {1})"),
     "and": Operation(np.logical_and, "(ssm_real)({0} != SSM_R(0.0) && {1} != SSM_R(0.0))"),
     "or": Operation(np.logical_or, "(ssm_real)({0} != SSM_R(0.0) || {1} != SSM_R(0.0))"),
-    "fmin": Operation(np.fmin, "SSM_F(fmin)({0}, {1})"),
-    "fmax": Operation(np.fmax, "SSM_F(fmax)({0}, {1})"),
     "if_else_zero": Operation(_if_else_zero, "({0} != SSM_R(0.0) ? {1} : SSM_R(0.0))"),
-    "atan2": Operation(np.arctan2, "SSM_F(atan2)({0}, {1})"),
-    "copysign": Operation(np.copysign, "SSM_F(copysign)({0}, {1})"),
-    "fmod": Operation(np.fmod, "SSM_F(fmod)({0}, {1})"),
-    "hypot": Operation(np.hypot, "SSM_F(hypot)({0}, {1})"),
 }
-"""By CasADi's name."""
+for _name in [
+    "exp",
+    "log",
+    "sqrt",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "floor",
+    "ceil",
+    "fabs",
+]:
+    OPERATIONS[_name] = Operation(getattr(np, _name), f"SSM_F({_name})({{0}})")
+for _name in ["pow", "fmin", "fmax", "atan2", "copysign", "fmod", "hypot"]:
+    OPERATIONS[_name] = Operation(getattr(np, _name), f"SSM_F({_name})({{0}}, {{1}})")
+"""Operations by CasADi's name."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One operation: `out` and `operands` are registers; an input or output is the element `index` of `argument`."""
+    """One operation. `out` and `operands` are registers.
+
+    An input or output is the element `index` of `argument`.
+    """
 
     name: str
     out: int = -1
@@ -98,11 +102,14 @@ class Step:
     constant: float = 0.0
     argument: int = -1
     index: int = -1
-    """Into the column-major dense elements of the argument or result."""
+    """Index into the column-major dense elements of the argument or result."""
 
 
 def steps(function: ca.Function) -> Iterator[Step]:
-    """The operations of a Function of SX with dense inputs and outputs; NotImplementedError for others than known."""
+    """Generate the operations of a Function of SX with dense inputs and outputs.
+
+    Raises NotImplementedError for an unknown operation.
+    """
     names = _names()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
@@ -131,25 +138,26 @@ def steps(function: ca.Function) -> Iterator[Step]:
 
 
 def dense(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-    """A Function whose elements are all stored, common subexpressions taken once."""
+    """Return a Function with dense outputs and shared common subexpressions."""
     shared = ca.cse([ca.densify(output) for output in outputs])
     return ca.Function(name, inputs, shared)
 
 
 @cache
 def _names() -> dict[int, str]:
-    known = ("const", "input", "output", *OPERATIONS)
+    """Return the names of the operations by CasADi's numbers."""
+    names = ("const", "input", "output", *OPERATIONS)
     return {
         getattr(ca, f"OP_{name.upper()}"): name
-        for name in known
+        for name in names
         if hasattr(ca, f"OP_{name.upper()}")
     }
 
 
 MANY = 200
-"""Samples from which on `call` runs a Function by `Vectorised`: the same numbers."""
+"""Smallest number of samples for which `call` uses `Vectorised`, which gives the same numbers."""
 BLOCK = 1024
-"""Samples at a time: the registers stay in the cache."""
+"""Samples of a block, so that the registers stay in the processor's cache."""
 NATIVE = (
     *(
         "assign",
@@ -168,43 +176,47 @@ NATIVE = (
     ),
     *("lt", "le", "eq", "ne", "and", "or", "if_else_zero", "fmin", "fmax"),
 )
-"""Operations that native/vectorised.c does where it is compiled, in the order of its codes."""
+"""Operations of native/vectorised.c, in the order of its codes."""
 _KEPT: list[Array] = []
-"""Memory of registers, for the next call: to get it anew from the system takes as long as an eighth of the operations."""
+"""Memory of the registers for the next call; a new allocation costs an eighth of the operations."""
 
 
 class Vectorised:
-    """A Function of dense SX as operations on whole rows of samples, by NumPy and in C: the same bits."""
+    """A dense Function of SX, evaluated operation by operation over rows of samples.
+
+    NumPy and C give the same bits.
+    """
 
     def __init__(self, function: ca.Function) -> None:
         self.name = function.name()
         self.rows_in = [function.numel_in(i) for i in range(function.n_in())]
         self.rows_out = [function.numel_out(i) for i in range(function.n_out())]
         self._registers = function.sz_w()
-        named, constants = self._compile(function)
+        operations, constants = self._compile(function)
         self._constants = np.array(constants)
         self._program = [
-            (OPERATIONS[name].numpy, one, other, out) for name, one, other, out in named
+            (OPERATIONS[name].numpy, operand, second, out)
+            for name, operand, second, out in operations
         ]
         codes = [
-            (NATIVE.index(name) if name in NATIVE else -1, one, max(other, 0), out)
-            for name, one, other, out in named
+            (NATIVE.index(name) if name in NATIVE else -1, operand, max(second, 0), out)
+            for name, operand, second, out in operations
         ]
         self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
         bounds = np.flatnonzero(np.diff(self._codes[:, 0] < 0)) + 1
         self._parts = []
-        """From where to where, and where the codes of operations begin that are all native, and how many these are."""
-        for first, last in pairwise([0, *bounds.tolist(), len(codes)]):
+        """Runs of operations: (first, one past last, codes or None if not native, count)."""
+        for start, end in pairwise([0, *bounds.tolist(), len(codes)]):
             code = (
-                ctypes.c_void_p(self._codes[first:].ctypes.data)
-                if self._codes[first, 0] >= 0
+                ctypes.c_void_p(self._codes[start:].ctypes.data)
+                if self._codes[start, 0] >= 0
                 else None
             )
-            self._parts.append((first, last, code, ctypes.c_long(last - first)))
+            self._parts.append((start, end, code, ctypes.c_long(end - start)))
         sizes = self._registers, len(constants), *self.rows_in, *self.rows_out
         self._table = np.repeat(np.arange(len(sizes)), sizes)
         self._row = np.concatenate([np.arange(size) for size in sizes])
-        """Of every slot: registers, constants, arguments and results, which of these, and which row of it."""
+        """Table (registers, constants, arguments, results) and row of every slot."""
         self._seen = sorted(
             {
                 k
@@ -212,13 +224,14 @@ class Vectorised:
                 for k in slots
             }
         )
-        """Slots of those that are not."""
+        """Slots of operations that are not native."""
         self._places = list(zip(self._table.tolist(), self._row.tolist(), strict=True))
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """Results (n, elements) of arguments (n, elements).
+        """Return the results (n, elements) for arguments (n, elements).
 
-        Fast where each element's n values lie together in memory (Fortran order), as they do in the results.
+        Fortran order, in which the n values of an element are adjacent, is fastest; the results
+        have it. Raises GeometryError for wrong shapes.
         """
         n = arguments[0].shape[0]
         for argument, rows in zip(arguments, self.rows_in, strict=True):
@@ -228,79 +241,92 @@ class Vectorised:
                 )
         results = [np.empty((rows, n)) for rows in self.rows_out]
         size = self._registers * min(n, BLOCK)
-        kept = _KEPT.pop() if _KEPT else np.empty(0)
-        memory = kept if len(kept) >= size else np.empty(size)
+        cached = _KEPT.pop() if _KEPT else np.empty(0)
+        memory = cached if len(cached) >= size else np.empty(size)
         work = memory[:size].reshape(self._registers, min(n, BLOCK))
-        self._run(work, [*(np.asarray(each, dtype=float).T for each in arguments), *results], n)
+        self._run(work, [*(np.asarray(values, dtype=float).T for values in arguments), *results], n)
         _KEPT[:] = [memory]
         return [result.T for result in results]
 
     def _run(self, work: Array, given: list[Array], n: int) -> None:
-        """All operations, block by block; work: the registers, given: rows (k, n) of the arguments and results."""
+        """Execute all operations, block by block.
+
+        work: registers (registers, samples of a block). given: rows (k, n) of the arguments and
+        results.
+        """
         tables = [work, self._constants, *given]
-        starts = np.array([each.__array_interface__["data"][0] for each in tables])
-        rows_apart, apart = np.array([(each.strides[0], each.strides[-1]) for each in tables]).T
-        at = starts[self._table] + rows_apart[self._table] * self._row
-        apart[1] = 0  # a constant is the same for all samples
-        moves = apart[self._table]
+        starts = np.array([table.__array_interface__["data"][0] for table in tables])
+        row_bytes, stride_bytes = np.array(
+            [(table.strides[0], table.strides[-1]) for table in tables]
+        ).T
+        addresses = starts[self._table] + row_bytes[self._table] * self._row
+        stride_bytes[1] = 0  # constants do not depend on the sample
+        moves = stride_bytes[self._table]
         stride = moves // 8
         moves[: len(work)] = 0
         native = library.load()
-        seen = range(len(at)) if native is None else self._seen
+        seen = range(len(addresses)) if native is None else self._seen
         steps = ctypes.c_void_p(stride.ctypes.data)
         with np.errstate(invalid="ignore", divide="ignore"):
             for start in range(0, n, BLOCK):
                 count = min(BLOCK, n - start)
-                places, samples = at + start * moves, ctypes.c_long(count)
-                begin = ctypes.c_void_p(places.ctypes.data)
-                rows = {k: tables[of][row] for k, (of, row) in ((k, self._places[k]) for k in seen)}
+                pointers, samples = addresses + start * moves, ctypes.c_long(count)
+                slots = ctypes.c_void_p(pointers.ctypes.data)
+                rows = {
+                    k: tables[index][row]
+                    for k, (index, row) in ((k, self._places[k]) for k in seen)
+                }
                 if n > BLOCK:
-                    chosen = [slice(count), (), *[slice(start, start + count)] * len(given)]
-                    rows = {k: row[chosen[self._places[k][0]]] for k, row in rows.items()}
-                for first, last, code, size in self._parts:
+                    selections = [slice(count), (), *[slice(start, start + count)] * len(given)]
+                    rows = {k: row[selections[self._places[k][0]]] for k, row in rows.items()}
+                for low, high, code, size in self._parts:
                     if native is not None and code is not None:
-                        native.ssm_operations(code, begin, steps, size, samples)
+                        native.ssm_operations(code, slots, steps, size, samples)
                         continue
-                    for operation, one, other, out in self._program[first:last]:
-                        if other < 0:
-                            operation(rows[one], rows[out])
+                    for operation, operand, second, out in self._program[low:high]:
+                        if second < 0:
+                            operation(rows[operand], rows[out])
                         else:
-                            operation(rows[one], rows[other], rows[out])
+                            operation(rows[operand], rows[second], rows[out])
 
     def _compile(
         self, function: ca.Function
     ) -> tuple[list[tuple[str, int, int, int]], list[float]]:
-        """Operations on slots: registers, constants, rows of the arguments, rows of the results; and the constants."""
+        """Return the operations (name, operand, operand or −1, target) and the constants.
+
+        Operands and targets are slots: registers, constants, rows of the arguments, rows of the
+        results.
+        """
         sequence = list(steps(function))
         constants = [step.constant for step in sequence if step.name == "const"]
         first_in = self._registers + len(constants)
         firsts_in = first_in + np.cumsum([0, *self.rows_in])
         firsts_out = firsts_in[-1] + np.cumsum([0, *self.rows_out])
-        place = list(range(self._registers))
-        """Where the value of each register is to be found."""
+        slot = list(range(self._registers))
+        """Slot that contains the value of each register."""
         program: list[tuple[str, int, int, int]] = []
         used = 0
         for step in sequence:
-            first, second = (*(place[k] for k in step.operands), -1, -1)[:2]
+            operand, second = (*(slot[k] for k in step.operands), -1, -1)[:2]
             if step.name == "const":
-                place[step.out] = self._registers + used
+                slot[step.out] = self._registers + used
                 used += 1
             elif step.name == "input":
-                place[step.out] = int(firsts_in[step.argument]) + step.index
+                slot[step.out] = int(firsts_in[step.argument]) + step.index
             elif step.name == "output":
-                program.append(("assign", first, -1, int(firsts_out[step.argument]) + step.index))
+                program.append(("assign", operand, -1, int(firsts_out[step.argument]) + step.index))
             else:
-                program.append((step.name, first, second, step.out))
-                place[step.out] = step.out
+                program.append((step.name, operand, second, step.out))
+                slot[step.out] = step.out
         return program, constants
 
 
 def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     """Evaluate a Function of column vectors over n samples.
 
-    Each argument is (n, size of that input); each result is (n, size of that output). A bare Function takes a
-    transposed batch without a word when it happens to be square, so the shapes are checked here.
-    Raises GeometryError naming function, argument and both shapes.
+    Each argument is (n, size of that input), and each result is (n, size of that output). A plain
+    Function silently accepts a square transposed batch, so this function checks the shapes. Raises
+    GeometryError with function, argument and both shapes.
     """
     sizes = _sizes(function)
     if len(arguments) != len(sizes):
@@ -323,12 +349,13 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
 
 @lru_cache(maxsize=256)
 def _sizes(function: ca.Function) -> tuple[int, ...]:
+    """Return the sizes of a Function's inputs."""
     return tuple(function.size1_in(i) for i in range(function.n_in()))
 
 
 @lru_cache(maxsize=64)
 def _vectorised(function: ca.Function) -> Vectorised | None:
-    """A Function for many samples; None where NumPy cannot run it."""
+    """Return a Function for many samples, or None if it contains an unknown operation."""
     if not function.is_a("SXFunction"):
         return None
     inputs = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
@@ -339,7 +366,7 @@ def _vectorised(function: ca.Function) -> Vectorised | None:
 
 
 class Layout:
-    """Names and lengths of parameters that travel as one vector, in NumPy and in CasADi.
+    """Names and lengths of parameters that form one vector, in NumPy and in CasADi.
 
     Layout(gravity=3, scale=1) packs gravity (3,) and scale into (4,).
     """
@@ -352,24 +379,27 @@ class Layout:
         self.size = sum(lengths.values())
 
     def pack(self, **values: Any) -> Array:
-        """All parameters as one vector (size,); each value has as many numbers as its name, in any shape.
+        """Return all parameters as one vector (size,); each value may have any shape.
 
-        Raises GeometryError for a missing or unknown name, or a wrong count of numbers.
+        Raises GeometryError for a missing or unknown name, or a wrong size.
         """
-        parts = {name: np.ravel(value) for name, value in values.items()}
-        wanted = {name: part.stop - part.start for name, part in self.slices.items()}
-        if {name: part.size for name, part in parts.items()} != wanted:
+        arrays = {name: np.ravel(value) for name, value in values.items()}
+        expected = {name: piece.stop - piece.start for name, piece in self.slices.items()}
+        if {name: piece.size for name, piece in arrays.items()} != expected:
             raise GeometryError(
-                f"parameters {wanted} expected, got { {name: p.size for name, p in parts.items()} }"
+                f"parameters {expected} expected, got { {name: p.size for name, p in arrays.items()} }"
             )
-        return np.concatenate([parts[name] for name in self.slices])
+        return np.concatenate([arrays[name] for name in self.slices])
 
     def unpack(self, vector: Any) -> SimpleNamespace:
-        """The parameters by name: of a CasADi vector (size,), or of the last axis of an array (…, size)."""
+        """Return the parameters by name.
+
+        vector: a CasADi vector (size,), or an array (…, size) whose last axis is split.
+        """
         last_axis = isinstance(vector, np.ndarray)
         return SimpleNamespace(
             **{
-                name: vector[..., part] if last_axis else vector[part]
-                for name, part in self.slices.items()
+                name: vector[..., piece] if last_axis else vector[piece]
+                for name, piece in self.slices.items()
             }
         )

@@ -1,10 +1,9 @@
-"""A plan against recordings of its execution: one clock for all axes, limits that know the noise, three answers."""
+"""Compare a plan with recordings of its execution, which share one clock; give a verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -16,61 +15,62 @@ from ssm_planner.comparison.findings import (
     Finding,
     Kept,
     Verdict,
-    agrees,
+    check_clock,
+    find_stall,
     findings_of,
+    follows_plan,
     limits_of,
-    of_the_clock,
-    place,
-    stalled,
+    map_to_clock,
     worst_of,
 )
 from ssm_planner.comparison.measured import Measured
-from ssm_planner.comparison.predicted import predicted
+from ssm_planner.comparison.predicted import predict_axes
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem.robot import Robot
+from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification.certificate import Certificate
 
 LAG = 10e-3
-"""Time by which a joint may be behind at its largest speed, s: the following error window that the export sets."""
+"""Permitted delay at the largest speed, s; equals the following error window of the export."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Planned minus measured over the samples within the motion; nrmsd = rms / (max − min of the measured)."""
+    """Planned minus measured values of a motion; nrmsd = rms / (max − min of the measured)."""
 
     rms: float
     largest: float
     nrmsd: float | None
-    """None where the measured value does not change."""
+    """None if the measured value is constant."""
 
     @classmethod
     def of(cls, planned: Array, measured: Array) -> Difference:
-        """From values (n,)."""
+        """Compute the difference of values (n,)."""
         error = planned - measured
         rms, spread = float(np.sqrt(np.mean(error**2))), float(np.ptp(measured))
         return cls(rms, float(np.abs(error).max()), rms / spread if spread > 0 else None)
 
 
-@dataclass(frozen=True, eq=False)
-class AxisComparison:
-    """What one recording says of one axis."""
+@record
+class AxisComparison(ShortRepr):
+    """Result for one axis."""
 
     joint: str
     recording: str
     alignment: Alignment
     covered: float
-    """Share of the motion that the recording holds."""
+    """Share of the motion that the recording contains."""
     differences: dict[str, Difference]
-    """By position, speed (motor), torque (motor)."""
+    """Differences by name: position, speed and torque of the motor."""
     limits: tuple[Kept, ...]
     notes: tuple[str, ...] = field(default_factory=tuple)
     findings: tuple[Finding, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
-        """Of this axis alone."""
+        """Return the verdict of this axis."""
         return worst_of(
             [
                 *(finding.verdict for finding in self.findings),
@@ -80,20 +80,21 @@ class AxisComparison:
 
     @property
     def held(self) -> bool:
-        """Every limit was kept, as far as the noise lets one tell, and the plan was followed."""
+        """Return whether the axis followed the plan and kept every limit, within the noise."""
         return self.verdict == "held"
 
-    def to_dict(self) -> dict[str, Any]:
-        """An entry of `axes` in what `compare --json` prints; SI."""
+    def to_dict(self) -> JsonObject:
+        """Return an entry of `axes` in the output of `compare --json`; SI."""
         return {
             "joint": self.joint,
             "recording": self.recording,
             "delay": self.alignment.delay,
             "correlation": self.alignment.correlation,
             "covered": self.covered,
-            "nrmsd": {name: each.nrmsd for name, each in self.differences.items()},
-            "rms": {name: each.rms for name, each in self.differences.items()},
-            "largest": {name: each.largest for name, each in self.differences.items()},
+            **{
+                key: {name: getattr(value, key) for name, value in self.differences.items()}
+                for key in ("nrmsd", "rms", "largest")
+            },
             "limits": [vars(limit) for limit in self.limits],
             "held": self.held,
             "verdict": self.verdict,
@@ -102,25 +103,25 @@ class AxisComparison:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """A plan against the recordings of its axes, which one gets by iterating."""
+@record
+class Comparison(ShortRepr):
+    """Result for a plan and the recordings of its axes; iteration gives the axes."""
 
     axes: tuple[AxisComparison, ...]
     clock: Clock
     findings: tuple[Finding, ...] = ()
-    """Of all recordings together."""
+    """Findings that concern all recordings."""
 
     @property
     def verdict(self) -> Verdict:
-        """Held, not held, or cannot tell."""
+        """Return "held", "not held" or "cannot tell"."""
         return worst_of(
             [*(finding.verdict for finding in self.findings), *(axis.verdict for axis in self.axes)]
         )
 
     @property
     def held(self) -> bool:
-        """The verdict is "held"."""
+        """Return whether the verdict is "held"."""
         return self.verdict == "held"
 
     def __iter__(self) -> Iterator[AxisComparison]:
@@ -132,8 +133,8 @@ class Comparison:
     def __getitem__(self, k: int) -> AxisComparison:
         return self.axes[k]
 
-    def to_dict(self) -> dict[str, Any]:
-        """What `compare --json` prints; SI."""
+    def to_dict(self) -> JsonObject:
+        """Return the object of `compare --json`; SI."""
         return {
             "held": self.held,
             "verdict": self.verdict,
@@ -155,32 +156,35 @@ def compare(
 ) -> Comparison:
     """Compare a planned motion with recordings of its axes, which share one clock.
 
-    lag: time by which a joint may be behind at its largest speed, s; a larger tracking error does not hold. Raises
-    RecordingError where a recording is not one of this motion.
+    certificate: margins of the plan; None: unknown. lag: delay that a joint may have at its largest
+    speed, s; a larger tracking error is not held. Raises RecordingError if a recording belongs to
+    another motion.
     """
     if not recordings:
         raise RecordingError("no recording to compare with")
-    plans = predicted(trajectory, robot, [each.joint for each in recordings])
+    plans = predict_axes(trajectory, robot, [recording.joint for recording in recordings])
     alignments = [
-        align(plan.time, plan.speed, each.time, each.w)
-        for plan, each in zip(plans, recordings, strict=True)
+        align(plan.time, plan.speed, recording.time, recording.w)
+        for plan, recording in zip(plans, recordings, strict=True)
     ]
     clock = clock_of(alignments, DRIFT)
     axes = [
-        place(*each[:2], clock, each[2]) for each in zip(plans, recordings, alignments, strict=True)
+        map_to_clock(*item[:2], clock, item[2])
+        for item in zip(plans, recordings, alignments, strict=True)
     ]
     for axis in axes:
-        _refuse_other_motion(axis)
+        _reject_other_motion(axis)
     return Comparison(
         tuple(_compare_axis(axis, certificate, lag) for axis in axes),
         clock,
-        tuple(of_the_clock(clock, axes)),
+        tuple(check_clock(clock, axes)),
     )
 
 
-def _refuse_other_motion(axis: AlignedAxis) -> None:
+def _reject_other_motion(axis: AlignedAxis) -> None:
+    """Raise RecordingError if a recording does not resemble the planned motion."""
     alignment, measured = axis.alignment, axis.measured
-    if alignment.correlation >= ALIKE or stalled(axis) is not None or agrees(axis):
+    if alignment.correlation >= ALIKE or find_stall(axis) is not None or follows_plan(axis):
         return
     hint = "is it another joint's or another motion's?"
     if alignment.reversed_correlation > max(ALIKE, alignment.correlation):
@@ -192,6 +196,7 @@ def _refuse_other_motion(axis: AlignedAxis) -> None:
 
 
 def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float) -> AxisComparison:
+    """Compare one axis. Raises RecordingError if the recording does not cover the motion."""
     plan, measured, t = axis.plan, axis.measured, axis.t
     inside = (t >= 0) & (t <= plan.duration)
     covered = float(min(t[-1], plan.duration) - max(t[0], 0.0)) / plan.duration

@@ -1,4 +1,4 @@
-"""What speaks against "held": sampling, tracking, stalls, saturation, torque beside its band, and limits exceeded."""
+"""Find faults of an executed motion, from missing samples to exceeded limits."""
 
 from __future__ import annotations
 
@@ -13,55 +13,56 @@ from ssm_planner.comparison.clock import Alignment, Clock, correlation
 from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.noise import CERTAIN, longest, noise_of, smoothed, windows, worst_excess
 from ssm_planner.comparison.predicted import PLAN_RATE, Predicted
-from ssm_planner.formats.points import Flags
 from ssm_planner.problem.limits import (
     JointLimit,
     JointPosition,
     JointVelocity,
+    Limit,
     MotorSpeed,
     MotorTorque,
 )
-from ssm_planner.typing import Array
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification.certificate import Certificate
 
 STEP = 5e-3
-"""Time by which axes may be out of step, s."""
+"""Largest difference between the starts of the axes, s."""
 DRIFT = 1e-3
-"""Share by which the recordings' clock may be off; a crystal is off by less than a tenth of it."""
+"""Largest relative error of the recordings' clock; the error of a crystal is ten times smaller."""
 GAP = 20e-3
-"""Longest time without a sample about which nothing is asked, s."""
+"""Longest permitted time without a sample, s."""
 MISSING = 0.005
-"""Share of missing samples that is said."""
+"""Share of missing samples that is reported."""
 TOO_MANY = 0.2
-"""Share of missing samples beyond which nothing is known."""
+"""Share of missing samples that prevents a verdict."""
 COVERED = 0.99
 OUTSIDE = 0.05
-"""Share of the moving time in which torque may lie outside its band."""
+"""Largest share of the moving time with torque outside its band."""
 UNRESOLVED = 0.1
-"""Share of a limit beyond which noise leaves nothing to say of it."""
+"""Ratio of noise to limit that prevents a verdict."""
 STANDS = 0.02
-"""Share of the largest planned speed below which a motor stands, or by which a saturated one sags."""
+"""Share of the largest planned speed: a slower motor stands, a saturated motor loses as much."""
 SHORT = 20e-3
-"""s: shorter is no saturation."""
+"""Shortest saturation, s."""
 STALL = 0.1
-"""s: shorter is no stall."""
+"""Shortest stall, s."""
 ALIKE = 0.8
-"""Correlation of the speeds below which a recording is not taken for one of this motion."""
+"""Smallest correlation of the speeds of a recording of this motion."""
 NEAR = 15e-3
-"""s: torque may be any that is predicted within this time, as it jumps at starts and stops."""
+"""Time around a sample whose predictions count, because torque jumps at starts and stops, s."""
 
 Verdict = Literal["held", "not held", "cannot tell"]
 
 
 def worst_of(verdicts: Iterable[Verdict]) -> Verdict:
-    """Not held before cannot tell before held."""
+    """Return the worst verdict: "not held" before "cannot tell" before "held"."""
     order: tuple[Verdict, ...] = ("held", "cannot tell", "not held")
     return max(verdicts, key=order.index, default="held")
 
 
 @dataclass(frozen=True)
-class Finding:
-    """Something that speaks against "held", or that is only to be known."""
+class Finding(ShortRepr):
+    """A fault of the execution, or a remark if the verdict is "held"."""
 
     kind: str
     """tracking, out of step, stall, saturation, torque, gap, missing samples, coverage or clock."""
@@ -69,32 +70,32 @@ class Finding:
     text: str
     value: float
     allowed: float
-    """Of the same unit, noise included: a fault larger than this is found."""
+    """Smallest fault that is found, in the unit of `value`, including noise."""
 
 
 @dataclass(frozen=True)
 class Kept:
-    """One limit in reality beside the plan's margin."""
+    """One limit in reality, with the margin of the plan."""
 
     name: str
     limit: float
     planned_margin: float | None
     measured: float
-    """The worst value, a mean over `window`."""
+    """Worst value, a mean over `window`."""
     margin: float
     held: bool
-    """Not exceeded by more than the noise, which is less than a tenth of the limit."""
+    """Whether the excess is below the noise, and the noise below a tenth of the limit."""
     unit: str
     noise: float
-    """What the recording's noise may add to the measured value."""
+    """Possible contribution of noise to the measured value."""
     window: float
-    """s; 0: a single sample."""
+    """Duration of the mean, s; 0: a single sample."""
     verdict: Verdict
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class AlignedAxis:
-    """One recording and its plan on one clock: planned times and planned values of every sample, (n,) each."""
+    """One recording and its plan on the common clock; times and values of every sample, (n,)."""
 
     plan: Predicted
     measured: Measured
@@ -103,7 +104,7 @@ class AlignedAxis:
     t: Array
     """Planned time, s."""
     speed: Array
-    """Planned."""
+    """Planned speed, rad/s."""
     q: Array
     """Measured joint position, or the integral of the speed."""
     integrated: bool
@@ -112,13 +113,14 @@ class AlignedAxis:
 
     @property
     def name(self) -> str:
+        """Return the name of the joint."""
         return self.plan.joint.name
 
     @property
-    def moving(self) -> Flags:
-        """(n,): the plan moves the joint; all of it where it does not move it at all."""
+    def moving(self) -> Mask:
+        """Return (n,): whether the plan moves the joint; true throughout if it barely moves."""
         peak = self.plan.peak
-        moving: Flags = np.abs(self.speed) > STANDS * peak
+        moving: Mask = np.abs(self.speed) > STANDS * peak
         return (
             moving
             if moving.sum() > 8 * windows(self.step)[-1][0]
@@ -127,30 +129,37 @@ class AlignedAxis:
 
     @property
     def sigma(self) -> float:
-        """Noise of a single sample of the speed, rad/s."""
+        """Return the standard deviation of the noise of a single speed sample, rad/s."""
         return noise_of(
             (self.measured.w - self.speed)[self.moving], 1, self.measured.speed_resolution
         )
 
 
-def place(plan: Predicted, measured: Measured, clock: Clock, alignment: Alignment) -> AlignedAxis:
-    """A recording on the common clock. Without a position channel the speed is integrated from the planned position at the
-    start, and again after every gap."""
+def map_to_clock(
+    plan: Predicted, measured: Measured, clock: Clock, alignment: Alignment
+) -> AlignedAxis:
+    """Map a recording to the common clock.
+
+    Without a position channel, the position is the integral of the speed. The integration starts at
+    the planned position, and again after every gap.
+    """
     t = clock.planned(measured.time)
     step = float(np.median(np.diff(measured.time)))
     q = measured.q
     if q is None:
         q = np.empty(len(t))
-        begin = [0, *(np.flatnonzero(np.diff(t) > max(GAP, 3 * step)) + 1), len(t)]
-        for first, end in pairwise(begin):
-            w, part = measured.w[first:end], t[first:end]
-            way = (
-                np.concatenate([[0.0], np.cumsum(np.diff(part) * (w[1:] + w[:-1]) / 2)])
+        starts = [0, *(np.flatnonzero(np.diff(t) > max(GAP, 3 * step)) + 1), len(t)]
+        for start, end in pairwise(starts):
+            w, times = measured.w[start:end], t[start:end]
+            distance = (
+                np.concatenate([[0.0], np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2)])
                 / plan.ratio
             )
-            # anchored at the motion's start if the part holds it
-            anchor = int(np.clip(np.searchsorted(part, 0.0), 0, len(part) - 1))
-            q[first:end] = way - way[anchor] + np.interp(part[anchor], plan.time, plan.position)
+            # start the integration at the start of the motion if the part contains it
+            anchor = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
+            q[start:end] = (
+                distance - distance[anchor] + np.interp(times[anchor], plan.time, plan.position)
+            )
     speed = np.interp(t, plan.time, plan.speed, left=0.0, right=0.0)
     return AlignedAxis(
         plan,
@@ -166,19 +175,22 @@ def place(plan: Predicted, measured: Measured, clock: Clock, alignment: Alignmen
 
 
 def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
-    """Everything that is to be said of one axis but for its limits."""
-    stall = stalled(axis)
-    found = [
-        *sampling(axis),
-        *tracking(axis, lag),
-        *([stall] if stall is not None else saturated(axis)),
-        *torque(axis),
+    """Return all findings of one axis except its limits.
+
+    lag: permitted delay at the largest speed, s.
+    """
+    stall = find_stall(axis)
+    findings = [
+        *check_sampling(axis),
+        *check_tracking(axis, lag),
+        *([stall] if stall is not None else find_saturation(axis)),
+        *check_torque(axis),
     ]
-    return tuple(found)
+    return tuple(findings)
 
 
-def sampling(axis: AlignedAxis) -> Iterator[Finding]:
-    """Gaps, missing samples and what of the motion the recording does not hold."""
+def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
+    """Report gaps, missing samples and missing parts of the motion."""
     t, step, duration = axis.t, axis.step, axis.plan.duration
     covered = (min(float(t[-1]), duration) - max(float(t[0]), 0.0)) / duration
     if covered < COVERED:
@@ -190,8 +202,8 @@ def sampling(axis: AlignedAxis) -> Iterator[Finding]:
         return
     gap, allowed = float(steps.max()), max(GAP, 3 * step)
     if gap > allowed:
-        at = float(t[during[int(np.argmax(steps))]])
-        text = f"no samples for {gap:.3g} s, {at:.3g} s after the motion's start"
+        time = float(t[during[int(np.argmax(steps))]])
+        text = f"no samples for {gap:.3g} s, {time:.3g} s after the motion's start"
         yield Finding("gap", "cannot tell", text, gap, allowed)
     missing = float(np.sum(np.rint(steps / step) - 1))
     share = missing / (missing + len(steps))
@@ -206,8 +218,11 @@ def sampling(axis: AlignedAxis) -> Iterator[Finding]:
         )
 
 
-def tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
-    """Position beside the planned one, averaged over the shortest window."""
+def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
+    """Compare the position, averaged over the shortest window, with the plan.
+
+    lag: permitted delay, s.
+    """
     plan, joint = axis.plan, axis.plan.joint
     error = axis.q - np.interp(axis.t, plan.time, plan.position)
     n = windows(axis.step)[1][0]
@@ -217,7 +232,7 @@ def tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     limit = lag * joint.velocity
     k = int(np.argmax(np.abs(smoothed(error, n))))
     worst = float(np.abs(smoothed(error, n)[k]))
-    unit, scale = ("mm", 1e3) if joint.kind == "prismatic" else ("mrad", 1e3)
+    unit, scale = f"m{joint.unit}", 1e3
     allowed = limit + noise
     if worst > allowed:
         text = (
@@ -231,7 +246,7 @@ def tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
 
 
 def position_noise(axis: AlignedAxis) -> float:
-    """What noise may add to a measured position, rad or m: of its channel, or of the speed integrated over the motion."""
+    """Return the possible noise of a measured or integrated position, rad or m."""
     if not axis.integrated:
         error = axis.q - np.interp(axis.t, axis.plan.time, axis.plan.position)
         resolution = axis.measured.position_resolution
@@ -239,29 +254,35 @@ def position_noise(axis: AlignedAxis) -> float:
     return CERTAIN * axis.sigma * float(np.sqrt(axis.step * axis.plan.duration)) / axis.plan.ratio
 
 
-def agrees(axis: AlignedAxis) -> bool:
-    """The speed is the planned one on the common clock, even where it tells of none: the motor mostly stands."""
+def follows_plan(axis: AlignedAxis) -> bool:
+    """Return whether the speed equals the planned one, also if the motor rests for most of the time."""
     inside = (axis.t >= 0) & (axis.t <= axis.plan.duration)
     if axis.step * inside.sum() < 0.1 * axis.plan.duration:
         return False
-    apart = float(np.sqrt(np.mean((axis.measured.w - axis.speed) ** 2)))
-    return apart <= STANDS * axis.plan.peak + CERTAIN * axis.sigma
+    difference = float(np.sqrt(np.mean((axis.measured.w - axis.speed) ** 2)))
+    return difference <= STANDS * axis.plan.peak + CERTAIN * axis.sigma
 
 
-def stalled(axis: AlignedAxis) -> Finding | None:
-    """The motor stands though the plan moves it on; None where it does not, or where it moves otherwise than planned."""
+def find_stall(axis: AlignedAxis) -> Finding | None:
+    """Return the finding that the motor stands although the plan moves it, or None.
+
+    A motor whose remaining motion differs from the plan does not count as stalled.
+    """
     w, planned, peak, n = axis.measured.w, axis.speed, axis.plan.peak, windows(axis.step)[1][0]
     if peak == 0.0 or len(w) < n:
         return None
     level = max(STANDS * peak, CERTAIN * noise_of(w - planned, n, axis.measured.speed_resolution))
-    mean, meant, when = smoothed(np.abs(w), n), smoothed(np.abs(planned), n), smoothed(axis.t, n)
+    mean, planned_mean = smoothed(np.abs(w), n), smoothed(np.abs(planned), n)
+    when = smoothed(axis.t, n)
     still = smoothed(w, n)
-    stands = (np.abs(still) < level) & (meant > 5 * level) & (mean < meant / 5)
+    stands = (np.abs(still) < level) & (planned_mean > 5 * level) & (mean < planned_mean / 5)
     first, last, length = longest(stands, when)
     if length < STALL:
         return None
-    rest = (np.abs(w) >= level) & ((axis.t < when[first] - NEAR) | (axis.t > when[last] + NEAR))
-    if rest.sum() > n and correlation(planned[rest], w[rest]) < ALIKE:
+    remaining = (np.abs(w) >= level) & (
+        (axis.t < when[first] - NEAR) | (axis.t > when[last] + NEAR)
+    )
+    if remaining.sum() > n and correlation(planned[remaining], w[remaining]) < ALIKE:
         return None
     largest = float(np.abs(axis.measured.tau[first : last + n]).max())
     text = (
@@ -271,8 +292,8 @@ def stalled(axis: AlignedAxis) -> Finding | None:
     return Finding("stall", "not held", text, length, STALL)
 
 
-def saturated(axis: AlignedAxis) -> Iterator[Finding]:
-    """Torque stays at one largest value while the speed sags, or stays at the motor's own."""
+def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
+    """Report torque at one value while the speed drops, or at the largest torque of the motor."""
     tau, w, motor = axis.measured.tau, axis.measured.w, axis.plan.joint.motor
     size = np.abs(tau)
     band = 2 * max(
@@ -286,27 +307,27 @@ def saturated(axis: AlignedAxis) -> Iterator[Finding]:
             yield Finding("saturation", "not held", text, length, SHORT)
             return
     n = windows(axis.step)[1][0]
-    near = size >= top - 2 * band
-    first, last, length = longest(near, axis.t)
+    saturated_samples = size >= top - 2 * band
+    first, last, length = longest(saturated_samples, axis.t)
     if length < SHORT or last - first < n:
         return
-    lack = float(
+    deficit = float(
         np.mean((axis.speed[first:last] - w[first:last]) * np.sign(axis.speed[first:last]))
     )
     allowed = STANDS * axis.plan.peak + CERTAIN * noise_of(
         w - axis.speed, n, axis.measured.speed_resolution
     )
     needed = float(np.mean(np.abs(np.interp(axis.t[first:last], axis.plan.time, axis.plan.torque))))
-    if lack > allowed and needed > top:
+    if deficit > allowed and needed > top:
         text = (
             f"torque stays at {1e3 * top:.3g} mN·m for {length:.3g} s, from {float(axis.t[first]):.3g} s on, while the "
-            f"speed sags by {100 * lack / axis.plan.peak:.2g} % of the largest: the torque is cut off"
+            f"speed sags by {100 * deficit / axis.plan.peak:.2g} % of the largest: the torque is cut off"
         )
-        yield Finding("saturation", "not held", text, lack, allowed)
+        yield Finding("saturation", "not held", text, deficit, allowed)
 
 
-def torque(axis: AlignedAxis) -> Iterator[Finding]:
-    """Torque in motion beside the band that is predicted for it, averaged over the longest window."""
+def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
+    """Compare the torque in motion, averaged over the longest window, with its predicted band."""
     plan, n = axis.plan, windows(axis.step)[-1][0]
     tau = axis.measured.tau
     moving = (
@@ -318,8 +339,8 @@ def torque(axis: AlignedAxis) -> Iterator[Finding]:
         return
     reach = round((NEAR + n * axis.step / 2) * PLAN_RATE)
     low, high = (
-        np.interp(axis.t, plan.time, each)
-        for each in (_extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
+        np.interp(axis.t, plan.time, values)
+        for values in (_extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
     )
     mean, expected = smoothed(tau, n), smoothed(np.interp(axis.t, plan.time, plan.torque), n)
     noise = CERTAIN * noise_of(
@@ -327,10 +348,10 @@ def torque(axis: AlignedAxis) -> Iterator[Finding]:
         n,
         axis.measured.torque_resolution,
     )
-    whole = smoothed(moving.astype(float), n) > 1 - 0.5 / n
+    moving_windows = smoothed(moving.astype(float), n) > 1 - 0.5 / n
     low, high = smoothed(low, n), smoothed(high, n)
-    outside = whole & ((mean > high + noise) | (mean < low - noise))
-    share = float(outside.sum() / max(whole.sum(), 1))
+    outside = moving_windows & ((mean > high + noise) | (mean < low - noise))
+    share = float(outside.sum() / max(moving_windows.sum(), 1))
     if share > OUTSIDE:
         ratio = float(
             np.median(np.abs(mean[outside]) / np.maximum(np.abs(expected[outside]), 1e-12))
@@ -341,7 +362,7 @@ def torque(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def _extreme(values: Array, reach: int, sign: int) -> Array:
-    """The largest (sign +1) or smallest (−1) of the values (n,) within `reach` samples on both sides."""
+    """Return the largest (sign +1) or smallest (−1) of values (n,) within ± `reach` samples."""
     padded = np.pad(sign * values, reach, mode="edge")
     return np.asarray(
         sign * np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
@@ -349,57 +370,27 @@ def _extreme(values: Array, reach: int, sign: int) -> Array:
 
 
 def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
-    """Position, velocity, motor speed and motor torque against their limits."""
+    """Compare position, velocity, motor speed and motor torque with their limits."""
     plan, joint, measured = axis.plan, axis.plan.joint, axis.measured
-    stated = (
-        {c.name: c.margin for c in certificate.limits if c.joint == joint.name}
-        if certificate is not None
-        else {}
-    )
-    low, high = joint.position
-    q = axis.q
-    nearer, end = (
-        (float(q.max()), high) if high - q.max() <= q.min() - low else (float(q.min()), low)
-    )
-    half = (high - low) / 2
-    margin, noise = min(high - float(q.max()), float(q.min()) - low) / half, position_noise(axis)
-    unit = joint.unit
-    verdict: Verdict = (
-        "not held"
-        if margin * half < -noise
-        else "held"
-        if noise <= UNRESOLVED * half
-        else "cannot tell"
-    )
-    found = [
-        Kept(
-            JointPosition.name,
-            end,
-            planned_margin=stated.get(JointPosition.name),
-            measured=nearer,
-            margin=margin,
-            held=verdict == "held",
-            unit=unit,
-            noise=noise,
-            window=0.0,
-            verdict=verdict,
-        )
-    ]
-    apart, resolution = measured.w - axis.speed, measured.speed_resolution
+    planned_margins = {}
+    if certificate is not None:
+        planned_margins = {c.name: c.margin for c in certificate.limits if c.joint == joint.name}
 
-    def kept(limit: JointLimit, values: Array, departure: Array, resolution: float) -> Kept:
-        largest = limit.largest
-        worst, noise, window = worst_excess(
-            values, departure[axis.moving], largest, axis.step, resolution
-        )
-        verdict: Verdict = "held" if noise <= UNRESOLVED * largest else "cannot tell"
-        verdict = "not held" if worst > largest + noise else verdict
+    def kept(
+        limit: Limit, bound: float, worst: float, margin: float, noise: float, window: float
+    ) -> Kept:
+        """Judge the worst measured value. The noise is that of this value."""
+        verdict: Verdict = "cannot tell"
+        if margin * limit.half_width < -noise:
+            verdict = "not held"
+        elif noise <= UNRESOLVED * limit.half_width:
+            verdict = "held"
         return Kept(
             limit.name,
-            largest,
-            planned_margin=stated.get(limit.name),
+            bound,
+            planned_margin=planned_margins.get(limit.name),
             measured=worst,
-            margin=1 - worst / largest,
+            margin=margin,
             held=verdict == "held",
             unit=limit.unit,
             noise=noise,
@@ -407,26 +398,35 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
             verdict=verdict,
         )
 
-    ratio = plan.ratio
-    found.append(
-        kept(joint.limit(JointVelocity), measured.w / ratio, apart / ratio, resolution / ratio)
-    )
-    if joint.motor is not None:
-        expected = np.interp(axis.t, plan.time, plan.torque)
-        found.append(kept(joint.limit(MotorSpeed), measured.w, apart, resolution))
-        found.append(
-            kept(
-                joint.limit(MotorTorque),
-                measured.tau,
-                measured.tau - expected,
-                measured.torque_resolution,
-            )
+    def compare_limit(
+        kind: type[JointLimit], values: Array, departure: Array, resolution: float
+    ) -> Kept:
+        limit = joint.limit(kind)
+        worst, noise, window = worst_excess(
+            values, departure[axis.moving], limit.largest, axis.step, resolution
         )
-    return tuple(found)
+        margin = 1 - worst / limit.largest
+        return kept(limit, limit.largest, worst, margin, noise=noise, window=window)
+
+    position, highest, lowest = joint.limit(JointPosition), float(axis.q.max()), float(axis.q.min())
+    above, below = position.high - highest, lowest - position.low
+    end, extreme = (position.high, highest) if above <= below else (position.low, lowest)
+    margin = min(above, below) / position.half_width
+    limits = [kept(position, end, extreme, margin, noise=position_noise(axis), window=0.0)]
+    ratio, speed_error = plan.ratio, measured.w - axis.speed
+    resolution = measured.speed_resolution
+    velocity = measured.w / ratio, speed_error / ratio, resolution / ratio
+    limits.append(compare_limit(JointVelocity, *velocity))
+    if joint.motor is not None:
+        torque_error = measured.tau - np.interp(axis.t, plan.time, plan.torque)
+        torque = measured.tau, torque_error, measured.torque_resolution
+        limits.append(compare_limit(MotorSpeed, measured.w, speed_error, resolution))
+        limits.append(compare_limit(MotorTorque, *torque))
+    return tuple(limits)
 
 
-def of_the_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
-    """Axes out of step with the others, and a clock that is certainly off."""
+def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
+    """Report axes that start at different times, and a clock with a wrong rate."""
     if clock.rate != 1.0:
         text = (
             f"the recordings' clock is off by {100 * (1 / clock.estimated_rate - 1):+.3g} %: their times, and what follows "
@@ -437,7 +437,7 @@ def of_the_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
         )
     if len(axes) < 2:
         return
-    late = {
+    delays = {
         axis.name: axis.alignment.delay - clock.delay
         for axis in axes
         if axis.alignment.correlation >= ALIKE
@@ -445,13 +445,14 @@ def of_the_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
     errors = [
         axis.alignment.delay_error for axis in axes if np.isfinite(axis.alignment.delay_error)
     ]
-    apart, allowed = (
-        float(np.ptp(list(late.values()))) if late else 0.0,
+    spread, allowed = (
+        float(np.ptp(list(delays.values()))) if delays else 0.0,
         STEP + CERTAIN * max(errors, default=0.0),
     )
-    if apart > allowed:
+    if spread > allowed:
         words = ", ".join(
-            f"{name} {1e3 * (each - min(late.values())):.3g} ms" for name, each in late.items()
+            f"{name} {1e3 * (delay - min(delays.values())):.3g} ms"
+            for name, delay in delays.items()
         )
         text = f"the joints are out of step, behind the first by: {words} (or their recordings do not share a clock)"
-        yield Finding("out of step", "not held", text, apart, allowed)
+        yield Finding("out of step", "not held", text, spread, allowed)

@@ -1,10 +1,9 @@
-"""Recordings of the axes of an executed motion, read in SI units and the joints' positive directions."""
+"""Read recordings of an executed motion in SI units and the joints' positive directions."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,21 +13,21 @@ from ssm_planner.formats.epos4_setup import QUADRATURE
 from ssm_planner.identification.recorder_csv import parse_table
 from ssm_planner.identification.recordings import read_recording
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 from ssm_planner.units import TIMES
 
 POSITION = ("position actual value", "position demand value", "position")
 INCREMENTS = ("inc", "qc", "counts", "increments", "")
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Measured:
-    """One motor over time, SI, in the joint's positive direction; arrays (samples,)."""
+    """Recording of one motor, SI, in the joint's positive direction; arrays (samples,)."""
 
     joint: str
     name: str
     time: Array
-    """As the file has it, s: the recordings of all axes are taken to share one clock."""
+    """Time in the file, s; all recordings share one clock."""
     w: Array
     tau: Array
     q: Array | None = None
@@ -42,8 +41,12 @@ class Measured:
 def read_measured(
     path: Path, robot: Robot, joint: str, counts_per_turn: int | None = None
 ) -> Measured:
-    """One recording in SI units and the joint's positive direction. Raises RecordingError."""
-    axis = next(each for each in robot.joints if each.name == joint)
+    """Read one recording in SI units and the joint's positive direction.
+
+    counts_per_turn: increments per motor turn of a position channel; None: from the motor file.
+    Raises RecordingError.
+    """
+    axis = next(axis for axis in robot.joints if axis.name == joint)
     if axis.drive is None:
         raise RecordingError(
             f"{path}: joint {joint} has no drive in the robot file, so nothing is known of its motor"
@@ -70,7 +73,10 @@ def read_measured(
 def _recorded_position(
     path: Path, joint: Joint, time: Array, counts_per_turn: int | None
 ) -> tuple[Array | None, float]:
-    """(joint position at the recording's times, one increment) from a channel in increments, if there is one."""
+    """Return the joint position (samples,) at `time` and the size of one increment, rad or m.
+
+    Returns (None, 0.0) if no channel contains the position. Raises RecordingError.
+    """
     table = parse_table(path.read_text(encoding="utf-8", errors="replace").lstrip("\ufeff"), path)
     names = [name.strip().lower() for name in table.names]
     column = next((names.index(name) for name in POSITION if name in names), None)
@@ -93,33 +99,35 @@ def _recorded_position(
     raw = table.values[:, clock] * TIMES.get(table.units[clock].strip().lower(), 1.0)
     increment = 2 * np.pi / counts / joint.drive.ratio
     position = table.values[:, column] * joint.motor_direction * increment
-    known = np.isfinite(raw) & np.isfinite(position)
-    return np.interp(time, raw[known], position[known]), increment
+    finite = np.isfinite(raw) & np.isfinite(position)
+    return np.interp(time, raw[finite], position[finite]), increment
 
 
 def assign(words: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
-    """(joint, file) of every `JOINT=FILE`, or of files whose names hold a joint's name or its number.
+    """Return (joint, file) for every `JOINT=FILE`, or for files whose names contain a joint's name
+    or number.
 
     Raises RecordingError.
     """
     names = [joint.name for joint in robot.joints]
-    found: list[tuple[str, Path]] = []
+    assignments: list[tuple[str, Path]] = []
     for word in words:
-        joint, given, file = word.partition("=")
-        if not given:
+        joint, separator, file = word.partition("=")
+        if not separator:
             joint, file = _joint_in(Path(word).stem.lower(), names), word
         if joint not in names:
             raise RecordingError(
                 f"{word}: of which joint? write JOINT=FILE with one of {', '.join(names)}"
             )
-        if joint in (other for other, _ in found):
+        if joint in (other for other, _ in assignments):
             raise RecordingError(f"{word}: a second recording of joint {joint}")
-        found.append((joint, Path(file)))
-    return found
+        assignments.append((joint, Path(file)))
+    return assignments
 
 
 def _joint_in(stem: str, names: list[str]) -> str:
-    chosen = [name for name in names if name in stem]
+    """Return the joint that a file name contains, or an empty text if none or several match."""
+    matches = [name for name in names if name in stem]
     numbers = re.findall(r"(?:axis|joint|motor|j)[ _-]?([1-4])(?!\d)", stem)
-    chosen += [names[int(number) - 1] for number in numbers]
-    return chosen[0] if len(set(chosen)) == 1 else ""
+    matches += [names[int(number) - 1] for number in numbers]
+    return matches[0] if len(set(matches)) == 1 else ""

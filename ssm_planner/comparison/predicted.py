@@ -1,9 +1,8 @@
-"""What a plan predicts of one axis: position, motor speed, and motor torque with the band it should stay within."""
+"""Predict one axis from a plan: position, motor speed, motor torque and the band of the torque."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,23 +16,25 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 PLAN_RATE = 2000.0
 SPREAD = 0.25
-"""Share by which torque is assumed to depart from the predicted where the drive file gives no posterior."""
+"""Assumed relative deviation of the torque if the drive file contains no posterior."""
 TAIL = 1.96
-"""Standard deviations of the scatter between recordings that the band holds."""
+"""Standard deviations of the scatter between recordings that the band contains."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Predicted:
-    """One axis at PLAN_RATE, (n,) each; SI, motor side but for the position."""
+    """Prediction of one axis at PLAN_RATE, arrays (n,); SI, on the motor side except for the
+    position.
+    """
 
     joint: Joint
     ratio: float
     time: Array
-    """From 0."""
+    """Time from the start of the motion, s."""
     position: Array
     speed: Array
     torque: Array
@@ -41,27 +42,27 @@ class Predicted:
     """Lower end of the torque's band."""
     high: Array
     known: bool
-    """The band is the posterior of the drive file; else SPREAD is assumed."""
+    """The band comes from the posterior of the drive file; otherwise it is ±SPREAD."""
 
     @property
     def peak(self) -> float:
-        """Largest speed, rad/s."""
+        """Return the largest speed, rad/s."""
         return float(np.abs(self.speed).max())
 
     @property
     def duration(self) -> float:
-        """s."""
+        """Return the duration of the motion, s."""
         return float(self.time[-1])
 
 
-def predicted(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) -> list[Predicted]:
-    """What is expected of each of the named joints. Raises RecordingError for one without a drive."""
+def predict_axes(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) -> list[Predicted]:
+    """Predict each of the named joints. Raises RecordingError for a joint without a drive."""
     samples = trajectory.uniform(PLAN_RATE)
-    way, away = directions(robot, samples, 1)
+    direction, breakaway = directions(robot, samples, 1)
     body = RigidBody.from_robot(robot)
-    motor = motor_motion(robot, body, samples, way, away)
+    motor = motor_motion(robot, body, samples, direction, breakaway)
     rigid = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
-    found = []
+    predictions = []
     for name in joints:
         i = [joint.name for joint in robot.joints].index(name)
         joint = robot.joints[i]
@@ -73,15 +74,15 @@ def predicted(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) -> li
             rigid[:, i],
             samples.qd[:, i],
             samples.qdd[:, i],
-            way[:, i],
-            breakaway=away[:, i],
+            direction[:, i],
+            breakaway=breakaway[:, i],
         )
         low, high = (
             (torque - SPREAD * np.abs(torque), torque + SPREAD * np.abs(torque))
             if band is None
             else band
         )
-        found.append(
+        predictions.append(
             Predicted(
                 joint,
                 joint.drive.ratio,
@@ -94,13 +95,17 @@ def predicted(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) -> li
                 known=band is not None,
             )
         )
-    return found
+    return predictions
 
 
 def _band(
     drive: Drive, rigid: Array, qd: Array, qdd: Array, way: Array, *, breakaway: Array
 ) -> tuple[Array, Array] | None:
-    """(low, high) motor torque (n,) at 95 % by the sets of the posterior; None where the drive has none."""
+    """Return the (low, high) motor torque (n,) at 95 % over the sets of the posterior, N·m.
+
+    rigid, qd, qdd, way, breakaway (n,): load, velocity, acceleration, direction and breakaway of
+    the joint. Returns None if the drive file contains no posterior.
+    """
     friction = friction_of(drive)
     if friction.posterior is None:
         return None

@@ -1,4 +1,7 @@
-"""Friction laws of the sliding mesh: the coefficient μ as a function of motor speed, dwell time and history."""
+"""Friction laws of the sliding mesh.
+
+The coefficient μ depends on the motor speed, the dwell time at rest, and the recent motion.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,11 @@ from ssm_planner.problem.posterior import LAWS
 from ssm_planner.typing import Array, Expression
 
 STANDSTILL = 0.005
-"""Motor speed at and below which a measured drive counts as standing still, rad/s (as in the authors' package)."""
+"""Motor speed up to which a measured drive counts as standing still, rad/s (authors' package)."""
 
 
 def friction_of(drive: Drive) -> Friction:
-    """The friction of a drive; ProblemError where it is still to be identified."""
+    """Return the friction of a drive. Raises ProblemError if it has not been identified yet."""
     if drive.friction is None:
         raise ProblemError(
             "its friction is still to be identified", file=drive.file, key="friction"
@@ -27,12 +30,18 @@ def friction_of(drive: Drive) -> Friction:
 
 
 def stribeck_shape(law: str | Array, x: Expression) -> Expression:
-    """s(x) of μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed): 0 for coulomb, exp(−2x), or exp(−x²).
+    """Return s(x) in μ(w) = mu + mu_stribeck · s(x) with x = |w| / stribeck_speed.
 
-    law: its name, or for many sets at once an array of numbers in LAWS that broadcasts against x.
+    s is 0 for `coulomb`, exp(−2x) for `stribeck_exponential`, as in the authors' package, and
+    exp(−x²) for `stribeck_gaussian`.
 
-    `stribeck_exponential` is exp(−2x), the form in which the authors' package states its Stribeck speeds.
-    x ≥ 0 is an array or a CasADi expression.
+    Parameters
+    ----------
+    law : str or array of int
+        Name of the law. An array of indices in LAWS evaluates many laws at once. It broadcasts
+        against x.
+    x : array or CasADi expression
+        Values ≥ 0.
     """
     if isinstance(law, np.ndarray):
         return sum(np.where(law == k, stribeck_shape(name, x), 0.0) for k, name in enumerate(LAWS))
@@ -46,9 +55,10 @@ def stribeck_shape(law: str | Array, x: Expression) -> Expression:
 
 
 def friction_coefficient(friction: Friction, w: Expression) -> Expression:
-    """Kinetic coefficient of the mesh μ(|w|) at motor speed w (rad/s); array or CasADi expression in, the same out.
+    """Return the kinetic friction coefficient μ(|w|) of the mesh.
 
-    At w = 0 it is the limit from motion, mu + mu_stribeck; where a drive starts, `breakaway_coefficient` applies.
+    w: motor speed in rad/s, an array or a CasADi expression. At w = 0 the result is the limit for
+    a moving drive, mu + mu_stribeck. `breakaway_coefficient` applies where a drive starts.
     """
     if friction.stribeck_speed is None:
         return friction.mu + 0.0 * w
@@ -57,17 +67,20 @@ def friction_coefficient(friction: Friction, w: Expression) -> Expression:
 
 
 def breakaway_coefficient(friction: Friction, w: Expression = 0.0) -> Expression:
-    """Coefficient where a drive starts to move, shape of w: the larger of the kinetic one at w (rad/s) and mu_static."""
+    """Return the friction coefficient at which a drive starts to move, with the shape of w.
+
+    It is the larger of mu_static and the kinetic coefficient at w (rad/s).
+    """
     return namespace_of(w).maximum(friction_coefficient(friction, w), friction.mu_static)
 
 
 def static_coefficient(
     friction: Friction, dwell: Expression, arrival: Expression | None = None
 ) -> Expression:
-    """Coefficient at breakaway after a rest of `dwell` seconds, shape of `dwell`; arrays or CasADi expressions.
+    """Return the friction coefficient at breakaway after a rest of `dwell` seconds.
 
-    Rises from its value on arrival at rest (default mu) to mu_static as exp(−c / t_dwell); with no dwell constant c the
-    rise is immediate.
+    It rises from its value on arrival (default mu) to mu_static as exp(−c / dwell). With no dwell
+    constant c it rises at once. The arguments are arrays or CasADi expressions.
     """
     start = friction.mu if arrival is None else arrival
     xp = namespace_of(dwell, start)
@@ -77,7 +90,10 @@ def static_coefficient(
 
 
 def remembered_speed(friction: Friction, time: ArrayLike, w: ArrayLike) -> Array:
-    """The speed that friction feels: w delayed by the frictional memory, shape (samples,); time increasing, s."""
+    """Return the speed (samples,) that determines the friction: w delayed by the frictional memory.
+
+    time: increasing times in s, (samples,). w: motor speed, (samples,).
+    """
     time, w = np.asarray(time, dtype=float), np.asarray(w, dtype=float)
     if friction.memory == 0.0:
         return w

@@ -1,9 +1,8 @@
-"""What the motors do while the joints move: direction, torque and effort of every drive by the exact friction law."""
+"""Direction, torque and effort of every drive during a joint motion, by the exact friction law."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -16,22 +15,32 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Samples
-from ssm_planner.typing import Array, Expression
+from ssm_planner.typing import Array, Expression, record
 
 STILL = 1e-9
-"""A joint slower than this share of its velocity limit stands."""
+"""A joint stands still below this fraction of its velocity limit."""
 
 
 def motorised(joints: Sequence[Joint]) -> Iterator[tuple[int, Drive, Motor]]:
-    """Index, drive and motor of every joint that has both."""
+    """Return the index, drive and motor of every joint that has both."""
     for i, joint in enumerate(joints):
         if joint.drive is not None and joint.motor is not None:
             yield i, joint.drive, joint.motor
 
 
-@dataclass(frozen=True, eq=False)
+def motorless(joints: Sequence[Joint]) -> list[int]:
+    """Return the indices of the joints that lack a drive or a motor."""
+    complete = {i for i, *_ in motorised(joints)}
+    return [i for i in range(len(joints)) if i not in complete]
+
+
+@record
 class MotorMotion:
-    """Motor angle, speed, acceleration, torque and mesh effort of the joints, (n, 4) each; NaN without a drive."""
+    """Motion of the motor shafts, one column for each joint, (n, 4).
+
+    Angle, speed and acceleration of the motor in rad and s, motor torque in N·m, and mesh effort in
+    N·m or N. Columns of joints without a drive are NaN.
+    """
 
     angle: Array
     speed: Array
@@ -43,10 +52,18 @@ class MotorMotion:
 def motor_motion(
     robot: Robot, body: RigidBody, samples: Samples, direction: Array, breakaway: Array
 ) -> MotorMotion:
-    """Motor side of a motion at n samples.
+    """Return the motion of the motors for n samples of a joint motion.
 
-    direction (n, 4): +1, −1 or 0 (the joint stands and its drive holds) for every joint, as `directions` gives it.
-    breakaway (n, 4), bool: the joint starts to move there, so friction is that of breakaway.
+    Parameters
+    ----------
+    robot : Robot
+    body : RigidBody
+    samples : Samples
+    direction : (n, 4)
+        Direction of each joint, +1 or −1, or 0 for a joint that stands while its drive holds it.
+        See `directions`.
+    breakaway : (n, 4) bool
+        Whether the joint starts to move, so that the static friction coefficient applies.
     """
     tau = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
     ratio = np.array(
@@ -65,9 +82,10 @@ def motor_motion(
 def motor_law(
     robot: Robot, q: ca.SX, qd: ca.SX, qdd: ca.SX, direction: ca.SX, breakaway: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """(tau (4,), tau_motor (4,), effort (4,)): joint efforts, motor torques and mesh efforts; 0 without a drive.
+    """Return joint efforts, motor torques and mesh efforts, each (4,), in CasADi.
 
-    direction (4,): +1, −1, or 0 where the joint stands and its drive holds; breakaway (4,): 1 where it starts to move.
+    Torques and efforts of joints without a drive are 0. direction (4,): +1, −1, or 0 for a joint
+    that stands while its drive holds it. breakaway (4,): 1 for a joint that starts to move.
     """
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
     torque, effort = ca.SX.zeros(4), ca.SX.zeros(4)
@@ -89,7 +107,18 @@ def drive_torque(
     *,
     breakaway: Expression,
 ) -> tuple[Expression, Expression]:
-    """(motor torque, mesh effort) of one drive; direction +1, −1 or 0 (it holds); breakaway: it starts to move."""
+    """Return the motor torque and the mesh effort of one drive.
+
+    Parameters
+    ----------
+    drive : Drive
+    tau_rigid, qd, qdd : array or expression
+        Rigid-body effort, velocity and acceleration of the joint in SI units.
+    direction : array or expression
+        +1, −1, or 0 for a drive that holds.
+    breakaway : array or expression
+        Whether the drive starts to move.
+    """
     friction, w, wd = friction_of(drive), drive.ratio * qd, drive.ratio * qdd
     where = namespace_of(breakaway, qd).where
     mu = where(breakaway, breakaway_coefficient(friction, w), friction_coefficient(friction, w))
@@ -98,7 +127,10 @@ def drive_torque(
 
 
 def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]:
-    """Direction of motion (n, 4) of every joint and where it breaks away from rest (n, 4), by `joint_direction`."""
+    """Return the direction of motion of every joint and whether it breaks away, each (n, 4).
+
+    See `joint_direction`.
+    """
     columns = [
         joint_direction(joint, samples.qd[:, i], samples.qdd[:, i], samples.qddd[:, i], side)
         for i, joint in enumerate(robot.joints)
@@ -110,7 +142,7 @@ def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]
 def directions_law(
     robot: Robot, qd: ca.SX, qdd: ca.SX, qddd: ca.SX, side: int
 ) -> tuple[ca.SX, ca.SX]:
-    """(direction, breakaway), (4,) each, by `joint_direction`."""
+    """Return direction and breakaway, each (4,), as CasADi expressions. See `joint_direction`."""
     columns = [
         joint_direction(joint, qd[i], qdd[i], qddd[i], side) for i, joint in enumerate(robot.joints)
     ]
@@ -121,15 +153,17 @@ def directions_law(
 def joint_direction(
     joint: Joint, qd: Expression, qdd: Expression, qddd: Expression, side: int
 ) -> tuple[Expression, Expression]:
-    """(+1, −1 or 0; whether it breaks away) of a joint.
+    """Return the direction of a joint, +1, −1 or 0, and whether it breaks away from rest.
 
-    A standing joint takes the direction in which its derivatives carry it: side = +1 looks just after each instant
-    (a start: static friction), side = −1 just before it (an arrival). A joint without any motion has direction 0.
+    At rest the direction is the one in which the derivatives carry the joint. side = +1 evaluates
+    the instant after (a start with static friction), side = −1 the instant before (an arrival). A
+    joint without any motion has direction 0.
     """
     xp = namespace_of(qd, qdd, qddd)
     limit, bend = joint.velocity, joint.acceleration
     standing = abs(qd) <= STILL * limit
-    # just beside an instant at rest, velocity has the sign of ±acceleration, or of the jerk where that is zero too
+    # just beside an instant at rest, velocity has the sign of ±acceleration, or of the jerk where
+    # that is zero too
     jerking = xp.where(abs(qddd) > STILL * bend**2 / limit, xp.sign(qddd), 0.0)
     leaning = xp.where(abs(qdd) > STILL * bend, side * xp.sign(qdd), jerking)
     direction = xp.where(standing, leaning, xp.sign(qd))

@@ -1,13 +1,14 @@
-"""Rigid-body dynamics of the four bodies: τ = M(q) q̈ + C(q, q̇) q̇ + g(q), symbolic and numeric.
+"""Rigid-body dynamics of the four bodies: τ = M(q) q̈ + C(q, q̇) q̇ + g(q).
 
-One recursion (Newton–Euler about the RCM) written in CasADi; every number in the program comes from it.
+One Newton–Euler recursion about the remote centre of motion (RCM), written in CasADi, gives all
+symbolic and numeric results.
 """
 
 from __future__ import annotations
 
 import pickle
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from operator import is_
 from typing import Any
@@ -19,18 +20,19 @@ from ssm_planner.codegen.vectorised import Layout, call
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.rotations import constant, rotation, rotation_symbolic
 from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 
 def inverse_dynamics_symbolic(
     geometry: Geometry, bodies: tuple[Body, ...], gravity: Array, q: ca.SX, qd: ca.SX, qdd: ca.SX
 ) -> ca.SX:
-    """Joint efforts that produce qdd at (q, qd); (4,) each, rad, m, N·m, N.
+    """Return the joint efforts (4,) in N·m and N that produce qdd at (q, qd), rad and m.
 
-    All three revolute axes pass through the origin, so body 1 to 3 never translate; body 4 slides along ω3.
-    Newton–Euler with moments about the RCM (Murray, Li, Sastry, ch. 4), each body in the frame that moves with it and is the
-    base frame at q = 0: there axes, centres of mass and inertias are constants. Gravity enters as an acceleration −g of
-    the base.
+    The recursion is Newton–Euler with moments about the RCM (Murray, Li, Sastry, ch. 4). All three
+    revolute axes pass through the origin, so bodies 1 to 3 only rotate. Body 4 slides along ω3.
+    Each body has a frame that moves with it and equals the base frame at q = 0. In this frame,
+    axes, centres of mass and inertias are constant. Gravity enters as an acceleration −g of the
+    base.
     """
     numbers = geometry.omega1, geometry.omega2, geometry.omega3
     axes = [constant(axis) for axis in numbers]
@@ -54,18 +56,29 @@ def _newton_euler(
     base: Any,
     motion: tuple[ca.SX, ca.SX, ca.SX],
 ) -> ca.SX:
-    """The recursion, over constants or symbols in the base frame at q = 0.
+    """Evaluate the recursion for constants or symbols in the base frame at q = 0.
 
-    axes: of the revolute joints, (3,) each; rotations: e^{ω̂θ} about them, (3, 3); bodies: mass, centre of mass (3,) and
-    inertia about it (3, 3) of each, or for a body that only turns None, first moment and inertia about the RCM; base: its
-    acceleration, −g.
+    Parameters
+    ----------
+    axes : three of (3,)
+        Revolute axes.
+    rotations : three of (3, 3)
+        Rotations e^{ω̂θ} about them.
+    bodies : four of (mass, com, inertia)
+        Mass, centre of mass (3,) and inertia about it (3, 3). A body that only rotates may have
+        None, its first moment and its inertia about the RCM instead.
+    base : (3,)
+        Acceleration of the base, −g.
+    motion : three of (4,)
+        q, qd and qdd.
     """
     q, qd, qdd = motion
     omega, omega_dot, base_acceleration = ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(base)
     moments, turns = [], []
     for i, (mass, com, inertia) in enumerate(bodies):
         if i < 3:
-            # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with the bodies before it
+            # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with
+            # the bodies before it
             back = rotations[i].T
             omega, omega_dot, base_acceleration = (
                 back @ omega,
@@ -82,20 +95,20 @@ def _newton_euler(
                     + ca.cross(com, base_acceleration)
                 )
                 continue
-            place, sliding = ca.SX(com), ca.SX.zeros(3)
+            position, sliding = ca.SX(com), ca.SX.zeros(3)
         else:
-            place, sliding = (
+            position, sliding = (
                 com + axes[2] * q[3],
                 axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3],
             )
         force = mass * (
             base_acceleration
             + sliding
-            + ca.cross(omega_dot, place)
-            + ca.cross(omega, ca.cross(omega, place))
+            + ca.cross(omega_dot, position)
+            + ca.cross(omega, ca.cross(omega, position))
         )
         moments.append(
-            inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(place, force)
+            inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(position, force)
         )
     tau = [ca.dot(axes[2], force)]
     total = moments[2] + moments[3]  # body 4 turns with body 3
@@ -107,15 +120,28 @@ def _newton_euler(
 
 
 LOAD = Layout(first_turn=2, second_turn=2, gravity=3, first_moments=9, inertias=18, mass=1, com=3)
-"""What the efforts of a robot depend on, in frames that follow its axes (`axes_frames`): cosine and sine of the angles
-between neighbouring axes; gravity in the base's; first moments and inertias (xx, xy, xz, yy, yz, zz) about the RCM of the
-three bodies that turn, the third with the inertia of the fourth; mass and centre of mass of the fourth."""
+"""Numbers that determine the efforts of a robot, in the frames of `axes_frames`.
+
+The cosine and sine of the angles between adjacent axes; gravity in the base frame; first moments
+and inertias (xx, xy, xz, yy, yz, zz) about the RCM of the three rotating bodies, where the third
+inertia includes the fourth; mass and centre of mass of the fourth body.
+"""
 
 
 def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
-    """Frames whose z axes are the joints' and in whose x–z planes the next joint's axis lies: at q = 0 in the base frame
-    (4, 3, 3), of the base and three bodies; angles between neighbouring axes; and the angle of joint 2 that brings the third
-    axis into that plane, which is to be added to θ2."""
+    """Return frames that are aligned with the joint axes.
+
+    The z axis of each frame is a joint axis, and its x–z plane contains the next axis.
+
+    Returns
+    -------
+    frames : (4, 3, 3)
+        Frames of the base and three bodies at q = 0 in the base frame.
+    angles : list of float
+        Angles between adjacent axes.
+    offset : float
+        Angle that must be added to θ2, because joint 2 brings the third axis into the x–z plane.
+    """
     first, second, third = (np.asarray(omega) / np.linalg.norm(omega) for omega in omegas)
     angles = [
         float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
@@ -133,7 +159,7 @@ def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
 
 
 def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:
-    """The figures LOAD of a robot, (38,); gravity (3,)."""
+    """Return the numbers of LOAD for a robot, (38,). gravity: (3,), m/s²."""
     frames, angles, _ = axes_frames((geometry.omega1, geometry.omega2, geometry.omega3))
     coms = [body.frame @ body.com for body in bodies]
     inertias = [body.frame @ body.inertia @ body.frame.T for body in bodies]
@@ -153,7 +179,10 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
 
 
 def efforts_by_figures(figures: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-    """`inverse_dynamics_symbolic` by the figures LOAD as symbols; θ2 with the offset of `axes_frames`."""
+    """Evaluate `inverse_dynamics_symbolic` with the numbers of LOAD as symbols.
+
+    θ2 must include the offset of `axes_frames`.
+    """
     f, axis = LOAD.unpack(figures), constant(np.array([0.0, 0.0, 1.0]))
     turn = [rotation_symbolic(np.array([0.0, 0.0, 1.0]), q[i]) for i in range(3)]
     between = [_about_y(f.first_turn), _about_y(f.second_turn)]
@@ -168,7 +197,7 @@ def efforts_by_figures(figures: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX
 
 
 def _about_y(turn: ca.SX) -> ca.SX:
-    """Rotation about y by the angle of this cosine and sine."""
+    """Return the rotation about y for the cosine and sine of its angle."""
     matrix = ca.SX(3, 3)
     matrix[0, 0], matrix[0, 2], matrix[1, 1], matrix[2, 0], matrix[2, 2] = (
         turn[0],
@@ -181,17 +210,27 @@ def _about_y(turn: ca.SX) -> ca.SX:
 
 
 def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Array) -> Array:
-    """Efforts (n, k, 4), N·m and N, that hold n robots still, each at k configurations q (n, k, 4).
+    """Return the efforts (n, k, 4) that hold n robots still, each in k configurations.
 
-    axes (n, 3, 3): unit vectors of the revolute joints, row by row; masses (n, 4), kg; coms (n, 4, 3), m; axes and centres of
-    mass in the base frame at q = 0. gravity (3,), m/s².
+    Parameters
+    ----------
+    axes : (n, 3, 3)
+        Unit vectors of the revolute joints in rows, in the base frame at q = 0.
+    masses : (n, 4)
+        Masses of the bodies, kg.
+    coms : (n, 4, 3)
+        Centres of mass in the base frame at q = 0, m.
+    gravity : (3,)
+        m/s².
+    q : (n, k, 4)
+        Joints in rad and m.
     """
     points = q.shape[1]
     of_robot = np.concatenate([axes.reshape(-1, 9), masses, coms.reshape(-1, 12)], axis=1)
-    found = call(
+    loads = call(
         _static_load(tuple(gravity)), q.reshape(-1, 4), np.repeat(of_robot, points, axis=0)
     )[0]
-    return found.reshape(-1, points, 4)
+    return loads.reshape(-1, points, 4)
 
 
 @lru_cache(maxsize=4)
@@ -210,12 +249,15 @@ def _static_load(gravity: tuple[float, ...]) -> ca.Function:
 
 
 def inertia_about_com(body: Body) -> Array:
-    """Inertia tensor about the centre of mass in the body frame, kg·m², (3, 3) (parallel-axis theorem)."""
+    """Return the inertia tensor about the centre of mass in the body frame, (3, 3), kg·m².
+
+    It follows from the parallel-axis theorem.
+    """
     c = body.com
     return np.asarray(body.inertia - body.mass * (c @ c * np.eye(3) - np.outer(c, c)))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class RigidBody:
     """Numeric rigid-body dynamics of one robot, vectorised over samples."""
 
@@ -225,40 +267,49 @@ class RigidBody:
 
     @classmethod
     def from_robot(cls, robot: Robot) -> RigidBody:
-        """The same object for the same geometry, bodies and gravity, so that its Functions are built once."""
+        """Return the dynamics of a robot.
+
+        Equal geometry, bodies and gravity give the same object, so its functions are built once.
+        """
         global _last
         # every robot copies its gravity
-        parts, gravity, known = (robot.geometry, *robot.bodies), robot.gravity.tobytes(), _last
-        if known is None or known[1] != gravity or not all(map(is_, known[0], parts)):
+        parts, gravity, cached = (robot.geometry, *robot.bodies), robot.gravity.tobytes(), _last
+        if cached is None or cached[1] != gravity or not all(map(is_, cached[0], parts)):
             content = pickle.dumps((robot.geometry, robot.bodies, robot.gravity))
-            known = _last = parts, gravity, _rigid_body(content)
-        return known[2]
+            cached = _last = parts, gravity, _rigid_body(content)
+        return cached[2]
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Joint efforts (n, 4) at q, qd, qdd (n, 4)."""
+        """Return the joint efforts (n, 4) for q, qd and qdd (n, 4)."""
         return call(self._inverse_dynamics, q, qd, qdd)[0]
 
     def gravity_load(self, q: Array) -> Array:
-        """Efforts (n, 4) that hold the robot still at q (n, 4)."""
+        """Return the efforts (n, 4) that hold the robot still at q (n, 4)."""
         zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero)
 
     def path_load(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
-        """a, b, c of the efforts a s̈ + b ṡ² + c along a path q(s), (n, 4) each; dq, ddq (n, 4): its derivatives by s."""
+        """Return a, b, c (n, 4) of the efforts a s̈ + b ṡ² + c along a path q(s).
+
+        dq, ddq: derivatives of q with respect to s, (n, 4).
+        """
         a, b, c = call(self._path_load, q, dq, ddq)
         return a, b, c
 
     def parts(self, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array, Array]:
-        """M(q) q̈, C(q, q̇) q̇ and g(q), whose sum are the joint efforts, (n, 4) each."""
+        """Return M(q) q̈, C(q, q̇) q̇ and g(q), each (n, 4). Their sum is the joint effort."""
         inertia, velocity, gravity = call(self._parts, q, qd, qdd)
         return inertia, velocity, gravity
 
     def mass_matrix(self, q: Array) -> Array:
-        """M(q), (n, 4, 4), symmetric, for q (n, 4)."""
+        """Return the symmetric mass matrix M(q) (n, 4, 4) for q (n, 4)."""
         return call(self._mass_matrix, q)[0].reshape(-1, 4, 4)
 
     def energy(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        """Kinetic and potential energy, J, (n,) each; the potential is zero with all masses at the RCM."""
+        """Return the kinetic and the potential energy (n,) in J.
+
+        The potential energy is zero for all masses at the RCM.
+        """
         kinetic, potential = call(self._energy, q, qd)
         return kinetic[:, 0], potential[:, 0]
 
@@ -326,7 +377,7 @@ class RigidBody:
 
 
 _last: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
-"""That was asked for last, and of what."""
+"""The most recent result and the content that it was made from."""
 
 
 @lru_cache(maxsize=16)
@@ -335,7 +386,10 @@ def _rigid_body(content: bytes) -> RigidBody:
 
 
 def with_payload(robot: Robot, mass: float) -> Robot:
-    """The robot with a point mass (kg) at the tool tip, the origin of the last body's frame. Raises ProblemError."""
+    """Return the robot with a point mass (kg) at the tool tip, the origin of the last body's frame.
+
+    Raises ProblemError for a mass that is not allowed.
+    """
     if mass == 0.0:
         return robot
     if not mass > 0.0:

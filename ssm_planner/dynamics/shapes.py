@@ -1,21 +1,24 @@
-"""Mass, centre and inertia of simple solids, in closed form: arcs about the origin, rods, boxes, points.
+"""Mass, centre of mass and inertia of arcs, rods, boxes and points in closed form.
 
-Each is the integral over the solid of 1, r and r·rᵀ times its density; these add up, and inertia = tr(S)·1 − S.
+Each solid contributes the integrals of 1, r and r·rᵀ times its density. The integrals of several
+solids add up, and the inertia is tr(S)·1 − S for the second moment S.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Moments:
-    """mass, kg; first moment ∫r dm (3,), kg·m; second moment ∫r·rᵀ dm (3, 3), kg·m²; about the origin."""
+    """Mass (kg), first moment ∫r dm (3,) (kg·m) and second moment ∫r·rᵀ dm (3, 3) (kg·m²).
+
+    The moments refer to the origin.
+    """
 
     mass: float
     first: Array
@@ -25,7 +28,7 @@ class Moments:
         return Moments(self.mass + other.mass, self.first + other.first, self.second + other.second)
 
     def turned(self, rotation: Array) -> Moments:
-        """In a frame that `rotation` (3, 3) takes the vectors of this one to."""
+        """Return the moments after `rotation` (3, 3) of the solid."""
         return Moments(self.mass, rotation @ self.first, rotation @ self.second @ rotation.T)
 
     @property
@@ -35,27 +38,33 @@ class Moments:
 
     @property
     def inertia(self) -> Array:
-        """Tensor about the origin (3, 3), kg·m², products −∫xy dm."""
+        """Inertia tensor (3, 3) about the origin, kg·m², with the products −∫xy dm."""
         return np.asarray(np.trace(self.second) * np.eye(3) - self.second)
 
 
 def point(mass: float, at: Array) -> Moments:
-    """A point mass (kg) at a place (3,), m."""
+    """Return the moments of a point mass (kg) at a position (3,), m."""
     return Moments(mass, mass * at, mass * np.outer(at, at))
 
 
 def box(mass: float, at: Array, size: Array) -> Moments:
-    """A box of size (3,) along the axes with its centre at a place (3,), m; kg."""
+    """Return the moments of a box of mass `mass` (kg).
+
+    at: its centre (3,), m. size: its lengths along the axes (3,), m.
+    """
     moments = point(mass, at)
     return Moments(mass, moments.first, moments.second + mass / 12 * np.diag(np.square(size)))
 
 
 def rod(start: Array, end: Array, diameter: float, density: float) -> Moments:
-    """A round rod from start to end (3,), m; kg/m³."""
-    way = end - start
-    length = float(np.linalg.norm(way))
+    """Return the moments of a round rod between two points (3,), m.
+
+    diameter in m, density in kg/m³.
+    """
+    vector = end - start
+    length = float(np.linalg.norm(vector))
     mass = density * math.pi / 4 * diameter**2 * length
-    along = np.outer(way, way) / length**2
+    along = np.outer(vector, vector) / length**2
     spread = mass * (length**2 / 12 * along + diameter**2 / 16 * (np.eye(3) - along))
     moments = point(mass, (start + end) / 2)
     return Moments(mass, moments.first, moments.second + spread)
@@ -64,9 +73,18 @@ def rod(start: Array, end: Array, diameter: float, density: float) -> Moments:
 def arc(
     start: Array, end: Array, radius: float, section: tuple[float, float], density: float
 ) -> Moments:
-    """A curved bar about the origin from the direction `start` to `end` (unit vectors (3,), less than 180° apart).
+    """Return the moments of a curved bar about the origin.
 
-    radius: of its middle line, m; section: in the plane of the arc and across it, m; kg/m³.
+    Parameters
+    ----------
+    start, end : (3,)
+        Unit vectors towards both ends, less than 180° apart.
+    radius : float
+        Radius of the middle line, m.
+    section : (float, float)
+        Width in the plane of the arc and across it, m.
+    density : float
+        kg/m³.
     """
     across, (width, height) = np.cross(start, end), section
     angle = math.atan2(float(np.linalg.norm(across)), float(start @ end))

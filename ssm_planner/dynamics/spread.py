@@ -1,14 +1,15 @@
-"""How far the friction of a drive may be off: draws of what was identified, stated ranges, and drives with these values.
+"""Uncertainty of the friction of a drive.
 
-Two kinds of uncertainty: the posterior or covariance of an identification, which is statistics, and stated ranges
-(lubrication, temperature, wear), of which every corner must be mastered. A parameter with a stated range leaves the former.
+There are two kinds. The posterior or covariance of an identification is statistical. A stated range
+(lubrication, temperature, wear) is a requirement: a motion must work at every corner of the range.
+A parameter with a stated range is removed from the statistics.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,10 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior
 from ssm_planner.problem.value import unchecked
-from ssm_planner.typing import Array, Range
+from ssm_planner.typing import Array, Range, record
 
 LINEAR_DRAWS = 20_000
-"""Of parameters that are cheap to look at."""
+"""Number of draws for quantities that are cheap to evaluate."""
 VARIABLE = (
     "mu",
     "mu_static",
@@ -33,30 +34,34 @@ VARIABLE = (
     "b_ov",
     "preload",
 )
-"""What a covariance may speak of."""
+"""Parameters that a covariance may contain."""
 SPREAD = ("mu", "b_c", "b_v", "b_oc", "b_ov")
-"""What a stated relative spread applies to."""
+"""Parameters to which a stated relative spread applies."""
 SEED = 20_210_521
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class FrictionSpread:
-    """names (k,) with means (k,) and covariance (k, k), SI; ranges: intervals of other parameters."""
+    """Distribution of the friction parameters of a drive.
+
+    names (k,) with their means (k,) and covariance (k, k) in SI units. ranges: intervals of other
+    parameters.
+    """
 
     names: tuple[str, ...] = ()
     mean: Array = field(default_factory=lambda: np.zeros(0))
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     ranges: Mapping[str, Range] = field(default_factory=dict)
     posterior: Posterior | None = None
-    """Equally likely sets of the parameters, in place of mean and covariance."""
+    """Equally likely parameter sets, which replace mean and covariance."""
     inertia: Range | None = None
-    """Of the motor shaft, kg·m², where a rotor's is not stated."""
+    """Range of the rotor inertia in kg·m² if the motor file does not state it."""
     rotors: tuple[str, ...] = ()
-    """Which rotor inertias would settle it."""
+    """Rotor inertias that would decide the question."""
 
     @property
     def known(self) -> bool:
-        """Something is known of how far the friction may be off."""
+        """True if the drive file says anything about the uncertainty of its friction."""
         return bool(self.names or self.ranges)
 
     @property
@@ -65,7 +70,7 @@ class FrictionSpread:
         return np.sqrt(np.diag(self.covariance))
 
     def corners(self) -> tuple[dict[str, float], ...]:
-        """Every combination of the ends of the ranges; one empty one without ranges."""
+        """Combinations of the ends of all ranges. Without ranges, one empty combination."""
         ranges = {
             **self.ranges,
             **({} if self.inertia is None else {"input_inertia": self.inertia}),
@@ -75,9 +80,10 @@ class FrictionSpread:
         )
 
     def deviations(self, count: int) -> Array:
-        """Draws of the uncertain parameters less their means, (count, k), always the same.
+        """Return deterministic draws (count, k) of the uncertain parameters minus their means.
 
-        A covariance is drawn log-normal, with these means and this covariance: friction is not negative.
+        A covariance is sampled by a log-normal distribution with the same means and covariance,
+        because friction is not negative.
         """
         if not self.names:
             return np.zeros((1, 0))
@@ -93,12 +99,16 @@ class FrictionSpread:
         return np.asarray(self.mean * (factors - 1.0))
 
     def values(self, deviations: Array) -> dict[str, Array]:
-        """Parameters by name, (count,) each, for deviations (count, k) from the means."""
+        """Return the parameters by name, each (count,), for deviations (count, k) from the
+        means.
+        """
         return {name: self.mean[i] + deviations[:, i] for i, name in enumerate(self.names)}
 
     def within(self, share: float, count: int = 1000) -> dict[str, Array]:
-        """Parameters by name, (sets,) each, that span a range: the share of the draws nearest to their mean, by
-        Mahalanobis distance, with every combination of the ends of the ranges. `count` draws where there is no posterior.
+        """Return parameter sets by name, each (sets,), that span a confidence range.
+
+        The sets are the fraction `share` of the draws that is nearest to the mean by Mahalanobis
+        distance, combined with the ends of the ranges. Without a posterior, `count` draws are made.
         """
         deviations = self.deviations(count if self.posterior is None else len(self.posterior.draws))
         if self.names:
@@ -112,11 +122,14 @@ class FrictionSpread:
         return sets | {name: np.repeat(column, len(deviations)) for name, column in ends.items()}
 
     def draws(self, name: str) -> Array:
-        """(draws,) of one of `names`."""
+        """Return the draws (draws,) of one of `names`."""
         return self.values(self.deviations(LINEAR_DRAWS))[name]
 
     def mu_ends(self, drive: Drive, confidence: float) -> Range:
-        """Smallest and largest plausible kinetic coefficient, each by file, ranges and quantile of the draws."""
+        """Return the smallest and the largest plausible kinetic friction coefficient.
+
+        They follow from the drive file, the ranges, and the quantile `confidence` of the draws.
+        """
         friction = friction_of(drive)
         lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
         ends = [lowest, friction.mu, *self.ranges.get("mu", ())]
@@ -126,9 +139,10 @@ class FrictionSpread:
 
 
 def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
-    """What the drive file says of its friction's uncertainty; `relative`: range of what it says nothing of.
+    """Return what a drive file says about the uncertainty of its friction.
 
-    Raises ProblemError where the covariance is none.
+    relative: relative range of all parameters whose uncertainty the file does not state. Raises
+    ProblemError if the covariance is not valid.
     """
     friction = friction_of(drive)
     ranges = dict(drive.friction_ranges)
@@ -168,27 +182,32 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
 
 
 def drawn(drive: Drive, values: Mapping[str, Any]) -> Drive:
-    """The drive with friction parameters (preload, input_inertia) replaced; arrays (count, 1) stand for many drives at once.
+    """Return the drive with other friction parameters, preload or input inertia.
 
-    LAW among the values is the number of the friction law.
-    The static coefficient keeps its ratio to the coefficient in motion unless it is among the values.
+    Arrays (count, 1) stand for many drives at once. The value LAW is the index of the friction law.
+    The static coefficient keeps its ratio to the kinetic one unless it is among the values.
     """
-    own = {name: values[name] for name in ("preload", "input_inertia") if name in values}
-    friction: dict[str, Any] = {name: value for name, value in values.items() if name not in own}
-    given = friction_of(drive)
+    drive_values = {name: values[name] for name in ("preload", "input_inertia") if name in values}
+    friction: dict[str, Any] = {
+        name: value for name, value in values.items() if name not in drive_values
+    }
+    nominal = friction_of(drive)
     if LAW in friction and not np.ndim(friction[LAW]):
         friction[LAW] = LAWS[int(friction[LAW])]
         if friction[LAW] == "coulomb":
             friction |= {"mu_stribeck": 0.0, "stribeck_speed": None}
-    moving = given.mu + given.mu_stribeck
+    moving = nominal.mu + nominal.mu_stribeck
     if "mu_static" not in friction and moving > 0 and {"mu", "mu_stribeck"} & set(friction):
-        now = friction.get("mu", given.mu) + friction.get("mu_stribeck", given.mu_stribeck)
-        friction["mu_static"] = given.mu_static / moving * now
-    return unchecked(drive, friction=unchecked(given, **friction), **own)
+        now = friction.get("mu", nominal.mu) + friction.get("mu_stribeck", nominal.mu_stribeck)
+        friction["mu_static"] = nominal.mu_static / moving * now
+    return unchecked(drive, friction=unchecked(nominal, **friction), **drive_values)
 
 
 def _stated(drive: Drive, name: str, posterior: Posterior) -> float:
-    """The drive's own; what its law has no use for, as the sets have it in the middle."""
+    """Return the drive's value of a parameter.
+
+    For a parameter that its law does not use, the result is the median of the posterior.
+    """
     friction = friction_of(drive)
     if name == LAW:
         return float(LAWS.index(friction.law))

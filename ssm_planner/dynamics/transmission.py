@@ -1,26 +1,30 @@
-"""The exact torque law of self-locking transmissions: motor torque for an output effort and a motor motion.
+"""Exact torque law of self-locking transmissions.
 
-Mablekos-Alexiou, da Cruz, Bergeles, IEEE T-RO 37(4), 2021. Motor angle w = ratio·qd; all torques on the motor side:
+Source: Mablekos-Alexiou, da Cruz, Bergeles, IEEE T-RO 37(4), 2021. With the motor angle w = ratio·q
+and all torques on the motor side:
 
     tau = J_in·wd + b_c·sgn(w) + b_v·w + γ·tan(λ + sgn(F·w)·φ)·F,    φ = atan(μ / cos θ_n)
 
-An antibacklash screw has two half nuts spread by a preload P. The main nut carries F − P < 0, the second one
-P + m₂·qdd > 0, so the branch of each follows from the sign of motion alone.
+An antibacklash screw has two half nuts that a preload P pushes apart. The main nut carries F − P <
+0, and the second nut carries P + m₂·qdd > 0. The direction of motion alone therefore selects the
+branch of each nut.
 
-Direct drives, gears, belts, cables and ball screws have efficiencies η₊ and η₋ instead of a thread: the motor gives
-F/(ratio·η₊) while the load opposes motion, and feels η₋·F/ratio while the load drives. These two slopes are those of a
-thread with a lead angle of 45° (`of_efficiencies`), so that the same rows, exact in the direction of power, hold for all.
+Direct drives, gears, belts, cables and ball screws have efficiencies η₊ and η₋ instead of a thread.
+The motor supplies F/(ratio·η₊) while the load opposes the motion, and receives η₋·F/ratio while the
+load drives it. A thread with a lead angle of 45° has the same two slopes (`of_efficiencies`), so
+the same rows hold for all drives.
 
-Solved for the acceleration the law is piecewise linear: along the branch on which the load opposes motion the motor turns
-`effective_inertia(...)[0]`, along the other one `effective_inertia(...)[1]`, which friction can make negative when the load's
-inertia is large (J_in·ratio < γ·|tan(λ − φ)|·M). Then a rigid drive with the load ahead of it has no unique motion: it may
-run ahead or jam at once.
+The law is piecewise linear in the acceleration. The motor accelerates the inertia
+`effective_inertia(...)[0]` while the load opposes the motion, and `effective_inertia(...)[1]` while
+the load drives it. Friction can make the second inertia negative if the inertia of the load is
+large (J_in·ratio < γ·|tan(λ − φ)|·M). A rigid drive with such a load has no unique motion: it may
+run
+ahead or jam at once.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,19 +32,20 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY, namespace_of
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.problem.drive import Drive
-from ssm_planner.typing import Array, Expression
+from ssm_planner.typing import Array, Expression, record
 
 
 def friction_angle(drive: Drive, mu: Expression) -> Array:
-    """Equivalent friction angle φ = atan(μ / cos θ_n), rad, shape of mu."""
+    """Return the equivalent friction angle φ = atan(μ / cos θ_n) in rad, with the shape of mu."""
     return np.arctan(np.asarray(mu) / np.cos(drive.pressure_angle))
 
 
 def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Expression]:
-    """(γ·tan(λ + φ), γ·tan(λ − φ)): motor torque per unit of output effort, uphill and downhill.
+    """Return γ·tan(λ + φ) and γ·tan(λ − φ), the motor torque per unit of output effort.
 
-    The second is negative when the mesh locks itself. Shape of mu; arrays or CasADi expressions, so the tangents of
-    sums are written by tan φ = μ / cos θ_n. Finite while λ + φ < 90°.
+    The first applies uphill and the second downhill. The second is negative if the mesh is
+    self-locking. Both have the shape of mu, an array or a CasADi expression, and are finite while
+    λ + φ < 90°. The tangents of sums use tan φ = μ / cos θ_n.
     """
     tan_lead, tan_phi = drive.lead_slope, mu * drive.wedging
     up = (tan_lead + tan_phi) * drive.gamma / (1.0 - tan_lead * tan_phi)
@@ -49,10 +54,11 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
 
 
 def of_efficiencies(ratio: float, forwards: float, backwards: float) -> tuple[float, float]:
-    """(γ, μ) of the thread with λ = 45° and θ_n = 0 whose slopes are 1/(ratio·forwards) and backwards/ratio.
+    """Return (γ, μ) of the thread with the slopes 1/(ratio·forwards) and backwards/ratio.
 
-    forwards, backwards: efficiencies, above 0 and up to 1.
-    γ·(1 + μ)/(1 − μ) and γ·(1 − μ)/(1 + μ), so γ² is the product of the slopes and ((1 + μ)/(1 − μ))² their quotient.
+    The thread has λ = 45° and θ_n = 0, so its slopes are γ·(1 + μ)/(1 − μ) and γ·(1 − μ)/(1 + μ).
+    γ² is their product and ((1 + μ)/(1 − μ))² is their quotient. forwards and backwards are
+    efficiencies in (0, 1].
     """
     root = math.sqrt(forwards * backwards)
     return math.sqrt(backwards / forwards) / ratio, (1.0 - root) / (1.0 + root)
@@ -65,41 +71,46 @@ def output_effort(
     qdd: Expression,
     direction: Expression = None,
 ) -> Expression:
-    """Effort F that the mesh must carry, N·m (worm) or N (screws).
+    """Return the effort F that the mesh carries, N·m (worm) or N (screw).
 
-    F = τ_rigid + J_out·qdd + b_oc·sgn(qd) + b_ov·qd; `direction` (±1) replaces sgn(qd) at standstill.
+    F = τ_rigid + J_out·qdd + b_oc·sgn(qd) + b_ov·qd. `direction` (±1) replaces sgn(qd) at
+    standstill.
     """
     sign = namespace_of(qd).sign(qd) if direction is None else direction
     f = friction_of(drive)
     return tau_rigid + drive.output_inertia * qdd + f.b_oc * sign + f.b_ov * qd
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class TorqueRows:
     """Motor torque in one direction of motion as two linear functions of F, wd and w.
 
-    tau_k = slope[k]·F + inertia·wd + coulomb + viscous·w; the torque is max_k tau_k for direction +1 and min_k tau_k
-    for −1, exactly. So a limit in the direction of motion is two linear rows; for the other limit either row suffices.
+    tau_k = slope[k]·F + inertia·wd + coulomb + viscous·w. The torque is max_k tau_k for direction
+    +1 and min_k tau_k for −1, exactly. A torque limit in the direction of motion is therefore two
+    linear rows. For the limit in the other direction, either row suffices.
     """
 
     slope: tuple[Expression, Expression]
-    """Two coefficients of F, each of the shape of mu."""
+    """Two coefficients of F, each with the shape of mu."""
     inertia: Expression
     coulomb: Expression
     viscous: float
 
     def torque(self, carried: Expression, w: Expression, wd: Expression) -> Expression:
-        """Motor torque, N·m, while the mesh takes carried = slope[k]·F; w, wd: motor speed and acceleration."""
+        """Return the motor torque in N·m while the mesh carries slope[k]·F = carried.
+
+        w, wd: motor speed and acceleration.
+        """
         return carried + self.inertia * wd + self.coulomb + self.viscous * w
 
 
 def motor_torque_rows(
     drive: Drive, direction: Expression, mu: Expression | None = None
 ) -> TorqueRows:
-    """The rows of `TorqueRows` for motion of sign `direction` (±1).
+    """Return the torque rows for motion in `direction` (±1).
 
-    mu: coefficient to use, default the kinetic `friction.mu`. The torque grows with μ in the direction of motion, so an
-    upper bound of μ gives rows on the safe side.
+    mu: friction coefficient, by default the kinetic `friction.mu`. The torque grows with μ in the
+    direction of motion, so an upper bound of μ is conservative.
     """
     if isinstance(direction, int) and direction not in (1, -1):
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")
@@ -108,7 +119,8 @@ def motor_torque_rows(
     if drive.kind != "antibacklash_screw":
         return TorqueRows((up, down), drive.input_inertia, f.b_c * direction, f.b_v)
     xp = namespace_of(direction, mu)
-    # the main nut carries F − P, the second one P + m₂·qdd: each on the branch that the direction alone decides
+    # the main nut carries F − P, the second one P + m₂·qdd: each on the branch that the direction
+    # alone decides
     main, second = xp.where(direction > 0, down, up), xp.where(direction > 0, up, down)
     inertia = drive.input_inertia + second * drive.second_nut_mass / drive.ratio
     return TorqueRows(
@@ -125,7 +137,10 @@ def moving_torque(
     direction: Expression,
     mu: Expression,
 ) -> Expression:
-    """Motor torque of a drive that moves, or is about to move, in `direction` (±1): the larger or smaller row."""
+    """Return the motor torque of a drive that moves, or is about to move, in `direction` (±1).
+
+    It is the larger row for +1 and the smaller row for −1.
+    """
     rows = motor_torque_rows(drive, direction, mu)
     xp = namespace_of(F, w, wd, direction, mu)
     first, second = (slope * F for slope in rows.slope)
@@ -142,12 +157,20 @@ def motor_torque(
     direction: Expression | None = None,
     mu: Expression | None = None,
 ) -> Expression:
-    """Motor torque of the exact law, N·m, broadcast shape of the arguments: floats, arrays or CasADi expressions.
+    """Return the motor torque of the exact law in N·m.
 
-    F: output effort as `output_effort` gives it; w, wd: motor speed and acceleration (rad/s, rad/s²).
-    direction: ±1, replaces sgn(w) (a drive at standstill about to move, or a motion whose sign is known).
-    mu: replaces the friction law's μ(|w|) (`friction.mu_static` for breakaway).
-    Where the direction is 0 the drive stands and holds: the result is `holding_torque`, 0 for a self-locking drive.
+    Parameters
+    ----------
+    drive : Drive
+    F : float, array or expression
+        Output effort, see `output_effort`.
+    w, wd : float, array or expression
+        Motor speed and acceleration in rad/s and rad/s².
+    direction : optional
+        ±1 replaces sgn(w), for example for a drive at standstill that is about to move. With 0 the
+        drive holds, and the result is `holding_torque`, which is 0 for a self-locking drive.
+    mu : optional
+        Replaces the friction law's μ(|w|), for example by `friction.mu_static` at breakaway.
     """
     xp = namespace_of(F, w, wd, direction, mu)
     sign = xp.sign(w) if direction is None else direction
@@ -161,9 +184,10 @@ def motor_torque(
 def breakaway_torque(
     drive: Drive, tau_rigid: Expression, direction: Expression, mu: Expression | None = None
 ) -> Expression:
-    """Motor torque at which a drive at rest starts to move in `direction` (±1) against the effort tau_rigid.
+    """Return the motor torque at which a drive at rest starts to move in `direction` (±1).
 
-    tau_rigid: effort on the load without the output's own friction, which is added here; mu: default mu_static.
+    tau_rigid: effort of the load without the output's friction, which is added. mu: default
+    mu_static.
     """
     F = output_effort(drive, tau_rigid, 0.0, 0.0, direction)
     mu = friction_of(drive).mu_static if mu is None else mu
@@ -171,9 +195,10 @@ def breakaway_torque(
 
 
 def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = None) -> Expression:
-    """Smallest motor torque that keeps a drive at rest under the effort tau_rigid: 0 where it locks itself.
+    """Return the smallest motor torque that keeps a drive at rest under the effort tau_rigid.
 
-    The drive stays while the torque lies between the breakaway torques of the two directions.
+    It is 0 for a self-locking drive. A drive stays at rest while the torque lies between the
+    breakaway torques of both directions.
     """
     down, up = (breakaway_torque(drive, tau_rigid, direction, mu) for direction in (-1, 1))
     xp = namespace_of(down, up)
@@ -181,7 +206,10 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
 
 
 def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:
-    """(μ − cos θ_n·tan λ, φ − λ in rad), shape of mu: positive while the mesh locks itself, by its own friction alone."""
+    """Return μ − cos θ_n·tan λ and φ − λ (rad), with the shape of mu.
+
+    Both are positive if the mesh is self-locking by its friction alone.
+    """
     mu = friction_of(drive).mu if mu is None else mu
     return mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle), friction_angle(
         drive, mu
@@ -189,10 +217,11 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
 
 
 def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
-    """Smallest contact force of the two half nuts of an antibacklash screw, N; ≤ 0 means contact is lost.
+    """Return the smallest contact force of both half nuts of an antibacklash screw, N.
 
-    F: output effort, N; wd: motor acceleration, rad/s²; the result has their broadcast shape. Main nut P − F, second nut
-    P + m₂·qdd: beyond that the law does not hold. Infinite for the other drives.
+    The main nut carries P − F and the second nut P + m₂·qdd. A force ≤ 0 means that contact is lost
+    and the torque law does not hold. The result is infinite for other drives. F: output effort in
+    N. wd: motor acceleration in rad/s². The shapes broadcast.
     """
     F = np.asarray(F, dtype=float)
     if drive.kind != "antibacklash_screw":
@@ -205,9 +234,10 @@ def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
 def effective_inertia(
     drive: Drive, mu: Expression | None = None, direction: Expression = 1
 ) -> tuple[Expression, Expression]:
-    """Inertia at the motor shaft, kg·m², (load opposing, load driving); shape of mu, default the kinetic coefficient.
+    """Return the inertia at the motor shaft, kg·m², while the load opposes and while it drives.
 
-    J_in + γ·tan(λ ± φ)·J_out / ratio. An antibacklash screw, both of whose nuts count, has one for each direction (±1).
+    It is J_in + γ·tan(λ ± φ)·J_out / ratio, with the shape of mu (default: kinetic coefficient).
+    Both nuts of an antibacklash screw count, so its inertia depends on the direction (±1).
     """
     rows = motor_torque_rows(drive, direction, mu)
     output = drive.output_inertia / drive.ratio
@@ -216,7 +246,10 @@ def effective_inertia(
 
 
 def always_unique(drive: Drive) -> bool:
-    """Whether every torque gives this drive one motion: its effective inertia is positive at the largest friction."""
+    """Return whether every torque gives this drive exactly one motion.
+
+    This holds if its effective inertia is positive at the largest friction.
+    """
     largest = breakaway_coefficient(friction_of(drive))
     return all(
         inertia > 0
@@ -233,10 +266,11 @@ def motor_acceleration(
     direction: Expression,
     mu: Expression,
 ) -> tuple[Expression, Expression]:
-    """(wd, F), rad/s² and N·m or N: acceleration and mesh effort of a drive that moves in `direction` (±1).
+    """Return the motor acceleration in rad/s² and the mesh effort of a drive that moves.
 
-    tau, w: motor torque and speed; load: effort on the output besides its inertia and friction. Solves
-    motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction; meaningful where `always_unique`.
+    It solves motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction. The solution
+    is meaningful if `always_unique` is true. tau, w: motor torque and speed. load: effort on the
+    output besides its inertia and friction. direction: ±1.
     """
     rows = motor_torque_rows(drive, direction, mu)
     effort = output_effort(drive, load, w / drive.ratio, 0.0, direction)

@@ -1,13 +1,13 @@
-"""Kinematics, inverse dynamics and motor torques of one robot, and a plan's motion, as C99 for a control loop.
+"""Export a robot's kinematics, inverse dynamics and motor torques, and a plan's motion, as C99.
 
-The functions are the program's own expressions, written out operation by operation; no second law is written here.
+The code is for a control loop. Its functions are generated from the expressions of this package, so
+there is no second implementation of any law.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +35,12 @@ from ssm_planner.problem.limits import (
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.problem.serialization import robot_hash
 from ssm_planner.publishing import one_line
+from ssm_planner.typing import JsonObject, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.ends import end_velocities
 
 PACKAGE = "ssm_planner.formats"
-"""Whose templates are filled in."""
+"""Package that contains the templates."""
 ROBOT, TRAJECTORY = "ssm_robot", "ssm_trajectory"
 UNITS = f"rad, m, N*m, N, s; joints in the order {', '.join(JOINTS)}"
 LIMITS: dict[str, type[Limit]] = {
@@ -51,9 +52,9 @@ LIMITS: dict[str, type[Limit]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class CFunction:
-    """One function of the header: its expressions and what it does, in a comment."""
+    """A C function of the header, with its expressions and its comment."""
 
     name: str
     comment: str
@@ -62,8 +63,8 @@ class CFunction:
     function: ca.Function
 
 
-def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
-    """Write ssm_robot and ssm_trajectory, .h and .c, into a folder; returns what the manifest says of them."""
+def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> JsonObject:
+    """Write ssm_robot and ssm_trajectory (.h and .c) and return the manifest entries."""
     mark = ["UNVERIFIED: the plan has no passed certificate."] if suffix else []
     remarks = [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}.", *mark]
     texts = (c_code(plan.robot, remarks, suffix), c_trajectory(plan, remarks, suffix))
@@ -79,7 +80,10 @@ def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) ->
 
 
 def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
-    """(header, source) of a robot as C99."""
+    """Return header and source of a robot as C99.
+
+    remarks: lines for the comment at the beginning. suffix: mark in the names of included files.
+    """
     functions = c_functions(robot)
     limits = joint_limits(robot)
     bodies = "\n".join(
@@ -90,16 +94,22 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
         "header": f"{ROBOT}{suffix}.h",
         "real": REAL,
         "names": [*limits, *(f.name for f in functions)],
-        "limits": [(name, [literal(value) for value in each]) for name, each in limits.items()],
+        "limits": [
+            (name, [literal(value) for value in joint_values])
+            for name, joint_values in limits.items()
+        ],
         "functions": [(_declaration(f), f.comment) for f in functions],
         "sign": SIGN if "sign_of(" in bodies else "",
         "bodies": bodies,
     }
-    return _filled("robot", values)
+    return _render("robot", values)
 
 
 def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
-    """(header, source) of a plan's motion as C99: a sampler with constant tables."""
+    """Return header and source of a plan's motion as C99: a sampler with constant tables.
+
+    remarks and suffix: see `c_code`.
+    """
     motion = plan.motion
     values = {
         "comment": _comment(plan.robot, remarks),
@@ -113,14 +123,17 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
             (np.abs(velocity) > REST).astype(int).tolist() for velocity in end_velocities(motion)
         ],
     }
-    return _filled("trajectory", values)
+    return _render("trajectory", values)
 
 
 def joint_limits(robot: Robot) -> dict[str, list[float]]:
-    """Limits of the four joints by the name of their constant; infinite where there is none."""
+    """Return the limits of the four joints by the name of the C constant.
+
+    Infinity means that there is no limit.
+    """
 
     def limit(joint: Joint, kind: type[Limit]) -> float:
-        return next((each.high for each in joint.limits if isinstance(each, kind)), math.inf)
+        return next((bound.high for bound in joint.limits if isinstance(bound, kind)), math.inf)
 
     joints = robot.joints
     return {
@@ -133,7 +146,7 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
     }
 
 
-def _filled(template: str, values: dict[str, Any]) -> tuple[str, str]:
+def _render(template: str, values: dict[str, Any]) -> tuple[str, str]:
     templates = environment(PACKAGE, escape=False)
     return filled(templates, f"{template}.h", **values), filled(
         templates, f"{template}.c", **values
@@ -141,29 +154,33 @@ def _filled(template: str, values: dict[str, Any]) -> tuple[str, str]:
 
 
 def _comment(robot: Robot, remarks: Sequence[str]) -> str:
-    about = [
+    sentences = [
         f"Robot {c_text(robot.name)} (SHA-256 of its values {robot_hash(robot)}).",
         *remarks,
         f"SI units: {UNITS}.",
-        "No allocation, no state, no dependency but the C library's mathematics (-lm); all functions are reentrant.",
+        "The code needs no allocation, no state and only the C mathematics library (-lm). All "
+        "functions are reentrant.",
     ]
-    return "/*\n" + "\n".join(f" * {line}" for line in about) + "\n */"
+    return "/*\n" + "\n".join(f" * {line}" for line in sentences) + "\n */"
 
 
 def c_text(name: str) -> str:
-    """A name as part of a C comment: nothing that ends the comment or the line, or splices lines."""
+    """Return a name that is safe inside a C comment.
+
+    It can neither end the comment or the line nor splice lines.
+    """
     return one_line(name, without="*/\\?")
 
 
 def c_functions(robot: Robot) -> list[CFunction]:
-    """Forward and inverse kinematics, inverse dynamics, motor torques."""
+    """Build the C functions: forward and inverse kinematics, inverse dynamics, motor torques."""
     mechanism, body = Mechanism.from_geometry(robot.geometry), RigidBody.from_robot(robot)
     q, qd, qdd, qddd, task, near = (
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "task", "near")
     )
     branch = ca.SX.sym("branch")
-    turned, tip = forward_symbolic(mechanism, q)
-    # the closed form takes a branch as a number: both are written, one is chosen
+    rotation, tip = forward_symbolic(mechanism, q)
+    # The closed form needs a numeric branch, so the code contains both branches and selects one.
     ahead, behind = (joints_from_task_symbolic(mechanism, task, k, near) for k in (1, -1))
     direction, breakaway = directions_law(robot, qd, qdd, qddd, 1)
     _, torque, _ = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
@@ -171,31 +188,38 @@ def c_functions(robot: Robot) -> list[CFunction]:
     return [
         CFunction(
             "ssm_forward",
-            "Tool orientation (rows of the rotation base <- tool) and tip position of joints q.",
+            "Computes the tool orientation (rows of the rotation base <- tool) and the tip "
+            "position of joints q.",
             (Argument("q", 4),),
             (Argument("rotation", 9), Argument("position", 3)),
-            dense("forward", [q], [ca.vec(turned.T), tip]),
+            dense("forward", [q], [ca.vec(rotation.T), tip]),
         ),
         CFunction(
             "ssm_inverse",
-            "Joints of (roll, tilt, spin, depth) on a branch, +1.0 or -1.0 (the sign of sin(theta2 - delta)), revolute\n"
-            "   joints moved by whole turns next to `near`. Outside the workspace the joints are NaN.",
+            "Computes the joints of (roll, tilt, spin, depth) on a branch, +1.0 or -1.0 (the sign "
+            "of\n"
+            "   sin(theta2 - delta)). Revolute joints are moved by whole turns next to `near`. "
+            "Joints\n"
+            "   are NaN outside the workspace.",
             (Argument("task", 4), Argument("branch", 0), Argument("near", 4)),
             (Argument("q", 4),),
             dense("inverse", [task, branch, near], [ca.if_else(branch > 0, ahead, behind)]),
         ),
         CFunction(
             "ssm_inverse_dynamics",
-            "Joint efforts of the rigid bodies at q, qd, qdd: N*m, N.",
+            "Computes the joint efforts of the rigid bodies at q, qd, qdd in N*m and N.",
             four,
             (Argument("tau", 4),),
             dense("inverse_dynamics", [q, qd, qdd], [body.symbolic(q, qd, qdd)]),
         ),
         CFunction(
             "ssm_motor_torque",
-            "Motor torques, N*m, that move the joints so, by the exact friction law; a standing joint is taken to move\n"
-            "   next in the direction of qdd, or of qddd where that is zero too, with static friction; if all are zero it\n"
-            "   is held, which costs a self-locking drive nothing. 0 for a joint without a drive. qddd may be zeros.",
+            "Computes the motor torques in N*m by the exact friction law. A standing joint is\n"
+            "   assumed to start in the direction of qdd, or of qddd if qdd is zero, with static "
+            "friction.\n"
+            "   If both are zero, the joint is held, which needs no torque for a self-locking "
+            "drive.\n"
+            "   The torque is 0 for a joint without a drive. qddd may be zeros.",
             (*four, Argument("qddd", 4)),
             (Argument("tau_motor", 4),),
             dense("motor_torque", [q, qd, qdd, qddd], [torque]),

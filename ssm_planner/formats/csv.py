@@ -1,6 +1,7 @@
-"""The trajectory as CSV, units in the header names: at a fixed rate, or at the points that keep the limits.
+"""Read and write trajectories as CSV files with units in the column names.
 
-Trajectories in CSV files: a header that names joints and units, one row for each point.
+A file starts with a header that names joints and units and has one row per point. Exported rows lie
+either at a fixed rate or at the points between which cubics or quintics keep the limits.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import math
 import re
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -21,7 +22,13 @@ from ssm_planner.atomic import replacing
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.epos4_setup import INT32, axes_of, encoder_notes, fits
+from ssm_planner.formats.epos4_setup import (
+    INT32,
+    CountsPerTurn,
+    axes_of,
+    encoder_notes,
+    require_range,
+)
 from ssm_planner.formats.points import LONG, Points, Reading, Table, join_points
 from ssm_planner.formats.spline_points import at_times, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
@@ -32,17 +39,20 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import BLOCK, Samples, Trajectory
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 RATE, ROWS = 1000.0, 100_000
-"""Hz; and rows beyond which a long motion is written at a tenth of it, a hundredth, …"""
+"""Default rate (Hz), and the number of rows beyond which it is divided by 10, 100, …."""
 LARGEST_RATE = 100_000.0
+"""Largest rate of an export, Hz."""
 STATES = {"q": "", "qd": "_per_s", "qdd": "_per_s2", "qddd": "_per_s3"}
+"""Derivative → suffix of the unit in the column name."""
 MOTORS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
+"""Motor quantity → unit in the column name."""
 COLUMNS = (*STATES, *MOTORS, "task")
-"""Groups of columns that can be chosen."""
+"""Groups of columns that an export can select."""
 COUNTS = "counts"
 DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
 
@@ -50,9 +60,25 @@ DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
 def trajectory_table(
     trajectory: Trajectory, robot: Robot, rate: float = RATE, columns: Sequence[str] = DEFAULT
 ) -> tuple[list[str], Array]:
-    """Header and rows (samples, columns): time, and for every group of `columns` the values of the joints or motors.
+    """Return the header and the rows of a trajectory at a fixed rate.
 
-    At a break the row holds what follows it; the last row is the end of the motion, whatever the rate.
+    A row at a break holds the values just after it. The last row is the end of the motion at any
+    rate.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    robot : Robot
+    rate : float
+        Rows per second, Hz.
+    columns : Sequence[str]
+        Groups of `COLUMNS`: joint derivatives, motor quantities, task coordinates.
+
+    Returns
+    -------
+    tuple[list[str], Array]
+        Names of the columns with their units, and the rows (samples, columns). The first column is
+        the time.
     """
     samples = trajectory.uniform(rate)
     return table(samples, robot, columns, at_end=samples.t == trajectory.breaks[-1])
@@ -61,7 +87,11 @@ def trajectory_table(
 def table(
     samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array
 ) -> tuple[list[str], Array]:
-    """Header and rows of samples; at_end (n,): the motion ends there, motors are seen just before."""
+    """Return the header and the rows of samples, see `trajectory_table`.
+
+    at_end (n,) is nonzero for samples at the end of the motion. These rows hold the motor torques
+    just before the end.
+    """
     header, values = ["time_s"], [samples.t]
     names = [f"{i + 1}_{joint.unit}" for i, joint in enumerate(robot.joints)]
     for symbol, per in STATES.items():
@@ -95,7 +125,11 @@ def write_csv(
     rate: float | None = None,
     columns: Sequence[str] = DEFAULT,
 ) -> Path:
-    """Write the table at a rate, or at RATE as far as ROWS allow; 12 significant digits. Raises ExportError."""
+    """Write a trajectory to a CSV file with 12 significant digits and return its path.
+
+    rate: Hz. The default is `RATE`, divided by 10 until the file has at most `ROWS` rows. robot and
+    columns: see `trajectory_table`.
+    """
     if rate is None:
         rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
     header, rows = trajectory_table(trajectory, robot, rate, columns)
@@ -111,33 +145,53 @@ def export_csv(
     suffix: str,
     rate: float | None = None,
     columns: Sequence[str] | None = None,
-    counts_per_turn: int | Mapping[str, int] | None = None,
+    counts_per_turn: CountsPerTurn = None,
 ) -> dict[str, object]:
-    """Write trajectory.csv into a folder and say what the manifest shall say of it.
+    """Write trajectory.csv into a folder and return the entries of its manifest.
 
-    rate: Hz, rows at equal distances; None: rows at the points between which cubics (or quintics) keep the limits.
-    columns: groups of COLUMNS; with COUNTS among them also `time,position` files in increments, one for each driven
-    joint, at the rate (default RATE), for which counts_per_turn is as in the export to epos4. Raises ExportError.
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan.
+    folder : Path
+    suffix : str
+        Text that marks unverified files, before the extension.
+    rate : float, optional
+        Rows per second, Hz. By default, the rows are the points between which cubics (or quintics)
+        keep the limits.
+    columns : Sequence[str], optional
+        Groups of `COLUMNS`. With `COUNTS`, every driven joint also gets a `time,position` file in
+        encoder increments, at the given rate or `RATE`.
+    counts_per_turn : int or mapping from joint to int, optional
+        Increments per motor turn, see `axes_of`.
+
+    Raises
+    ------
+    ExportError
+        If a group is unknown, the rate is out of range, or an encoder resolution is missing.
     """
-    wanted = [group for group in columns or () if group != COUNTS]
-    unknown = [group for group in wanted if group not in COLUMNS]
+    groups = [group for group in columns or () if group != COUNTS]
+    unknown = [group for group in groups if group not in COLUMNS]
     if unknown:
         raise ExportError(
-            f"columns {', '.join(unknown)} are not known (allowed: {', '.join((*COLUMNS, COUNTS))})"
+            f"unknown columns {', '.join(unknown)} (allowed: {', '.join((*COLUMNS, COUNTS))})"
         )
     if rate is not None and not 0 < rate <= LARGEST_RATE:
-        raise ExportError(f"a rate of {rate:g} Hz (allowed: above 0, up to {LARGEST_RATE:g} Hz)")
+        raise ExportError(
+            f"the rate {rate:g} Hz is out of range (allowed: above 0, up to {LARGEST_RATE:g} Hz)"
+        )
     notes = []
     if COUNTS in (columns or ()):
         notes += _write_counts(plan, folder, suffix, rate or RATE, counts_per_turn)
-        if not wanted:
+        if not groups:
             return {
                 "rate_hz": rate or RATE,
                 "units": {"time": "s", "position": "increments"},
                 "notes": notes,
             }
     path = folder / f"trajectory{suffix}.csv"
-    header, rows, note = _rows(plan, certificate, rate, wanted)
+    header, rows, note = _rows(plan, certificate, rate, groups)
     _write(path, header, rows, "%.17g")
     return {
         "trajectory": path.name,
@@ -150,7 +204,7 @@ def export_csv(
 def _rows(
     plan: Plan, certificate: Certificate, rate: float | None, columns: Sequence[str]
 ) -> tuple[list[str], Array, str]:
-    """(header, rows, what they are)."""
+    """Return the header, the rows, and a note that describes them."""
     if rate is None:
         points = spline_points(plan, certificate, tick=None)
         default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
@@ -165,16 +219,19 @@ def _write_counts(
     folder: Path,
     suffix: str,
     rate: float,
-    counts_per_turn: int | Mapping[str, int] | None,
+    counts_per_turn: CountsPerTurn,
 ) -> list[str]:
-    """Target positions in increments, a file for each driven joint; the last row holds the target."""
+    """Write the target positions of every driven joint in increments and return the notes.
+
+    The last row holds the target.
+    """
     axes = axes_of(plan.robot, counts_per_turn)
     t = np.arange(int(np.ceil(plan.motion.duration * rate - 1e-9)) + 1) / rate
     samples = at_times(plan, plan.motion.breaks[0] + t)
     for i, joint in enumerate(plan.robot.joints):
         if joint.name in axes:
             counts = axes[joint.name].increments(samples.q[:, i])
-            counts = fits(counts, INT32, joint.name, "target position", "increments")
+            counts = require_range(counts, INT32, joint.name, "target position", "increments")
             path = folder / f"{joint.name}_time_position{suffix}.csv"
             _write(path, ["time", "position"], np.column_stack([t, counts]), ("%.9g", "%d"))
     return [
@@ -184,24 +241,30 @@ def _write_counts(
 
 
 def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
-    """What a check of the rows alone says, joined as a controller would join them."""
+    """Return a note on whether the written rows, interpolated by a controller, keep the limits."""
     if not with_positions:
         return []
     reading = read_csv(path, plan.robot)
-    found = check(
+    certificate = check(
         reading.trajectory,
         plan.robot,
         plan.limits,
         resolution=reading.resolution,
         interpolation=reading.interpolation,
     )
-    if found.passed:
-        return [f"joined by a controller, {reading.interpolation}, the rows keep every limit"]
-    worst = found.worst
+    if certificate.passed:
+        return [
+            "the rows keep every limit in a controller that interpolates them "
+            f"({reading.interpolation})"
+        ]
+    violation = certificate.worst
     return [
-        f"joined by a controller, {reading.interpolation}, the rows exceed the {worst.name} limit of "
-        f"{worst.joint or 'the tool'} by {-100 * worst.margin:.3g} % at {worst.time:.4f} s: equal distances do not meet "
-        "the instants where the plan's acceleration jumps; without a rate the rows do"
+        f"in a controller that interpolates them ({reading.interpolation}), the rows exceed the "
+        f"{violation.name} limit "
+        "of "
+        f"{violation.joint or 'the tool'} by {-100 * violation.margin:.3g} % at "
+        f"{violation.time:.4f} s: rows at a fixed rate miss the instants at which the plan's "
+        "acceleration jumps; export without a rate to include them"
     ]
 
 
@@ -211,31 +274,35 @@ def _write(path: Path, header: list[str], rows: Array, form: str | Sequence[str]
 
 SEPARATORS = (",", ";", "\t")
 LOOK = 1000
-"""Rows whose digits tell how the positions were rounded."""
+"""Number of rows whose digits determine the rounding of the positions."""
 FINEST_DIGIT = 400
-"""No float has a finer one."""
+"""Largest negative power of ten that is read. No float has a finer digit."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the table begins and how it is separated."""
+    """Header line and separator of a table."""
 
     header: int
-    """Line of the header, from 0."""
+    """Line of the header, counted from 0."""
     separator: str
     names: list[str]
 
 
 def read_csv(path: Path, robot: Robot) -> Reading:
-    """The trajectory in a CSV file. Raises TrajectoryError naming file, line and fault."""
-    layout = _layout(path)
-    found, ignored = headings(layout.names, robot, f"{path}:{layout.header + 1}")
-    # time, then positions, velocities, accelerations
-    wanted = [found[key] for key in sorted(found)]
-    rows = _data_rows(path, layout, wanted)
+    """Read the trajectory in a CSV file.
+
+    The header names joints and units, see `headings`. Raises TrajectoryError with the file, the
+    line and the reason if the file is not a trajectory of this robot.
+    """
+    layout = layout_of(path)
+    columns, ignored = headings(layout.names, robot, f"{path}:{layout.header + 1}")
+    # Keys sort as time, positions, velocities, accelerations.
+    selected = [columns[key] for key in sorted(columns)]
+    rows = data_rows(path, layout, selected)
     q = rows.columns(0)
-    qd, qdd = (rows.columns(4 * order) if (order, 0) in found else None for order in (1, 2))
-    resolution = None if qd is not None else _resolution(path, layout, wanted[1:])
+    qd, qdd = (rows.columns(4 * order) if (order, 0) in columns else None for order in (1, 2))
+    resolution = None if qd is not None else _resolution(path, layout, selected[1:])
     t = np.concatenate(rows.times)
     points = Points(
         t, q, qd, qdd, resolution=resolution, place=lambda k: f"{path}:{_line_of(path, layout, k)}"
@@ -245,7 +312,7 @@ def read_csv(path: Path, robot: Robot) -> Reading:
 
 
 class _Rows:
-    """Rows of a table, block after block: in memory, and beyond LONG of them in a temporary file."""
+    """Rows of a table, kept in memory, or in a temporary file if there are more than `LONG`."""
 
     def __init__(self) -> None:
         self.times: list[Array] = []
@@ -254,44 +321,48 @@ class _Rows:
         self.file: IO[bytes] | None = None
 
     def add(self, rows: Array) -> None:
-        """Rows (m, 1 + k): time and the other columns."""
+        """Append rows (m, 1 + k): time and the other columns."""
         self.times.append(rows[:, 0].copy())
         self.blocks.append(rows[:, 1:])
         self.count += len(rows)
         if self.count > LONG:
-            self.file = self.file or tempfile.TemporaryFile()  # noqa: SIM115 - open as long as it is read
+            self.file = self.file or tempfile.TemporaryFile()  # noqa: SIM115 - closed with its reader
             for block in self.blocks:
                 self.file.write(block.tobytes())
             self.blocks = [rows[:0, 1:]]
 
-    def columns(self, first: int) -> Table:
-        """Columns (n, 4) from one after the time on."""
+    def columns(self, first: int, count: int = 4) -> Table:
+        """Return columns (n, count). `first` counts from the column after the time."""
+        selected = slice(first, first + count)
         if self.file is None:
-            return np.concatenate([block[:, first : first + 4] for block in self.blocks])
+            return np.concatenate([block[:, selected] for block in self.blocks])
         self.file.flush()
-        return _InFile(self.file, (self.count, self.blocks[0].shape[1]), first)
+        return _InFile(self.file, (self.count, self.blocks[0].shape[1]), selected)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _InFile:
-    """Four columns of a table of this shape in a file, which goes away with the last of its readers."""
+    """Columns of a table in a temporary file, read on demand.
+
+    The file is deleted when its last reader is.
+    """
 
     file: IO[bytes]
     shape: tuple[int, ...]
-    first: int
+    selected: slice
 
-    def __getitem__(self, chosen: Indices | slice, /) -> Array:
+    def __getitem__(self, index: Indices | slice, /) -> Array:
         count, width = self.shape
-        if not isinstance(chosen, slice):
-            return np.concatenate([self[k : k + 1] for k in chosen.tolist()])
-        first, end, _ = chosen.indices(count)
+        if not isinstance(index, slice):
+            return np.concatenate([self[k : k + 1] for k in index.tolist()])
+        first, end, _ = index.indices(count)
         self.file.seek(8 * width * first)
         rows: Array = np.frombuffer(self.file.read(8 * width * (end - first))).reshape(-1, width)
-        return rows[:, self.first : self.first + 4].copy()
+        return rows[:, self.selected].copy()
 
 
-def _layout(path: Path) -> Layout:
-    """The first line that is neither empty nor a comment must be the header."""
+def layout_of(path: Path) -> Layout:
+    """Return the layout of a file. Its header is the first line that is not empty or a comment."""
     for k, line in _lines(path):
         text = line.strip().lstrip("\ufeff")
         if not text or text.startswith("#"):
@@ -300,35 +371,36 @@ def _layout(path: Path) -> Layout:
         names = [name.strip().strip('"') for name in text.split(separator)]
         if len(names) < 2:
             raise TrajectoryError(
-                f"{path}:{k + 1}: no columns (separated by a comma, semicolon or tab)"
+                f"{path}:{k + 1}: no columns found (allowed separators: comma, semicolon, tab)"
             )
         if all(_number(name) for name in names):
             raise TrajectoryError(
-                f"{path}:{k + 1}: no header: the first row must name each column with its unit, such as "
+                f"{path}:{k + 1}: no header: the first row must name each column with its unit, "
+                "such as "
                 "time_s,q1_rad,q2_rad,q3_rad,q4_m"
             )
         return Layout(k, separator, names)
     raise TrajectoryError(f"{path}: the file is empty")
 
 
-def _data_rows(path: Path, layout: Layout, wanted: Sequence[Heading]) -> _Rows:
-    """The wanted columns of all rows, SI."""
+def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> _Rows:
+    """Read the selected columns of all rows in SI units."""
     columns, factors = (
-        [heading.column for heading in wanted],
-        [heading.factor for heading in wanted],
+        [heading.column for heading in selected],
+        [heading.factor for heading in selected],
     )
     all_columns = sorted(columns) == list(
         range(len(layout.names))
-    )  # then their number is looked at too
-    read, found = _Rows(), None
+    )  # Only then can rows with extra columns be detected.
+    rows, block = _Rows(), None
     try:
         with path.open(encoding="utf-8-sig") as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a block without rows
+            warnings.simplefilter("ignore", UserWarning)  # numpy warns about an empty last block.
             for _ in range(layout.header + 1):
                 file.readline()
-            while found is None or len(found) == BLOCK:
+            while block is None or len(block) == BLOCK:
                 used = None if all_columns else columns
-                found = np.loadtxt(
+                block = np.loadtxt(
                     file,
                     comments=None,
                     delimiter=layout.separator,
@@ -336,34 +408,36 @@ def _data_rows(path: Path, layout: Layout, wanted: Sequence[Heading]) -> _Rows:
                     ndmin=2,
                     max_rows=BLOCK,
                 )
-                if len(found) and all_columns and found.shape[1] != len(columns):
-                    raise ValueError("rows of another width than the header")
-                if len(found):
-                    read.add((found[:, columns] if all_columns else found) * factors)
+                if len(block) and all_columns and block.shape[1] != len(columns):
+                    raise ValueError("the rows and the header differ in their number of columns")
+                if len(block):
+                    rows.add((block[:, columns] if all_columns else block) * factors)
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except ValueError as error:
-        raise TrajectoryError(_fault(path, layout, str(error), read.count)) from error
+        raise TrajectoryError(_fault(path, layout, str(error), rows.count)) from error
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
     except OverflowError as error:
-        raise TrajectoryError(f"{path}: holds a number that no float can hold") from error
-    if not read.count:
-        raise TrajectoryError(f"{path}: the header is there, but no row follows it")
+        raise TrajectoryError(f"{path}: a number is too large for a float") from error
+    if not rows.count:
+        raise TrajectoryError(f"{path}: no row follows the header")
     width = len(layout.names)
     last = _last_line(path)
     if last and len(last.split(layout.separator)) < width:
-        raise TrajectoryError(f"{path}: the last row has fewer than {width} columns: cut off")
-    return read
+        raise TrajectoryError(
+            f"{path}: the last row has fewer than {width} columns: the file is incomplete"
+        )
+    return rows
 
 
 def _fault(path: Path, layout: Layout, message: str, first: int) -> str:
-    """What is wrong with the first bad row, which is not before this one."""
+    """Return the message for the first bad row, searched from row `first`."""
     width = len(layout.names)
     for k, line in islice(_data_lines(path, layout), first, None):
         fields = [field.strip() for field in line.split(layout.separator)]
         if len(fields) != width:
-            return f"{path}:{k + 1}: {len(fields)} columns where the header has {width}"
+            return f"{path}:{k + 1}: the row has {len(fields)} columns, but the header has {width}"
         for name, field in zip(layout.names, fields, strict=True):
             if not _number(field):
                 return f"{path}:{k + 1}: {name}: {field[:40]!r} is not a number"
@@ -371,7 +445,10 @@ def _fault(path: Path, layout: Layout, message: str, first: int) -> str:
 
 
 def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
-    """Half a unit of the last digit that the first rows write of each position, rad or m."""
+    """Return half a unit of the last written digit of each position (4,), rad or m.
+
+    Only the first `LOOK` rows are read.
+    """
     exponents = np.full(4, 99)
     for count, (_, line) in enumerate(_data_lines(path, layout)):
         if count == LOOK:
@@ -384,7 +461,7 @@ def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
 
 
 def _last_digit(text: str) -> int:
-    """Power of ten of the last digit written; 99 for a zero, which says nothing."""
+    """Return the power of ten of the last written digit, or 99 for a zero (no information)."""
     mantissa, _, exponent = text.lower().partition("e")
     if not mantissa.strip("+-0."):
         return 99

@@ -1,16 +1,15 @@
-"""Setpoint streams and setup objects for maxon EPOS4 drives (CiA 402): cyclic position, velocity or torque.
+"""Write and read setpoint streams for maxon EPOS4 drives (CiA 402).
 
-Streams of setpoints that the export for EPOS4 drives wrote, back as a joint trajectory.
+The streams hold cyclic synchronous positions, velocities or torques, and come with setup objects.
+Position streams can be read back as a joint trajectory.
 """
 
 from __future__ import annotations
 
 import csv
-import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from ssm_planner.display import number
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.csv import data_rows, layout_of
 from ssm_planner.formats.epos4_offsets import Offsets, offset_checks
 from ssm_planner.formats.epos4_setup import (
     INT16,
@@ -25,28 +25,30 @@ from ssm_planner.formats.epos4_setup import (
     MODES,
     NOT_VERIFIED,
     Axis,
+    CountsPerTurn,
     axes_of,
     encoder_notes,
-    fits,
     homing,
     pdo_mapping,
+    require_range,
     setup_objects,
     sync_setup,
 )
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import REST, at_times
+from ssm_planner.formats.trajectory_csv import Heading
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import rpm, shown
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.ends import end_velocities
 
 LARGEST_PERIOD = 100
-"""ms; object 0x60C2."""
+"""Largest interpolation period, ms (object 0x60C2)."""
 
 Stream = dict[str, Array]
-"""Whole numbers by column name."""
+"""Integer values (n,) by column name."""
 
 
 def export_epos4(
@@ -56,22 +58,41 @@ def export_epos4(
     suffix: str,
     rate: float = 1000.0,
     mode: str = "csp",
-    counts_per_turn: int | Mapping[str, int] | None = None,
-) -> dict[str, Any]:
-    """Write one stream per driven joint, its `time,position` form, and objects.csv; returns what the manifest says.
+    counts_per_turn: CountsPerTurn = None,
+) -> JsonObject:
+    """Write one stream per driven joint and objects.csv, and return the entries of the manifest.
 
-    rate: setpoints per second, of which one interpolation period must be 1 to 100 whole ms. mode: csp, csv or cst.
-    counts_per_turn: increments per motor turn (4 × encoder counts) where the motor files give none, one for all joints
-    or by joint. Raises ExportError: missing figures, a period that is not whole, numbers that do not fit their object.
+    In mode csp, every driven joint also has a `time,position` file.
+
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan.
+    folder : Path
+    suffix : str
+        Text that marks unverified files, before the extension.
+    rate : float
+        Setpoints per second, Hz. The period must be an integer from 1 to 100 ms.
+    mode : str
+        csp (position), csv (velocity) or cst (torque).
+    counts_per_turn : int or mapping from joint to int, optional
+        Increments per motor turn, see `axes_of`.
+
+    Raises
+    ------
+    ExportError
+        If the mode or the rate is not allowed, an encoder resolution is missing, or a number does
+        not fit its object.
     """
     if mode not in MODES:
-        raise ExportError(f"mode {mode!r} (allowed: {', '.join(MODES)})")
+        raise ExportError(f"unknown mode {mode!r} (allowed: {', '.join(MODES)})")
     period = period_ms(rate)
     axes = axes_of(plan.robot, counts_per_turn)
     t, stretch = setpoint_times(plan, period)
     motion = _motion(plan, t, stretch)
     streams = _streams(axes, motion, mode)
-    listed: dict[str, Any] = {}
+    entries: JsonObject = {}
     rows: list[dict[str, str]] = []
     for i, joint in enumerate(plan.robot.joints):
         name = f"{joint.name}{suffix}.csv"
@@ -82,9 +103,10 @@ def export_epos4(
                 {TIME: t, f"position_{joint.unit}": motion["q"][:, i]},
                 ("%.3f", "%.17g"),
             )
-            listed[joint.name] = {
+            entries[joint.name] = {
                 "file": name,
-                "note": "no drive: its motion for reference, not a stream",
+                "note": "no drive: the file shows the joint's motion for reference and is not a "
+                "stream",
             }
             continue
         counts = axis.increments(motion["q"][:, i])
@@ -95,7 +117,7 @@ def export_epos4(
                 folder / f"{joint.name}_time_position{suffix}.csv", {"time": t, "position": counts}
             )
         rows += setup_objects(axis, mode, period, effects)
-        listed[joint.name] = {
+        entries[joint.name] = {
             "file": name,
             **axis.to_dict(),
             "rounding": effects,
@@ -113,17 +135,20 @@ def export_epos4(
             "mrpm": "1e-3 rpm at the motor",
             "permille": "of rated torque",
         },
-        "axes": listed,
+        "axes": entries,
         "stretch": stretch,
         "not_verified": list(NOT_VERIFIED),
-        "notes": [*_notes(plan, axes, t, listed), *_moving_notes(plan)],
+        "notes": [*_notes(plan, axes, t, entries), *_moving_notes(plan)],
     }
 
 
 def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
-    """When setpoints are sent, s from the start, (n,), period in ms, and the factor by which the motion is slower.
+    """Return the times of the setpoints and the factor by which the motion is slower.
 
-    The last one is the target. What ends moving must end at a setpoint: the whole of it is slower by less than one period.
+    A motion that does not end at rest must end at a setpoint. It is therefore slowed down so that
+    its duration grows by less than one period. The last setpoint is the target. period: ms. The
+    times
+    (n,) count in s from the start.
     """
     count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
     t: Array = np.arange(count, dtype=float) * (period / 1000)
@@ -134,12 +159,18 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
 def setpoints(
     plan: Plan, axes: Mapping[str, Axis], period: int, mode: str = "csp"
 ) -> dict[str, Stream]:
-    """What the export writes for every driven joint, by joint: columns (n,) of whole numbers by name. period: ms."""
+    """Return the streams of all driven joints as the export writes them, by joint.
+
+    axes: axes by joint. period: ms. mode: csp, csv or cst.
+    """
     return _streams(axes, _motion(plan, *setpoint_times(plan, period)), mode)
 
 
 def period_ms(rate: float) -> int:
-    """Interpolation period of a rate in Hz, whole ms. Raises ExportError."""
+    """Return the interpolation period of a rate in Hz, in whole ms.
+
+    Raises ExportError if the period is not an integer from 1 to `LARGEST_PERIOD`.
+    """
     period = 1000 / rate if rate > 0 else 0.0
     if not (
         np.isfinite(period)
@@ -147,14 +178,19 @@ def period_ms(rate: float) -> int:
         and abs(period - round(period)) < 1e-9
     ):
         raise ExportError(
-            f"a rate of {rate:g} Hz is a period of {period:.6g} ms: object 0x60C2 takes whole ms from 1 to {LARGEST_PERIOD} "
+            f"the rate {rate:g} Hz has a period of {period:.6g} ms, but object 0x60C2 needs whole "
+            f"ms from 1 to {LARGEST_PERIOD} "
             "(allowed: 1000, 500, 250, 200, 125, 100 Hz and so on)"
         )
     return round(period)
 
 
 def rounding_effects(counts: Array, q: Array, axis: Axis, period: float) -> dict[str, float]:
-    """Largest effect of rounding positions q (n,) to increments (n,) on position, speed and acceleration; rad or m, s."""
+    """Return the largest effects of rounding positions q (n,) to increments `counts` (n,).
+
+    The result holds the errors of position, speed and acceleration of the joint (rad or m, s).
+    period: s.
+    """
     error = counts / axis.increments_per_unit - q
     return {
         "position": float(np.abs(error).max()),
@@ -173,13 +209,16 @@ def _moving_notes(plan: Plan) -> list[str]:
         if abs(velocity) > REST
     ]
     return [
-        f"the motion ends moving ({', '.join(speeds)}): the setpoint after the last must carry it on, as no drive can stop "
-        "at once"
+        f"the motion ends moving ({', '.join(speeds)}): the controller must continue the motion "
+        "after the last setpoint, because no drive can stop at once"
     ]
 
 
 def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
-    """q and the motors' speed and torque (n, 4) at times t after the start; where the motion ends at rest they hold."""
+    """Return q and the motors' speed and torque (n, 4) at times t after the start.
+
+    Joints that end at rest hold their last position.
+    """
     samples = at_times(plan, plan.motion.breaks[0] + t, stretch)
     moving = np.abs(end_velocities(plan.motion)[1]) > REST
     ended = (t >= plan.motion.duration * stretch * (1 - 1e-12))[:, None] & ~moving
@@ -202,15 +241,15 @@ def _streams(axes: Mapping[str, Axis], motion: dict[str, Array], mode: str) -> d
         i = JOINTS.index(name)
         speed = np.round(axis.direction * motion["speed"][:, i] / rpm * 1000)
         torque = np.round(axis.direction * motion["torque"][:, i] / axis.rated_torque * 1000)
-        fits(
+        require_range(
             position := axis.increments(motion["q"][:, i]),
             INT32,
             name,
             "target position",
             "increments",
         )
-        fits(speed, INT32, name, "velocity", "mrpm")
-        fits(torque, INT16, name, "torque", "per mille of rated torque (INT16)")
+        require_range(speed, INT32, name, "velocity", "mrpm")
+        require_range(torque, INT16, name, "torque", "per mille of rated torque (INT16)")
         columns = (position, speed, torque)[3 - len(COLUMNS[mode]) :]
         streams[name] = {
             column: values + 0.0 for column, values in zip(COLUMNS[mode], columns, strict=True)
@@ -219,10 +258,13 @@ def _streams(axes: Mapping[str, Axis], motion: dict[str, Array], mode: str) -> d
 
 
 def write_table(path: Path, columns: Stream, forms: tuple[str, str] = ("%.3f", "%d")) -> None:
-    """Columns (n,) by name as a CSV file; forms: of the first, which is the time, and of the others."""
+    """Write columns (n,) to a CSV file.
+
+    forms: printf format of the first column, which is the time, and of the other columns.
+    """
     rows = np.column_stack(list(columns.values()))
-    every = [forms[0], *(forms[1],) * (len(columns) - 1)]
-    np.savetxt(path, rows, fmt=every, delimiter=",", header=",".join(columns), comments="")
+    formats = [forms[0], *(forms[1],) * (len(columns) - 1)]
+    np.savetxt(path, rows, fmt=formats, delimiter=",", header=",".join(columns), comments="")
 
 
 def _write_objects(path: Path, rows: list[dict[str, str]]) -> None:
@@ -234,30 +276,35 @@ def _write_objects(path: Path, rows: list[dict[str, str]]) -> None:
         writer.writerows(rows)
 
 
-def _notes(plan: Plan, axes: dict[str, Axis], t: Array, listed: dict[str, Any]) -> list[str]:
+def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> list[str]:
     notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
-    for joint, way in zip(plan.robot.joints, travel.tolist(), strict=True):
+    for joint, distance in zip(plan.robot.joints, travel.tolist(), strict=True):
         unit, scale = shown(joint.unit)
         if joint.name not in axes:
-            if way > 0:
-                far = number(scale * way, 4)
+            if distance > 0:
+                length = number(scale * distance, 4)
                 notes.append(
-                    f"joint {joint.name} has no drive and is not streamed, though the plan moves it by {far} {unit}"
+                    f"joint {joint.name} has no drive and no stream, but the plan moves "
+                    f"it by {length} {unit}"
                 )
             continue
         if joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
             notes.append(
-                f"joint {joint.name}: the rated torque behind its torque offsets is a placeholder figure"
+                f"joint {joint.name}: its torque offsets use a placeholder value of the rated "
+                "torque"
             )
-        effects = listed[joint.name]["rounding"]
+        effects = entries[joint.name]["rounding"]
         position, speed, difference = (
             number(scale * effects[name], 2) for name in ("position", "speed", "acceleration")
         )
         notes.append(
-            f"joint {joint.name}: rounding to increments moves setpoints by up to {position} {unit}, "
-            f"the speed between two by {speed} {unit}/s ({100 * effects['speed'] / joint.velocity:.2g} % "
-            f"of its limit), its difference by {difference} {unit}/s²; it does not add up"
+            f"joint {joint.name}: rounding to increments moves setpoints by up to {position} "
+            f"{unit}, "
+            f"the speed between setpoints by {speed} {unit}/s "
+            f"({100 * effects['speed'] / joint.velocity:.2g} % "
+            f"of its limit), and the acceleration by {difference} {unit}/s²; the errors do not "
+            "accumulate"
         )
     return [*notes, *encoder_notes(axes)]
 
@@ -273,18 +320,31 @@ COLUMNS = {
     "csv": ("target_velocity_mrpm", TORQUE),
     "cst": ("target_torque_permille",),
 }
-"""Of the streams, by mode."""
+"""Columns of a stream, by mode."""
 SAME = 1e-9
-"""Relative: figures of the manifest and of the robot that are the same."""
+"""Relative tolerance for equal values in the manifest and in the robot."""
 
 
 def read_epos4(
-    folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot
+    folder: Path, manifest: JsonObject, listed: Collection[str], robot: Robot
 ) -> Reading:
-    """Target positions in increments as joint positions, joined by straight lines, and what their offsets show.
+    """Read the target positions of an export as a trajectory of straight lines.
 
-    Joints without a drive come from their reference file, in rad or m. listed: files of the manifest whose content is
-    known to be as exported. Raises TrajectoryError.
+    The velocity and torque offsets are compared with the positions. Positions of joints without a
+    drive come from their reference files in rad or m.
+
+    Parameters
+    ----------
+    folder : Path
+    manifest : dict
+    listed : Collection[str]
+        Files of the manifest whose content is unchanged since the export.
+    robot : Robot
+
+    Raises
+    ------
+    TrajectoryError
+        If a stream is missing or damaged, or the robot has other drives than the manifest states.
     """
     columns, resolution, offsets = [], np.zeros(4), {}
     time: Array | None = None
@@ -297,11 +357,11 @@ def read_epos4(
         else:
             t, (values,) = read_table(path, TIME, (f"position_{joint.unit}",))
         if time is not None and not np.array_equal(time, t):
-            raise TrajectoryError(f"{folder}: the streams of the axes do not have the same times")
+            raise TrajectoryError(f"{folder}: the streams of the axes have different times")
         time = t
         columns.append(values)
     if time is None:
-        raise TrajectoryError(f"{folder}: no streams")
+        raise TrajectoryError(f"{folder}: the folder contains no streams")
     q = np.stack(columns, axis=1)
     reading = join_points(
         Points(time, q, resolution=resolution, place=f"{folder}: setpoint {{}}".format), robot
@@ -310,11 +370,12 @@ def read_epos4(
 
 
 def read_axes(
-    folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot
+    folder: Path, manifest: JsonObject, listed: Collection[str], robot: Robot
 ) -> Iterator[tuple[Joint, Path, float | None]]:
-    """Of every joint its file among those listed, and its increments per rad or m if it has a drive.
+    """Yield every joint with its file and its increments per rad or m, None without a drive.
 
-    Raises TrajectoryError.
+    folder, manifest, listed, robot: see `read_epos4`. Raises TrajectoryError if the manifest does
+    not list a file for each joint of the robot.
     """
     axes = manifest.get("axes")
     if not isinstance(axes, dict) or set(axes) != {joint.name for joint in robot.joints}:
@@ -333,35 +394,40 @@ def read_axes(
         )
 
 
-def _per_unit(folder: Path, joint: Joint, axis: dict[str, Any]) -> float:
-    """Increments per rad or m of a joint, which follow from its drive. Raises TrajectoryError."""
+def _per_unit(folder: Path, joint: Joint, axis: JsonObject) -> float:
+    """Return the increments per rad or m of a joint.
+
+    Raises TrajectoryError if they do not follow from the drive of the joint.
+    """
     stated, turn = axis["increments_per_unit"], axis.get("increments_per_motor_turn")
     if joint.drive is None or joint.motor is None:
         raise TrajectoryError(
-            f"{folder}: joint {joint.name} of the robot has no drive or no motor, but a stream"
+            f"{folder}: joint {joint.name} has a stream, but the robot has no drive or no motor "
+            "for it"
         )
     if type(turn) is not int or not 0 < turn <= INT32 or type(stated) not in (int, float):
         raise TrajectoryError(
-            f"{folder}: increments of joint {joint.name} are not given by the manifest"
+            f"{folder}: the manifest does not give the increments of joint {joint.name}"
         )
     expected = joint.motor_direction * joint.drive.ratio * turn / (2 * np.pi)
     if not abs(stated - expected) <= SAME * abs(expected):
         raise TrajectoryError(
-            f"{folder}: joint {joint.name}: {stated:.9g} increments per {joint.unit} where "
-            f"the robot's drive and {turn} increments per motor turn make {expected:.9g}"
+            f"{folder}: joint {joint.name}: the manifest states {stated:.9g} increments per "
+            f"{joint.unit}, but the robot's drive and {turn} increments per motor turn give "
+            f"{expected:.9g}"
         )
     rated = axis.get("rated_torque_Nm")
     if not isinstance(rated, (int, float)) or not abs(
         rated - joint.motor.nominal_torque
     ) <= SAME * abs(rated):
         raise TrajectoryError(
-            f"{folder}: joint {joint.name}: the rated torque is not that of the robot's motor"
+            f"{folder}: joint {joint.name}: the rated torque differs from that of the robot's motor"
         )
     return float(stated)
 
 
 def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
-    """Offsets (n,) in mrpm and per mille on the joint's side."""
+    """Convert offsets (n,) in mrpm and per mille to the joint's side."""
     if joint.drive is None or joint.motor is None:
         raise TrajectoryError(f"joint {joint.name} of the robot has no drive or no motor")
     to_speed = joint.motor_direction * rpm / (1000 * joint.drive.ratio)
@@ -370,27 +436,21 @@ def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
 
 
 def read_table(path: Path, time: str, columns: Sequence[str]) -> tuple[Array, list[Array]]:
-    """(first column (n,), which is `time`, values (n,) of each of the columns) of a file. Raises TrajectoryError."""
-    try:
-        with path.open(encoding="utf-8") as file:
-            names = file.readline().strip().split(",")
-        for column in (time, *columns):
-            if column not in names:
-                raise TrajectoryError(
-                    f"{path}: no column {column} (streams of the modes csv and cst hold no positions)"
-                )
-        wanted = [names.index(column) for column in (time, *columns)]
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", UserWarning
-            )  # of a file without rows, which is said below
-            rows = np.loadtxt(
-                path, delimiter=",", skiprows=1, usecols=wanted, ndmin=2, encoding="utf-8"
+    """Read a CSV file and return its time column (n,) and the values (n,) of the columns.
+
+    Raises TrajectoryError if a column is missing or a value is not a finite number.
+    """
+    layout, selected = layout_of(path), []
+    for column in (time, *columns):
+        if column not in layout.names:
+            raise TrajectoryError(
+                f"{path}: no column {column} (streams of the modes csv and cst hold no positions)"
             )
-    except OSError as error:
-        raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, OverflowError) as error:
-        raise TrajectoryError(f"{path}: {error}") from error
-    if len(rows) < 2 or not np.isfinite(rows).all():
-        raise TrajectoryError(f"{path}: fewer than two rows, or numbers that are not finite")
-    return rows[:, 0], list(rows[:, 1:].T)
+        selected.append(Heading(layout.names.index(column), column, 1.0))
+    rows = data_rows(path, layout, selected)
+    times, values = np.concatenate(rows.times), rows.columns(0, len(columns))[:]
+    if len(times) < 2 or not (np.isfinite(times).all() and np.isfinite(values).all()):
+        raise TrajectoryError(
+            f"{path}: the file has fewer than two rows or contains numbers that are not finite"
+        )
+    return times, list(values.T)

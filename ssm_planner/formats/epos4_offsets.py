@@ -1,8 +1,7 @@
-"""Velocity and torque offsets of EPOS4 streams, held against what their target positions ask for."""
+"""Compare the velocity and torque offsets of EPOS4 streams with their target positions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -12,25 +11,25 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.problem.limits import FeedForward, MotorTorque
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import Samples
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import LimitCheck
 
 NEAR = 2
-"""Intervals on either side of a setpoint whose accelerations it may have."""
+"""Number of intervals on each side of a setpoint whose accelerations the setpoint may have."""
 AT_REST = ((1.0, True), (-1.0, False), (-1.0, True), (0.0, False))
-"""Direction and breaking away of a joint that may stand, beside moving on."""
+"""Direction and breakaway flag of a joint at rest, in addition to continued motion."""
 FULL = 0.02
-"""s: of a period this long or longer an acceleration may come and go between two setpoints."""
+"""Period (s) from which an acceleration may begin and end between two setpoints."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Offsets:
-    """What a stream says of one joint beside its positions, at n setpoints, on the joint's side."""
+    """Offsets of one joint at n setpoints, on the joint's side."""
 
     velocity: Array
-    """(n,), rad/s or m/s."""
+    """Velocity offset (n,), rad/s or m/s."""
     torque: Array
-    """(n,), N·m at the motor, in the direction of the joint."""
+    """Torque offset (n,), N·m at the motor, in the direction of the joint."""
     velocity_rounding: float
     torque_rounding: float
 
@@ -38,10 +37,24 @@ class Offsets:
 def offset_checks(
     robot: Robot, t: Array, q: Array, resolution: Array, offsets: dict[int, Offsets]
 ) -> list[LimitCheck]:
-    """Offsets of the joints (by index) against positions q (n, 4) with a rounding of `resolution` (4,), rad or m.
+    """Check the offsets of the joints against the positions.
 
-    Between two setpoints the velocity changes by no more than the acceleration limit allows; torques follow from the
-    motor law with any acceleration that is near. The motors' largest torques are limits too.
+    The velocity changes between two setpoints by no more than the acceleration limit allows. The
+    torques follow from the motor law with any acceleration near the setpoint. The torque limits of
+    the
+    motors apply too.
+
+    Parameters
+    ----------
+    robot : Robot
+    t : (n,)
+        Times, s.
+    q : (n, 4)
+        Positions, rad and m.
+    resolution : (4,)
+        Largest rounding error of the positions.
+    offsets : dict[int, Offsets]
+        Offsets by joint index.
     """
     slopes = np.diff(q, axis=0) / np.diff(t)[:, None]
     qd = np.gradient(q, t, axis=0) if len(t) > 1 else np.zeros_like(q)
@@ -70,7 +83,7 @@ def offset_checks(
 def _velocity_check(
     joint: Joint, t: Array, slope: Array, offset: Offsets, rounding: float
 ) -> LimitCheck:
-    """|q̇(t) − mean of q̇ over an adjacent interval| ≤ q̈_max h / 2."""
+    """Check that |q̇(t) − mean of q̇ over an adjacent interval| ≤ q̈_max h / 2."""
     h = np.diff(t)
     allowed = joint.acceleration * (1 + 1e-6) * h / 2 + 2 * rounding / h + offset.velocity_rounding
     beyond = (
@@ -78,55 +91,61 @@ def _velocity_check(
         / allowed
     )
     k = int(np.argmax(beyond))
-    limit = FeedForward(joint.name, float(allowed[k]), prismatic=joint.kind == "prismatic")
+    limit = FeedForward(joint.name, float(allowed[k]), prismatic=joint.slides)
     return LimitCheck.of(limit, float(beyond[k] * allowed[k]), float(t[k]))
 
 
 def _torque_range(
     robot: Robot, t: Array, q: Array, qd: Array, offsets: dict[int, Offsets]
 ) -> tuple[Array, Array]:
-    """(lowest, highest) motor torque (n, 4) with any acceleration that is near a setpoint and either friction at rest."""
+    """Return the lowest and the highest motor torque (n, 4) near each setpoint.
+
+    They cover any acceleration near the setpoint and, at rest, any friction.
+    """
     lowest, highest = _accelerations(robot, t, qd, offsets)
     body = RigidBody.from_robot(robot)
-    rest = np.array([_slow(robot, i, offsets) for i in range(4)])
+    rest_speed = np.array([_slow(robot, i, offsets) for i in range(4)])
     low, high = np.full(q.shape, np.inf), np.full(q.shape, -np.inf)
-    standing = np.abs(qd) <= rest
-    some = np.flatnonzero(standing.any(axis=1))
-    every = np.arange(len(t))
-    # the torque of a motor rises or falls throughout with each acceleration but where its effort changes sign
+    standing = np.abs(qd) <= rest_speed
+    standing_rows = np.flatnonzero(standing.any(axis=1))
+    all_rows = np.arange(len(t))
+    # The motor torque is monotonic in each acceleration, except where its effort changes sign.
     for share in (*product((0.0, 1.0), repeat=4), (0.5,) * 4):
         qdd = lowest + np.array(share) * (highest - lowest)
-        for rows, sign, breaking in ((every, 1.0, False), *((some, *case) for case in AT_REST)):
-            still = standing[rows]
+        for rows, sign, breaking in (
+            (all_rows, 1.0, False),
+            *((standing_rows, *case) for case in AT_REST),
+        ):
+            at_rest = standing[rows]
             samples = Samples(t[rows], q[rows], qd[rows], qdd[rows], np.zeros_like(q[rows]))
-            direction = np.where(still, sign, np.sign(qd[rows]))
+            direction = np.where(at_rest, sign, np.sign(qd[rows]))
             torque = motor_motion(
-                robot, body, samples, direction, (still & breaking).astype(float)
+                robot, body, samples, direction, (at_rest & breaking).astype(float)
             ).torque
             low[rows], high[rows] = np.fmin(low[rows], torque), np.fmax(high[rows], torque)
     return low, high
 
 
 def _slow(robot: Robot, i: int, offsets: dict[int, Offsets]) -> float:
-    """Speed up to which a joint may stand, as far as its rounded offset tells."""
+    """Return the speed up to which a joint may be at rest, given the rounding of its offset."""
     return 1e-6 * robot.joints[i].velocity + (offsets[i].velocity_rounding if i in offsets else 0.0)
 
 
 def _accelerations(
     robot: Robot, t: Array, qd: Array, offsets: dict[int, Offsets]
 ) -> tuple[Array, Array]:
-    """(lowest, highest) acceleration (n, 4) near every setpoint, within the joints' limits."""
+    """Return the extreme accelerations (n, 4) near each setpoint, within the limits."""
     h = np.diff(t)
     mean = np.diff(qd, axis=0) / h[:, None]
     n = len(t)
     low, high = np.full((n, 4), np.inf), np.full((n, 4), -np.inf)
     for shift in range(-NEAR, NEAR):
-        of = np.clip(np.arange(n) + shift, 0, n - 2)
-        low, high = np.minimum(low, mean[of]), np.maximum(high, mean[of])
+        interval = np.clip(np.arange(n) + shift, 0, n - 2)
+        low, high = np.minimum(low, mean[interval]), np.maximum(high, mean[interval])
     limit = np.array([joint.acceleration for joint in robot.joints])
     rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
     pad = limit * np.minimum(1.0, h.max() / FULL) + 2 * rounding / h.min()
-    # a drive that holds, or a motion that has ended, needs no acceleration
+    # A drive that holds its position needs no acceleration.
     return np.maximum(np.minimum(low - pad, 0.0), -limit), np.minimum(
         np.maximum(high + pad, 0.0), limit
     )

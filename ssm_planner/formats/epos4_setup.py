@@ -1,31 +1,33 @@
-"""What turns a joint's motion into the numbers of its drive: encoder increments, direction, rated torque.
+"""Convert a joint's motion to the units of its drive and list the setup objects of an EPOS4.
 
-Objects to set in an EPOS4 before it follows a stream, each with its reason.
+Encoder increments, direction and rated torque define the units. Each setup object has a reason.
 """
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 
 from ssm_planner.errors import ExportError
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.typing import Array
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import rpm
 
-INT16, INT32, UINT32 = 2**15 - 1, 2**31 - 1, 2**32 - 1
+INT16, INT32 = 2**15 - 1, 2**31 - 1
 PLACEHOLDER = "PLACEHOLDER: "
 QUADRATURE = 4
 """Increments (quadcounts) per encoder count."""
 
 
 @dataclass(frozen=True)
-class Axis:
-    """One driven joint as its drive sees it."""
+class Axis(ShortRepr):
+    """A driven joint with the units of its drive."""
 
     name: str
     joint: Joint
@@ -35,16 +37,16 @@ class Axis:
     increments_per_unit: float
     """Increments per rad or m of the joint, signed by the direction."""
     rated_torque: float
-    """Object 0x6076, N·m."""
+    """Rated torque, N·m (object 0x6076)."""
     encoder: str
-    """Where the counts come from."""
+    """Source of the encoder counts."""
 
     def increments(self, q: Array) -> Array:
-        """Target positions (n,), whole numbers, of joint positions (n,)."""
+        """Return the target positions (n,), rounded to integers, for joint positions q (n,)."""
         return np.round(q * self.increments_per_unit) + 0.0
 
-    def to_dict(self) -> dict[str, Any]:
-        """What the manifest of an export says of it."""
+    def to_dict(self) -> JsonObject:
+        """Return the entries of the manifest."""
         return {
             "increments_per_unit": self.increments_per_unit,
             "increments_per_motor_turn": self.counts_per_turn,
@@ -54,8 +56,25 @@ class Axis:
         }
 
 
-def axes_of(robot: Robot, counts_per_turn: int | Mapping[str, int] | None) -> dict[str, Axis]:
-    """Axes by joint for every joint with a drive. Raises ExportError naming the figure that is missing and its file."""
+CountsPerTurn = int | Mapping[str, int] | None
+"""Increments per motor turn of all joints or by joint, or None for those of the motor files."""
+
+
+def axes_of(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
+    """Return the axes of all joints with a drive, by joint.
+
+    Parameters
+    ----------
+    robot : Robot
+    counts_per_turn : int or mapping from joint to int, optional
+        Increments per motor turn (4 × encoder counts), for all joints or by joint. The default
+        comes from the motor files.
+
+    Raises
+    ------
+    ExportError
+        If no joint has a drive, or a drive lacks a motor or an encoder resolution.
+    """
     axes = {}
     for joint in robot.joints:
         drive, motor = joint.drive, joint.motor
@@ -63,7 +82,8 @@ def axes_of(robot: Robot, counts_per_turn: int | Mapping[str, int] | None) -> di
             continue
         if motor is None:
             raise ExportError(
-                f"{robot.file}: joints.{joint.name}.motor is missing: torque offsets are per mille of its rated torque"
+                f"{robot.file}: joints.{joint.name}.motor is missing: setpoints depend on the "
+                "motor's encoder and rated torque"
             )
         counts, encoder = _counts(joint, counts_per_turn)
         per_unit = joint.motor_direction * drive.ratio * counts / (2 * np.pi)
@@ -77,31 +97,53 @@ def axes_of(robot: Robot, counts_per_turn: int | Mapping[str, int] | None) -> di
             encoder=encoder,
         )
     if not axes:
-        raise ExportError(f"{robot.file}: no joint of robot {robot.name} has a drive")
+        raise ExportError(
+            f"{robot.file}: no joint of robot {robot.name} has a drive: name one in "
+            "joints.NAME.drive, "
+            "and its motor in joints.NAME.motor"
+        )
     return axes
 
 
 def encoder_notes(axes: Mapping[str, Axis]) -> list[str]:
-    """What is not known of the encoders."""
+    """Return notes on placeholder values of the encoders."""
     return [
-        f"joint {name}: the encoder behind its increments is a placeholder figure"
+        f"joint {name}: its increments use a placeholder value of the encoder resolution"
         for name, axis in axes.items()
         if axis.encoder.startswith(PLACEHOLDER)
     ]
 
 
-def fits(values: Array, largest: int, joint: str, what: str, unit: str) -> Array:
-    """Whole numbers (n,) that a drive's object holds. Raises ExportError naming joint, value and what is allowed."""
+def require_range(values: Array, largest: int, joint: str, what: str, unit: str) -> Array:
+    """Return integers (n,) after checking that an object of the drive can hold them.
+
+    Parameters
+    ----------
+    values : (n,)
+    largest : int
+        Largest absolute value of the object.
+    joint, what, unit : str
+        Joint, quantity and unit for the message.
+
+    Raises
+    ------
+    ExportError
+        If a value is too large or not finite.
+    """
     k = int(np.argmax(np.abs(values)))
     if not np.isfinite(values).all() or abs(values[k]) > largest:
         raise ExportError(
-            f"joint {joint}: {what} of {values[k]:.6g} {unit} does not fit (allowed: −{largest} to {largest})"
+            f"joint {joint}: {what} of {values[k]:.6g} {unit} does not fit (allowed: −{largest} to "
+            f"{largest})"
         )
     return values + 0.0
 
 
 def following_error_window(axis: Axis, period: int) -> int:
-    """Object 0x6065, increments: LAG_PERIODS periods (ms) at the joint's largest speed."""
+    """Return object 0x6065 in increments.
+
+    It is the travel in `LAG_PERIODS` periods (ms) at the joint's largest speed.
+    """
     return max(
         math.ceil(
             axis.joint.velocity * LAG_PERIODS * period / 1000 * abs(axis.increments_per_unit)
@@ -110,9 +152,14 @@ def following_error_window(axis: Axis, period: int) -> int:
     )
 
 
-def _counts(joint: Joint, given: int | Mapping[str, int] | None) -> tuple[int, str]:
+def _counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
     """Increments per motor turn, and where they come from."""
-    counts, motor = given.get(joint.name) if isinstance(given, Mapping) else given, joint.motor
+    counts, motor = (
+        counts_per_turn.get(joint.name)
+        if isinstance(counts_per_turn, Mapping)
+        else counts_per_turn,
+        joint.motor,
+    )
     if counts is None and motor is not None and motor.encoder_counts is not None:
         mark = PLACEHOLDER if "encoder_counts" in motor.placeholders else ""
         return QUADRATURE * motor.encoder_counts, mark + motor.sources.get(
@@ -121,25 +168,24 @@ def _counts(joint: Joint, given: int | Mapping[str, int] | None) -> tuple[int, s
     if counts is None:
         file = "the motor's file" if motor is None else motor.file
         raise ExportError(
-            f"{file}: encoder_counts is missing for the motor of joint {joint.name}: give it there, or the increments per "
-            "motor turn (4 × encoder counts) by --counts-per-turn"
+            f"{file}: encoder_counts is missing for the motor of joint {joint.name}: add it to the "
+            "file, or pass the increments per motor turn (4 × encoder counts) with "
+            "--counts-per-turn"
         )
     if counts < 1:
-        raise ExportError(
-            f"--counts-per-turn {counts}: not a number of increments (allowed: 1 and more)"
-        )
+        raise ExportError(f"--counts-per-turn {counts} is out of range (allowed: 1 or more)")
     return int(counts), "given with the export"
 
 
 MODES = {"csp": 8, "csv": 9, "cst": 10}
-"""Mode of operation (0x6060)."""
+"""Mode of operation (object 0x6060)."""
 VELOCITY_UNIT = 0xFDB44700
-"""0x60A9: velocities in 1e-3 rpm."""
+"""Value of object 0x60A9 for velocities in 1e-3 rpm."""
 LAG_PERIODS = 10
 SYNC = 0x80
 """COB-ID of the SYNC message."""
 CURRENT_POSITION = 37
-"""Homing method (0x6098): the present position becomes the home position."""
+"""Homing method (object 0x6098) that makes the present position the home position."""
 BITS = {
     **dict.fromkeys(("0x6060:00", "0x6061:00"), 8),
     **dict.fromkeys(("0x607A:00", "0x60FF:00", "0x60B1:00"), 32),
@@ -152,27 +198,34 @@ STREAMED = {
     "csv": (("0x60FF:00", "0x60B2:00"),),
     "cst": (("0x6071:00",),),
 }
-"""Objects of the stream by mode, PDO by PDO of at most 64 bits."""
+"""Objects of the stream by mode and PDO. A PDO holds at most 64 bits."""
 RETURNED = (("0x6041:00", "0x6061:00"), ("0x6064:00", "0x606C:00"), ("0x6077:00",))
 AT_ONCE, AT_SYNC = 255, 1
-"""Transmission types: a command or status goes through when it changes, set points and measurements with each SYNC."""
+"""Transmission types: on change (commands and status) and at each SYNC (all other objects)."""
 QUOTED, UNVERIFIED = "quoted", "not verified"
 DOUBTFUL = {"0x60B1:00", "0x6080:00"}
-"""How sure an object is: number, meaning and unit as others' public code quotes them, or in part from CiA 402 alone."""
+"""Objects whose meaning follows from CiA 402 alone.
+
+Public code of other authors quotes number, meaning and unit of all other objects.
+"""
 NOT_VERIFIED = (
-    "nothing was tried on a drive, and the maker's firmware specification was not at hand: objects, units and meanings are "
-    "those that other people's public code quotes; compare them with the specification of the drive",
-    "0x60B1 in CSP: a velocity offset is CiA 402; whether the drive takes it for feed-forward in this mode was not found",
-    "0x60C5 and 0x607F: in cyclic modes they are quoted as without effect; the stream itself keeps the limits",
-    "0x6080: quoted in rpm; whether 0x60A9 scales it too was not found",
-    "0x30B0: quoted as the position that homing method 37 gives to the present one; read 0x6064 afterwards",
+    "the export was not tested on a drive, and the firmware specification was not available: "
+    "objects, units and meanings come from public code of other authors; compare them with the "
+    "specification of the drive",
+    "0x60B1 in CSP: a velocity offset is CiA 402; no source states if the drive uses it as "
+    "feed-forward in this mode",
+    "0x60C5 and 0x607F: according to public code they have no effect in cyclic modes; the stream "
+    "itself keeps the limits",
+    "0x6080: public code uses rpm; no source states if 0x60A9 scales it too",
+    "0x30B0: according to public code, homing method 37 assigns this value to the present "
+    "position; read 0x6064 afterwards",
 )
 
 
-def pdo_mapping(mode: str) -> dict[str, list[dict[str, Any]]]:
-    """PDOs of the stream: for each the objects to write to map it, and when it goes through.
+def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
+    """Return the PDOs of a stream: the objects that map each PDO, and its transmission type.
 
-    Commands and status in PDOs of their own, so that the drive can be switched on before the first SYNC.
+    Commands and status have separate PDOs, so the drive can be switched on before the first SYNC.
     """
     return {
         "receive": [
@@ -186,7 +239,7 @@ def pdo_mapping(mode: str) -> dict[str, list[dict[str, Any]]]:
     }
 
 
-def _pdo(mapping: int, communication: int, cob_id: int, objects: tuple[str, ...]) -> dict[str, Any]:
+def _pdo(mapping: int, communication: int, cob_id: int, objects: tuple[str, ...]) -> JsonObject:
     sizes = [BITS.get(key, 16) for key in objects]
     return {
         "mapping": f"0x{mapping:04X}",
@@ -205,18 +258,21 @@ def _pdo(mapping: int, communication: int, cob_id: int, objects: tuple[str, ...]
     }
 
 
-def sync_setup(period: int) -> dict[str, Any]:
-    """The SYNC message that the controller sends once in each interpolation period, ms."""
+def sync_setup(period: int) -> JsonObject:
+    """Return the SYNC message that the controller sends once per interpolation period in ms."""
     return {
         "cob_id": SYNC,
         "period_ms": period,
-        "note": "one setpoint for each SYNC, sent before it; its period must equal 0x60C2:01; transmission type 1: taken "
-        "over with each SYNC",
+        "note": "send one setpoint before each SYNC; the SYNC period must equal 0x60C2:01; with "
+        "transmission type 1 the drive applies it at the SYNC",
     }
 
 
-def homing(axis: Axis, start: float) -> dict[str, Any]:
-    """How the drive's zero comes to be the joint's: start: increments of the first setpoint."""
+def homing(axis: Axis, start: float) -> JsonObject:
+    """Return the objects that set the zero of the drive to the zero of the joint.
+
+    start: increments of the first setpoint.
+    """
     return {
         "convention": "0 increments are 0 rad or m of the joint",
         "home_position": {
@@ -227,83 +283,43 @@ def homing(axis: Axis, start: float) -> dict[str, Any]:
         },
         "home_offset": {"object": "0x30B1:00", "value": 0, "unit": "inc", "known": QUOTED},
         "method": {"object": "0x6098:00", "value": CURRENT_POSITION, "known": QUOTED},
-        "note": f"for joint {axis.name} standing at the start of the plan: its present position becomes the home position; "
-        "the offset is a distance that homing moves by: none",
+        "note": f"home joint {axis.name} at the start of the plan: its present position becomes "
+        "the home position; the offset is 0, so homing does not move the joint",
     }
 
 
-OBJECTS = (
-    ("0x6060:00", "mode of operation", "", 127, "cyclic synchronous mode of the stream"),
-    (
-        "0x60C2:01",
-        "interpolation time period",
-        "ms",
-        100,
-        "must equal the SYNC period; 0: none, a noisy motion",
-    ),
-    ("0x60C2:02", "interpolation time index", "", 127, "the period is in ms (fixed)"),
-    (
-        "0x60A9:00",
-        "velocity unit",
-        "",
-        UINT32,
-        "velocities in 1e-3 rpm: whole rpm would be too coarse",
-    ),
-    (
-        "0x6076:00",
-        "motor rated torque",
-        "µN·m",
-        UINT32,
-        "read only: must read this value, or torque offsets are wrong",
-    ),
-    (
-        "0x3001:02",
-        "output current limit",
-        "mA",
-        UINT32,
-        "current at the largest usable torque of the motor",
-    ),
-    ("0x607D:01", "software position limit, min", "inc", INT32, "range of the joint, outwards"),
-    ("0x607D:02", "software position limit, max", "inc", INT32, "range of the joint, outwards"),
-    (
-        "0x6065:00",
-        "following error window",
-        "inc",
-        UINT32,
-        "10 periods at full speed: to be narrowed at the machine",
-    ),
-    (
-        "0x607F:00",
-        "max profile velocity",
-        "1e-3 rpm",
-        UINT32,
-        "the joint's limit, with room for the stream's rounding",
-    ),
-    ("0x6080:00", "max motor speed", "rpm", UINT32, "largest speed of the motor"),
-    (
-        "0x60C5:00",
-        "max acceleration",
-        "rpm/s",
-        UINT32,
-        "the joint's limit; rounding to increments may ask for more",
-    ),
-)
-"""Object, name, unit, largest value, reason."""
+with Path(__file__).with_name("epos4_objects.csv").open(encoding="utf-8") as _table:
+    OBJECTS = tuple(csv.reader(_table))[1:]
+"""Object, name, unit, largest value and reason."""
 
 
 def setup_objects(
     axis: Axis, mode: str, period: int, effects: dict[str, float]
 ) -> list[dict[str, str]]:
-    """Rows joint, object, name, value, unit, reason, known for one axis.
+    """Return rows of setup objects for one axis.
 
-    effects: largest effects of rounding on the joint's position, speed, acceleration: limits inside the drive must leave
-    room for them. Raises ExportError where a value does not fit its object.
+    Each row has the columns joint, object, name, value, unit, reason and known.
+
+    Parameters
+    ----------
+    axis : Axis
+    mode : str
+    period : int
+        Interpolation period, ms.
+    effects : dict[str, float]
+        Largest rounding effects on position, speed and acceleration, see `rounding_effects`. The
+        limits in the drive leave room for them.
+
+    Raises
+    ------
+    ExportError
+        If a value does not fit its object.
     """
     joint, motor = axis.joint, axis.joint.motor
     assert motor is not None
     turns = (
         60 * abs(axis.increments_per_unit) / axis.counts_per_turn
-    )  # rpm of the motor per unit/s of the joint
+    )  # Motor speed in rpm per unit/s of the joint.
     low, high = sorted(axis.increments_per_unit * position for position in joint.position)
     values = {
         "0x6060:00": MODES[mode],
@@ -325,9 +341,10 @@ def setup_objects(
         value = values.get(key)
         if value is None:
             continue
-        if abs(value) > largest:
+        if abs(value) > int(largest):
             raise ExportError(
-                f"joint {axis.name}: {name} ({key}) = {value} does not fit (allowed: up to {largest})"
+                f"joint {axis.name}: {name} ({key}) = {value} does not fit (allowed: up to "
+                f"{largest})"
             )
         shown = f"0x{value:08X}" if name == "velocity unit" else str(value)
         row = {"object": key, "name": name, "value": shown, "unit": unit, "reason": reason}

@@ -1,4 +1,7 @@
-"""Export of a plan in the forms that controllers take: nothing without a passed certificate, nothing half written."""
+"""Export a plan to the formats of controllers.
+
+An export requires a passed certificate, and its folder appears only when every file is complete.
+"""
 
 from __future__ import annotations
 
@@ -13,46 +16,85 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.plans import Plan, load_plan, software
+from ssm_planner.plans import Plan, as_plan, software
+from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import robot_hash
 from ssm_planner.publishing import EXPORT, MANIFEST, hashes, publishing
 from ssm_planner.stopping import controlled_stops
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import JsonObject
 from ssm_planner.verification.certificate import Certificate, sealed
 from ssm_planner.verification.check import check
 from ssm_planner.verification.slower import check_slower
 
 FORMATS = ("csv", "epos4", "pvt", "ros2", "urdf", "c")
+"""Supported formats."""
 WITH_STOPS = ("csv", "epos4")
+"""Formats that can include controlled stops."""
 UNVERIFIED = "_unverified"
+"""Suffix of the file names of an unverified plan."""
 VERSION = 1
-"""Of the manifest."""
+"""Version of the manifest."""
 WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
 
 
 def export(
-    plan: Plan | str | Path,
+    plan: Plan | Trajectory | str | Path,
     to: str,
     path: str | Path | None = None,
     *,
     force: bool = False,
     speed: float = 1.0,
     stops: int | None = None,
+    robot: Robot | None = None,
     **options: Any,
-) -> tuple[dict[str, Path], dict[str, Any]]:
-    """Write a plan in one of FORMATS into the folder `path` (default: `<to>` beside the plan); (files, manifest).
+) -> tuple[dict[str, Path], JsonObject]:
+    """Export a plan or a trajectory in one of `FORMATS`.
 
-    The plan is checked once more, and one that does not pass is refused; with `force` it is written, and every file
-    name and the manifest say that it is unverified. speed: share of its speed at which the motion is exported, with a
-    certificate of its own. stops: also stops.csv, controlled stops from so many instants (csv and epos4). options: of the
-    format, see its function. Raises ExportError or ProblemError.
+    The plan is verified again first.
+
+    Parameters
+    ----------
+    plan : Plan, Trajectory, str or Path
+        Plan, trajectory, or the path of a plan.json.
+    to : str
+        Format: csv, epos4, pvt, ros2, urdf or c.
+    path : str or Path, optional
+        Folder to write. The default is a folder with the name of the format beside the plan.
+    force : bool
+        Export a plan that does not pass. Its file names and its manifest state that it is
+        unverified.
+    speed : float
+        Fraction of the plan's speed, in (0, 1]. The slower motion is certified separately.
+    stops : int, optional
+        Number of instants, at least 1, for which stops.csv holds a controlled stop (csv and epos4
+        only).
+    robot : Robot, optional
+        Robot of a trajectory. A plan names its robot.
+    **options
+        Options of the format, see its function `export_<format>`.
+
+    Returns
+    -------
+    files : dict[str, Path]
+        Paths by file name, including the manifest.
+    manifest : dict
+
+    Raises
+    ------
+    ExportError
+        If the plan does not pass, or an option is invalid for the format.
+    ProblemError
+        If the speed is out of range.
     """
     if to not in FORMATS:
-        raise ExportError(f"{to!r} is not a form of export (allowed: {', '.join(FORMATS)})")
+        raise ExportError(f"unknown export format {to!r} (allowed: {', '.join(FORMATS)})")
     if stops is not None and (to not in WITH_STOPS or stops < 1):
         raise ExportError(
-            f"stops = {stops!r} for {to} (allowed: 1 and more, for {', '.join(WITH_STOPS)})"
+            f"stops = {stops!r} is not allowed for {to} (allowed: 1 or more, for "
+            f"{', '.join(WITH_STOPS)})"
         )
-    source = plan if isinstance(plan, Plan) else load_plan(plan)
+    source = as_plan(plan, robot)
     certificate, passed = verified(source, force)
     if speed != 1.0:
         source = slower(source, speed, passed)
@@ -76,13 +118,17 @@ def export(
 
 
 def slower(plan: Plan, speed: float, passed: bool) -> Plan:
-    """The plan played at a share of its speed, certified anew where it was before. Raises ProblemError."""
+    """Return the plan played at a fraction of its speed.
+
+    passed: the plan passed its check, so the slower plan receives a new certificate. Raises
+    ProblemError if the speed is not in (0, 1].
+    """
     limits = plan.limits.slower(1 / speed) if 0 < speed <= 1 else plan.limits
     certificate = check_slower(plan.motion, plan.robot, plan.limits, speed)
     motion = plan.motion.slower(speed)
     rates = limits.start_rate or {}, limits.end_rate or {}
     problem = replace(plan.problem, motion=limits.motion, start_rate=rates[0], end_rate=rates[1])
-    made = replace(
+    slowed = replace(
         plan,
         problem=problem,
         trajectory=motion,
@@ -90,43 +136,56 @@ def slower(plan: Plan, speed: float, passed: bool) -> Plan:
         if passed
         else None,
     )
-    object.__setattr__(made, "file", plan.file)
-    object.__setattr__(made, "file_sha256", plan.file_sha256)
-    return made
+    object.__setattr__(slowed, "file", plan.file)
+    object.__setattr__(slowed, "file_sha256", plan.file_sha256)
+    return slowed
 
 
 STOP_PERIOD = 1e-3
-"""s between two rows of a stop."""
+"""Time between two rows of a stop, s."""
 
 
-def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> dict[str, Any]:
-    """Controlled stops from `count` instants, one below the other, every millisecond and at rest; what the manifest says.
+def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> JsonObject:
+    """Write controlled stops from `count` instants to a CSV file and return their manifest entries.
 
-    axes: of a drive's export, with the increments per unit of position; where they are given, positions are increments.
-    Raises ExportError where a stop breaks a limit.
+    The stops follow each other. Each has one row per millisecond and ends at rest.
+
+    Parameters
+    ----------
+    plan : Plan
+    path : Path
+    count : int
+    axes : Mapping[str, Any]
+        Drive axes of the export by joint. Positions of these joints are in increments.
+
+    Raises
+    ------
+    ExportError
+        If a stop exceeds a limit.
     """
-    found = controlled_stops(plan.motion, plan.robot, plan.limits, count)
-    if not found.passed:
-        worst = found.certificate.worst
+    stops = controlled_stops(plan.motion, plan.robot, plan.limits, count)
+    if not stops.passed:
+        violation = stops.certificate.worst
         raise ExportError(
-            f"{plan.path}: a stop exceeds {worst.name} of {worst.joint or 'the tool'}: stops not exported"
+            f"{plan.path}: a stop exceeds {violation.name} of {violation.joint or 'the tool'}: "
+            "stops not "
+            "exported"
         )
     per_unit = [axes.get(joint.name, {}).get("increments_per_unit") for joint in plan.robot.joints]
-    units = ["rad" if joint.kind == "revolute" else "m" for joint in plan.robot.joints]
     names = [
-        f"{joint.name}_{unit if scale is None else 'inc'}"
-        for joint, unit, scale in zip(plan.robot.joints, units, per_unit, strict=True)
+        f"{joint.name}_{joint.unit if scale is None else 'inc'}"
+        for joint, scale in zip(plan.robot.joints, per_unit, strict=True)
     ]
-    parts = []
-    for begin, stop in zip(found.time, found.motions, strict=True):
+    stop_rows = []
+    for begin, stop in zip(stops.time, stops.motions, strict=True):
         if stop is not None:
             t = np.append(np.arange(0.0, stop.duration, STOP_PERIOD), stop.duration)
             columns = [
                 q if scale is None else np.round(scale * q)
                 for q, scale in zip(stop.sample(t).q.T, per_unit, strict=True)
             ]
-            parts.append(np.column_stack([np.full(len(t), begin), t, *columns]))
-    rows = np.vstack(parts) if parts else np.empty((0, 2 + len(names)))
+            stop_rows.append(np.column_stack([np.full(len(t), begin), t, *columns]))
+    rows = np.vstack(stop_rows) if stop_rows else np.empty((0, 2 + len(names)))
     forms = ["%.6f", "%.6f", *("%.12g" if scale is None else "%d" for scale in per_unit)]
     np.savetxt(
         path,
@@ -138,33 +197,39 @@ def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> 
     )
     return {
         "file": path.name,
-        "instants": len(found.time),
-        "longest_s": float(found.duration.max()),
-        "farthest_m": float(found.travel.max()),
+        "instants": len(stops.time),
+        "longest_s": float(stops.duration.max()),
+        "farthest_m": float(stops.travel.max()),
     }
 
 
 def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
-    """(certificate found anew, whether it and the one in the file passed). Raises ExportError where not, unless forced."""
-    found = check(plan.motion, plan.robot, plan.limits)
-    stated = plan.certificate
-    if found.passed and stated is not None and stated.passed:
-        return found, True
+    """Verify a plan; return the new certificate and True if it and the stored certificate passed.
+
+    Raises ExportError if one of them did not pass, unless `force` is True.
+    """
+    certificate = check(plan.motion, plan.robot, plan.limits)
+    stored = plan.certificate
+    if certificate.passed and stored is not None and stored.passed:
+        return certificate, True
     if force:
-        return found, False
-    if found.passed:
-        what = (
+        return certificate, False
+    if certificate.passed:
+        reason = (
             "the plan has no certificate"
-            if stated is None
+            if stored is None
             else "the plan has a certificate that did not pass"
         )
         raise ExportError(
-            f"{plan.path}: {plan.doubt or what}: plan again, or give --force for files marked unverified"
+            f"{plan.path}: {plan.doubt or reason}: plan again, or use --force to export files that "
+            "are marked unverified"
         )
-    worst = found.worst
+    violation = certificate.worst
     raise ExportError(
-        f"{plan.path}: the plan does not pass the check: {worst.name} of {worst.joint or 'the tool'} exceeds its limit "
-        f"by {-100 * worst.margin:.3g} % at {worst.time:.4f} s; not exported (--force: marked unverified)"
+        f"{plan.path}: the plan does not pass the check: {violation.name} of "
+        f"{violation.joint or 'the tool'} exceeds its limit "
+        f"by {-100 * violation.margin:.3g} % at {violation.time:.4f} s; not exported (use --force "
+        "to export files that are marked unverified)"
     )
 
 
@@ -174,9 +239,12 @@ def write_manifest(
     plan: Plan,
     certificate: Certificate,
     verified: bool,
-    details: dict[str, Any],
-) -> dict[str, Any]:
-    """Write manifest.json beside the files it lists; details: what the kind of export has to say."""
+    details: JsonObject,
+) -> JsonObject:
+    """Write manifest.json beside the files that it lists and return its content.
+
+    kind: format of the export. details: entries that this format adds.
+    """
     ends = plan.limits.slower(details.get("stretch", 1.0))
     manifest = {
         "format": EXPORT,
@@ -187,7 +255,7 @@ def write_manifest(
         "plan": {"file": plan.path.name, "sha256": plan.sha256, "duration_s": plan.motion.duration},
         "robot": {"name": plan.robot.name, "sha256": robot_hash(plan.robot)},
         "software": software(),
-        # of task coordinates, rad/s and m/s; 0 where not named
+        # Rates of task coordinates in rad/s and m/s. Missing ones are 0.
         "start_rate": dict(ends.start_rate or {}),
         "end_rate": dict(ends.end_rate or {}),
         **details,
@@ -200,15 +268,19 @@ def write_manifest(
     return manifest
 
 
-def _writer(to: str, options: dict[str, Any]) -> Callable[..., dict[str, Any]]:
-    """The function that writes a format. Raises ExportError for options it does not take."""
-    write: Callable[..., dict[str, Any]] = getattr(
+def _writer(to: str, options: JsonObject) -> Callable[..., JsonObject]:
+    """Return the function that writes a format.
+
+    Raises ExportError if the function does not accept one of the options.
+    """
+    write: Callable[..., JsonObject] = getattr(
         import_module(f"ssm_planner.formats.{to}"), f"export_{to}"
     )
-    taken = list(inspect.signature(write).parameters)[4:]
+    accepted = list(inspect.signature(write).parameters)[4:]
     for name in options:
-        if name not in taken:
+        if name not in accepted:
             raise ExportError(
-                f"{name} means nothing to an export to {to} (allowed: {', '.join(taken) or 'no options'})"
+                f"{name} is not an option of the {to} export (allowed: "
+                f"{', '.join(accepted) or 'no options'})"
             )
     return write

@@ -1,10 +1,13 @@
-"""JointTrajectory messages: what a controller makes of one, and YAML, as given to `ros2 topic pub` or an action goal."""
+"""Convert, write and read JointTrajectory messages.
+
+YAML files hold a message as `ros2 topic pub` or an action goal takes it. A message that
+joint_trajectory_controller would reject is refused with the controller's reason.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,24 +21,28 @@ from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.loading.yaml_nodes import parse
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, record
 
 TICKS = 10**9
+"""Nanoseconds per second."""
 LARGEST_FILE = 100_000_000
-"""Bytes of a YAML file."""
+"""Largest size of a YAML file, bytes."""
 LARGEST_TREE = 7_000_000
-"""Values in it."""
+"""Largest number of values in a YAML file."""
 LONGEST = 10**9
-"""s; seconds beyond are none."""
+"""Largest absolute number of seconds that is accepted."""
 REST = 1.2e-7
 """Largest final velocity (rad/s, m/s) that joint_trajectory_controller accepts by default."""
 FIELDS = ("positions", "velocities", "accelerations", "effort")
-"""Of a point."""
+"""Lists of a trajectory point."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Message:
-    """A JointTrajectory: for each of n points time, and a list for each joint or an empty one."""
+    """A JointTrajectory with n points.
+
+    Each point has a time and, for every quantity, one list with a value per joint or an empty list.
+    """
 
     names: tuple[str, ...]
     time: Array
@@ -46,7 +53,10 @@ class Message:
 
 
 def trajectory_message(plan: Plan, points: SplinePoints, effort: bool) -> Message:
-    """The points as a JointTrajectory; effort: rigid-body efforts at the joints, N·m and N."""
+    """Build the JointTrajectory of spline points.
+
+    effort: include the rigid-body efforts at the joints, N·m and N.
+    """
     s = points.samples
     empty: list[Sequence[float]] = [[] for _ in s.t]
     efforts = empty
@@ -63,13 +73,16 @@ def trajectory_message(plan: Plan, points: SplinePoints, effort: bool) -> Messag
 
 
 def split_time(t: float) -> tuple[int, int]:
-    """(sec, nanosec)."""
+    """Split a time in s into whole seconds and nanoseconds."""
     ticks = round(t * TICKS)
     return ticks // TICKS, ticks % TICKS
 
 
 def write_yaml(path: Path, message: Message, comments: Sequence[str], under: str) -> None:
-    """Write a message behind comments, as it is or `under` a key."""
+    """Write a message to a YAML file after comment lines.
+
+    under: key of the message in the file; an empty text writes the message at the top level.
+    """
     indent = "  " if under else ""
     lines = [f"# {comment}" for comment in comments]
     lines += [f"{under}:"] if under else []
@@ -83,7 +96,7 @@ def write_yaml(path: Path, message: Message, comments: Sequence[str], under: str
 
 
 def _list(values: Sequence[float] | Array) -> str:
-    """Numbers that YAML 1.1 reads as numbers: a bare 1e-05 would be a text."""
+    """Format numbers so that YAML 1.1 reads them as numbers. It would read 1e-05 as text."""
     return "[" + ", ".join(_yaml(float(value) + 0.0) for value in np.asarray(values)) + "]"
 
 
@@ -94,7 +107,10 @@ def _yaml(value: float) -> str:
 
 
 def read_yaml(path: Path, robot: Robot) -> Reading:
-    """The trajectory of a JointTrajectory or a FollowJointTrajectory goal in YAML. Raises TrajectoryError."""
+    """Read a JointTrajectory or a FollowJointTrajectory goal from a YAML file.
+
+    Raises TrajectoryError if the file is not such a message or a controller would reject it.
+    """
     data = read_bytes(path, LARGEST_FILE)
     try:
         content: Any = parse(
@@ -111,13 +127,17 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
 
 
 def message_from(data: Any, where: str) -> Message:
-    """A message as plain dictionaries and lists. Raises TrajectoryError."""
+    """Build a message from plain dictionaries and lists.
+
+    where: beginning of error messages. Raises TrajectoryError if keys are missing or have wrong
+    types.
+    """
     if (
         not isinstance(data, dict)
         or not isinstance(data.get("points"), list)
         or "joint_names" not in data
     ):
-        raise TrajectoryError(f"{where}: not a JointTrajectory (joint_names and points are needed)")
+        raise TrajectoryError(f"{where}: not a JointTrajectory (it needs joint_names and points)")
     names, points = data["joint_names"], data["points"]
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise TrajectoryError(f"{where}: joint_names is not a list of names")
@@ -129,7 +149,22 @@ def message_from(data: Any, where: str) -> Message:
 def read_message(
     message: Message, robot: Robot, where: str, notes: tuple[str, ...] = ()
 ) -> Reading:
-    """The trajectory that a controller runs for a message. Raises TrajectoryError."""
+    """Return the trajectory that a controller runs for a message.
+
+    Parameters
+    ----------
+    message : Message
+    robot : Robot
+    where : str
+        Beginning of error messages.
+    notes : tuple[str, ...]
+        Notes to pass on with the trajectory.
+
+    Raises
+    ------
+    TrajectoryError
+        If joint_trajectory_controller would reject the message.
+    """
     faults, remarks = controller_faults(message, [joint.name for joint in robot.joints])
     if faults:
         raise TrajectoryError(
@@ -152,7 +187,11 @@ def read_message(
 
 
 def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str], list[str]]:
-    """(faults, remarks): why joint_trajectory_controller rejects a message, and what depends on its configuration."""
+    """Return the faults and the remarks of a message.
+
+    Faults are the reasons for which joint_trajectory_controller rejects the message. Remarks depend
+    on the configuration of the controller. joints: names of the robot's joints.
+    """
     names, time = message.names, message.time
     faults = [
         f"joint {name!r} is not one of {', '.join(joints)}" for name in names if name not in joints
@@ -167,7 +206,8 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
         faults.append(f"point 0: time_from_start is negative: {time[0]:.12g} s")
     for k in np.flatnonzero(np.diff(time) <= 0)[:1]:
         faults.append(
-            f"point {k + 1}: time_from_start does not increase ({time[k + 1]:.12g} s after {time[k]:.12g} s)"
+            f"point {k + 1}: time_from_start does not increase ({time[k + 1]:.12g} s after "
+            f"{time[k]:.12g} s)"
         )
     for field in FIELDS:
         for k, values in enumerate(getattr(message, field)):
@@ -175,26 +215,30 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
                 faults.append(f"point {k}: {len(values)} {field} for {len(names)} joints")
                 break
     remarks = []
-    last = (
+    final_speed = (
         np.abs(np.array(message.velocities[-1], dtype=float))
         if len(message.velocities[-1])
         else np.zeros(1)
     )
-    if last.max(initial=0.0) > REST:
+    if final_speed.max(initial=0.0) > REST:
         remarks.append(
-            f"the last velocity is {last.max():.3g}, not zero: rejected unless allow_nonzero_velocity_at_trajectory_end"
+            f"the last velocity is {final_speed.max():.3g}, not zero: the controller rejects this "
+            "unless allow_nonzero_velocity_at_trajectory_end is set"
         )
     if any(len(values) for values in message.effort):
-        remarks.append("effort is given: rejected where no effort interface is claimed")
+        remarks.append(
+            "the message contains efforts: a controller without an effort interface rejects it"
+        )
     if time[0] > 0:
         remarks.append(
-            f"until {time[0]:.6g} s the controller moves from where the robot is: not checked"
+            f"the controller moves the robot to the first point until {time[0]:.6g} s; this motion "
+            "is not checked"
         )
     return faults, remarks
 
 
 def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
-    """(values (n, 4) with 0 where a point gives none, flags (n,))."""
+    """Return the values (n, 4) and flags (n,) of the points with values. Missing values are 0."""
     has = np.array([len(row) > 0 for row in rows])
     table = np.array([row if len(row) else [0.0] * len(order) for row in rows], dtype=float)
     return table[:, order], has
@@ -210,11 +254,11 @@ def _time(point: Any, k: int, where: str) -> float:
     except (OverflowError, TypeError, ValueError):
         stamp = None
     raise TrajectoryError(
-        f"{where}: point {k}: no time_from_start with sec and nanosec (found: {stamp!r})"
+        f"{where}: point {k}: time_from_start must have sec and nanosec, but is {stamp!r}"
     )
 
 
-def _numbers(point: dict[str, Any], key: str, k: int, where: str) -> Sequence[float]:
+def _numbers(point: JsonObject, key: str, k: int, where: str) -> Sequence[float]:
     values = point.get(key) or []
     if not isinstance(values, list) or not all(type(value) in (int, float) for value in values):
         raise TrajectoryError(f"{where}: point {k}: {key} is not a list of numbers")

@@ -1,36 +1,35 @@
-"""A trajectory out of points, joined as joint_trajectory_controller joins them, and the faults of points.
+"""Join the points of a joint motion as joint_trajectory_controller does.
 
-Between two points the motion is a straight line where positions are given alone, a cubic with velocities, a quintic with
-velocities and accelerations (ros2_controllers, joint_trajectory_controller, trajectory representation).
+The motion between two points is a straight line if only positions are given, a cubic with
+velocities, and a quintic with velocities and accelerations (ros2_controllers,
+joint_trajectory_controller, trajectory representation).
 
-Signs that numbers are not what their column says: degrees as radians, millimetres as metres, swapped columns.
+Points are also checked for values that do not fit their column: degrees instead of radians,
+millimetres instead of metres, swapped columns.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, quintics
-from ssm_planner.typing import Array, Indices
+from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, cubics, quintics
+from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.certificate import LimitCheck
 
 LONG = 1_000_000
-"""Points beyond which pieces are made when they are asked for, block by block."""
-
-Flags = NDArray[np.bool_]
+"""Number of points beyond which the pieces are computed on demand, block by block."""
 
 
 class Blocks(Protocol):
-    """A table that stays in a file, or is worked out: what is asked for comes into memory."""
+    """A table that is read from a file or computed block by block."""
 
     @property
     def shape(self) -> tuple[int, ...]: ...
@@ -41,47 +40,73 @@ class Blocks(Protocol):
 Table = Array | Blocks
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Points:
-    """n points of a joint motion, in the order of the robot's joints; rad, m, s. Tables (n, 4), in memory or in a file."""
+    """n points of a joint motion in the order of the robot's joints (rad, m, s).
+
+    Tables have the shape (n, 4) and are in memory or in a file.
+    """
 
     t: Array
     q: Table
     qd: Table | None = None
     qdd: Table | None = None
-    has_qd: Flags | None = None
-    """(n,): the point has velocities; None: all have, where qd is given."""
-    has_qdd: Flags | None = None
+    has_qd: Mask | None = None
+    """True if the point has velocities, (n,). None if all points have them whenever qd is given."""
+    has_qdd: Mask | None = None
     resolution: Array | None = None
-    """(4,): largest rounding error of the positions; None: not known to be rounded."""
+    """Largest rounding error of the positions, (4,). None if the rounding is unknown."""
     place: Callable[[int], str] = "point {}".format
-    """How messages name a point."""
+    """Function that names a point in messages."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Reading:
-    """A trajectory as a file gives it, and what was made of the file."""
+    """The trajectory of a file with the results of reading it."""
 
     trajectory: Trajectory
     interpolation: str
     resolution: Array | None
-    """For `check`: None where every piece is smooth."""
+    """Rounding error for `check`, (4,). None if every piece is smooth."""
     notes: tuple[str, ...] = ()
     checks: tuple[LimitCheck, ...] = ()
-    """What the file says beside the trajectory, judged."""
+    """Limit checks of the other data in the file."""
     start_rate: Mapping[str, float] = field(default_factory=dict)
-    """Rates of task coordinates that the file declares at the start, by name in TASK; 0 where not named."""
+    """Rates of task coordinates that the file declares at the start, by name in `TASK`.
+
+    The default is 0.
+    """
     end_rate: Mapping[str, float] = field(default_factory=dict)
 
     def ends_on(self, limits: TaskLimits) -> TaskLimits:
-        """The limits with the rates at both ends that the file declares, where these declare none themselves."""
+        """Return the limits, completed by the end rates that the file declares.
+
+        Rates that the limits already declare take precedence.
+        """
         start = limits.start_rate if limits.start_rate != {} else self.start_rate
         end = limits.end_rate if limits.end_rate != {} else self.end_rate
         return replace(limits, start_rate=start, end_rate=end)
 
 
 def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Reading:
-    """The trajectory through points. Raises TrajectoryError where they are no trajectory of this robot."""
+    """Build the trajectory through points.
+
+    Parameters
+    ----------
+    points : Points
+    robot : Robot
+    notes : tuple[str, ...]
+        Notes to pass on with the trajectory.
+
+    Returns
+    -------
+    Reading
+
+    Raises
+    ------
+    TrajectoryError
+        If the points are not a trajectory of this robot, see `check_points`.
+    """
     check_points(points, robot)
     n = len(points.t)
     none = np.zeros(n, dtype=bool)
@@ -94,7 +119,7 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     pieces = PiecesOfPoints(points, cubic, quintic)
     coefficients = (
         cast("Array", pieces) if n > LONG else pieces[:]
-    )  # an array as far as a trajectory needs one
+    )  # It has the part of an array's interface that Trajectory needs.
     trajectory = Trajectory(points.t, coefficients, ())
     straight = not cubic.all()
     resolution = None
@@ -103,8 +128,11 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     return Reading(trajectory, describe(cubic, quintic), resolution, notes)
 
 
-def describe(cubic: Flags, quintic: Flags) -> str:
-    """The interpolation in words, from the pieces that are at least cubic and those that are quintic."""
+def describe(cubic: Mask, quintic: Mask) -> str:
+    """Describe the interpolation in words.
+
+    cubic: flags of pieces that are at least cubic. quintic: flags of quintic pieces.
+    """
     if quintic.all():
         return "quintic between points (positions, velocities and accelerations given)"
     if cubic.all() and not quintic.any():
@@ -118,7 +146,11 @@ def describe(cubic: Flags, quintic: Flags) -> str:
 
 
 def check_points(points: Points, robot: Robot) -> None:
-    """Faults that make points no trajectory: too few, NaN, times that do not increase, wrong units, swapped columns."""
+    """Raise TrajectoryError if points do not form a trajectory of the robot.
+
+    Faults are too few points, values that are not finite, times that do not increase, wrong units
+    and swapped columns.
+    """
     t, n = points.t, len(points.t)
     if n < 2:
         raise TrajectoryError(f"{points.place(0)}: {n} point; a trajectory needs at least two")
@@ -134,9 +166,9 @@ def check_points(points: Points, robot: Robot) -> None:
             if not finite.all():
                 k = first + int(np.argwhere(~finite)[0][0])
                 raise TrajectoryError(f"{points.place(k)}: {name} is not a finite number")
-    back = np.flatnonzero(t[1:] <= t[:-1])
-    if len(back):
-        k = int(back[0]) + 1
+    backward = np.flatnonzero(t[1:] <= t[:-1])
+    if len(backward):
+        k = int(backward[0]) + 1
         fault = "the same time twice" if t[k] == t[k - 1] else "time goes back"
         raise TrajectoryError(f"{points.place(k)}: {fault}: {t[k]:.12g} s after {t[k - 1]:.12g} s")
     for first in range(0, n, BLOCK):
@@ -147,70 +179,69 @@ def check_points(points: Points, robot: Robot) -> None:
             check_derivatives(t, points.qd, points.qdd, robot, ("velocities", "accelerations"))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PiecesOfPoints:
-    """Coefficients (n − 1, 6, 4) of the pieces between n points, made where they are asked for."""
+    """Coefficients (n − 1, 6, 4) of the pieces between n points, computed on demand."""
 
     points: Points
-    cubic: Flags
-    """(n − 1,)"""
-    quintic: Flags
+    cubic: Mask
+    """True if the piece is at least cubic, (n − 1,)."""
+    quintic: Mask
 
     @property
     def shape(self) -> tuple[int, ...]:
         return len(self.points.t) - 1, DEGREE + 1, 4
 
-    def __getitem__(self, chosen: Indices | slice, /) -> Array:
-        if not isinstance(chosen, slice):
-            return self._made(chosen, chosen + 1, self.cubic[chosen], self.quintic[chosen])
-        first, end, _ = chosen.indices(self.shape[0])
+    def __getitem__(self, index: Indices | slice, /) -> Array:
+        if not isinstance(index, slice):
+            return self._compute(index, index + 1, self.cubic[index], self.quintic[index])
+        first, end, _ = index.indices(self.shape[0])
         out = np.empty((max(end - first, 0), *self.shape[1:]))
         for start in range(first, end, BLOCK):
-            here = slice(start, min(start + BLOCK, end))
-            ahead = slice(here.start + 1, here.stop + 1)
-            out[start - first : here.stop - first] = self._made(
-                here, ahead, self.cubic[here], self.quintic[here]
+            left = slice(start, min(start + BLOCK, end))
+            right = slice(left.start + 1, left.stop + 1)
+            out[start - first : left.stop - first] = self._compute(
+                left, right, self.cubic[left], self.quintic[left]
             )
         return out
 
-    def _made(
-        self, here: Indices | slice, ahead: Indices | slice, cubic: Flags, quintic: Flags
+    def _compute(
+        self, left: Indices | slice, right: Indices | slice, cubic: Mask, quintic: Mask
     ) -> Array:
         points = self.points
-        length = points.t[ahead] - points.t[here]
-        h, q0, q1 = length[:, None], points.q[here], points.q[ahead]
+        length = points.t[right] - points.t[left]
+        h, q0, q1 = length[:, None], points.q[left], points.q[right]
         if points.qd is not None and points.qdd is not None and quintic.all():
             return quintics(
                 length,
-                (q0, points.qd[here], points.qdd[here]),
-                (q1, points.qd[ahead], points.qdd[ahead]),
+                (q0, points.qd[left], points.qdd[left]),
+                (q1, points.qd[right], points.qdd[right]),
             )
         out = np.zeros((len(h), DEGREE + 1, 4))
         out[:, 0], out[:, 1] = q0, (q1 - q0) / h
         if points.qd is not None and cubic.any():
-            v0, v1 = points.qd[here], points.qd[ahead]
-            slope = (q1 - q0) / h
-            parts = (q0, v0, (3 * slope - 2 * v0 - v1) / h, (v0 + v1 - 2 * slope) / h**2)
-            for k, part in enumerate(parts):
-                out[:, k] = np.where(cubic[:, None], part, out[:, k])
+            v0, v1 = points.qd[left], points.qd[right]
+            out[cubic] = cubics(length, (q0, v0), (q1, v1))[cubic]
             if points.qdd is not None and quintic.any():
-                whole = quintics(length, (q0, v0, points.qdd[here]), (q1, v1, points.qdd[ahead]))
-                out[quintic] = whole[quintic]
+                quintic_pieces = quintics(
+                    length, (q0, v0, points.qdd[left]), (q1, v1, points.qdd[right])
+                )
+                out[quintic] = quintic_pieces[quintic]
         return out
 
 
 LARGEST_ANGLE = 8 * math.pi
-"""rad: four turns; more are degrees."""
+"""Largest plausible joint angle, rad. Larger values are probably degrees."""
 LARGEST_STROKE = 1.0
-"""m; more are millimetres."""
+"""Largest plausible stroke, m. Larger values are probably millimetres."""
 FEW = 20
-"""Intervals below which slopes are not compared with derivatives: points may rest in between."""
+"""Number of intervals up to which slopes are not compared, because joints may rest in between."""
 ENOUGH = 20_000
-"""Intervals that are compared."""
+"""Largest number of intervals that are compared."""
 ALIKE = 0.05
-"""Residual and deviation of the factor, relative, up to which two columns are one the multiple of the other."""
+"""Largest relative residual, and deviation of the factor, for proportional columns."""
 UNLIKE = 2.0
-"""Factor beyond which velocities that are a multiple of the slopes are of another unit."""
+"""Factor beyond which velocities proportional to the slopes have a different unit."""
 FACTORS = (
     (180 / math.pi, "degrees where radians are meant"),
     (1000.0, "millimetres where metres are meant"),
@@ -218,43 +249,50 @@ FACTORS = (
 
 
 def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], first: int) -> None:
-    """Refuse positions q (n, 4) that no joint of its kind has. Raises TrajectoryError naming the point, from `first` on."""
+    """Raise TrajectoryError if a position in q (n, 4) is too large for its kind of joint.
+
+    place: function that names a point. first: index of the first row.
+    """
     for i, joint in enumerate(robot.joints):
-        revolute = joint.kind == "revolute"
         k = int(np.argmax(np.abs(q[:, i])))
         value = float(q[k, i])
-        if abs(value) > (LARGEST_ANGLE if revolute else LARGEST_STROKE):
-            unit, meant = ("rad", "degrees") if revolute else ("m", "millimetres")
+        if abs(value) > (LARGEST_STROKE if joint.slides else LARGEST_ANGLE):
+            meant = "millimetres" if joint.slides else "degrees"
             raise TrajectoryError(
-                f"{place(first + k)}: position of joint {joint.name} = {value:.6g} {unit}: more than this kind of joint has; "
-                f"are these {meant}, or are columns swapped?"
+                f"{place(first + k)}: position of joint {joint.name} = {value:.6g} {joint.unit}: this is "
+                f"too large for this kind of joint; are these {meant}, or are columns swapped?"
             )
 
 
 def check_derivatives(
     t: Array, value: Table, derivative: Table, robot: Robot, names: tuple[str, str]
 ) -> None:
-    """Derivatives that are not those of the values (n, 4): another unit, or another joint's. Raises TrajectoryError."""
+    """Raise TrajectoryError if a column `derivative` has another unit or belongs to another joint.
+
+    The mean derivative over each interval is compared with the slope of the values. Both tables
+    have the shape (n, 4). names: names of the values and of the derivatives in messages.
+    """
     if len(t) <= FEW:
         return
-    some = np.unique(np.linspace(0, len(t) - 2, min(len(t) - 1, ENOUGH)).astype(int))
-    slopes = (value[some + 1] - value[some]) / (t[some + 1] - t[some])[:, None]
-    means = (derivative[some + 1] + derivative[some]) / 2
+    intervals = np.unique(np.linspace(0, len(t) - 2, min(len(t) - 1, ENOUGH)).astype(int))
+    slopes = (value[intervals + 1] - value[intervals]) / (t[intervals + 1] - t[intervals])[:, None]
+    means = (derivative[intervals + 1] + derivative[intervals]) / 2
     for i, joint in enumerate(robot.joints):
         if not slopes[:, i].any():
             continue
         factor, residual = _compare(slopes[:, i], means[:, i])
-        # of few points on a curve the mean of two velocities is not quite the slope between them
+        # Between sparse points on a curve the mean of two velocities differs from the slope.
         if _same(factor, residual) or (residual < ALIKE and 1 / UNLIKE < factor < UNLIKE):
             continue
         for k, other in enumerate(robot.joints):
             if _same(*_compare(slopes[:, i], means[:, k])):
                 raise TrajectoryError(
-                    f"the {names[1]} given for joint {other.name} are those of joint {joint.name}: swapped columns?"
+                    f"the {names[1]} given for joint {other.name} are those of joint {joint.name}: "
+                    "swapped columns?"
                 )
         if residual < ALIKE:
             hint = next(
-                (f": {text}?" for known, text in FACTORS if 1 / UNLIKE < factor / known < UNLIKE),
+                (f": {text}?" for scale, text in FACTORS if 1 / UNLIKE < factor / scale < UNLIKE),
                 "",
             )
             hint = hint or next(
@@ -266,7 +304,8 @@ def check_derivatives(
                 "",
             )
             raise TrajectoryError(
-                f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its {names[0]}{hint}"
+                f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its "
+                f"{names[0]}{hint}"
             )
 
 
@@ -275,7 +314,7 @@ def _same(factor: float, residual: float) -> bool:
 
 
 def _compare(slope: Array, mean: Array) -> tuple[float, float]:
-    """(factor, relative residual) of the mean derivative over each interval as a multiple of the slope."""
+    """Return the mean derivative as a multiple of the slope, and the relative residual."""
     size = float(np.linalg.norm(mean))
     if size == 0.0:
         return 0.0, 1.0

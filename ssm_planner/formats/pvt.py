@@ -1,15 +1,18 @@
-"""PVT tables: position, velocity, time rows that a drive joins by cubics of its own (Elmo PVT, maxon EPOS2 and EPOS3 IPM).
+"""Export PVT tables: rows of position, velocity and time for drives that interpolate with cubics.
 
-Times are whole ms and positions whole increments, so rows can be neither where the plan's acceleration jumps nor quite on
-the plan, and the cubics through samples of it would exceed its limits. Rows are therefore fitted, joint by joint: the
-linear program below finds those nearest to the plan, run a little slower, between which the drive's cubics stay within
-the accelerations, velocities and positions that the plan has nearby. What the drive will run is then checked as a whole.
+Elmo's PVT mode and the IPM mode of maxon EPOS2 and EPOS3 use such tables. Times are whole ms and
+positions are whole increments. Rows can therefore lie neither at the acceleration jumps of the plan
+nor exactly on the plan, and cubics through samples of the plan would exceed its limits.
+
+The rows are fitted joint by joint. A linear program finds the rows nearest to a slightly slower
+plan for which the drive's cubics stay within the accelerations, velocities and positions that the
+plan has nearby. The motion that the drives will run is then verified as a whole.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,14 @@ import numpy as np
 
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4 import read_axes, read_table, write_table
-from ssm_planner.formats.epos4_setup import INT32, Axis, axes_of, encoder_notes, fits
+from ssm_planner.formats.epos4_setup import (
+    INT32,
+    Axis,
+    CountsPerTurn,
+    axes_of,
+    encoder_notes,
+    require_range,
+)
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -26,50 +36,59 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 INT24 = 2**23 - 1
 LARGEST_TIME = 255
-"""ms, of one row: 8 bits."""
+"""Largest duration of one row, ms (8 bits)."""
 INTERVALS = (40, 60, 25, 100)
-"""ms between rows, in the order of trial: short ones feel the rounding to increments, long ones leave the plan."""
+"""Times between rows (ms) in the order of trial.
+
+Short intervals suffer from the rounding to increments. Long intervals deviate from the plan.
+"""
 STRETCHES = (0.002, 0.005, 0.01, 0.02, 0.05)
-"""By which the motion is slower than the plan, in the order of trial."""
+"""Relative increases of the duration in the order of trial."""
 SLACK = 0.01
-"""Of the acceleration limit: beyond what the plan has nearby."""
+"""Tolerance beyond the plan's nearby accelerations, relative to the acceleration limit."""
 FINE = 40
-"""Instants of the plan that are looked at between two rows."""
+"""Number of instants of the plan between two rows."""
 FREE = 1e5
 """Units per rad or m of a joint without a drive, whose rows are not rounded."""
 EXCESS = 1e6
-"""Increments that an acceleration beyond its bounds by the whole limit counts for."""
+"""Cost, in increments, of exceeding an acceleration bound by the whole limit."""
 TIME, POSITION, VELOCITY = "time_ms", "position", "velocity"
 FORM = {
-    "time_ms": "since the row before, 1 to 255; 0 in the first row, whose time is not used",
+    "time_ms": "time since the previous row, 1 to 255; 0 in the first row, whose time is not used",
     "position_inc": "absolute, INT32",
-    "velocity_inc_per_s": "at the row, 24 bits with sign; for a drive that takes 1e-3 rpm multiply by mrpm_per_inc_per_s",
-    "between": "third-order polynomial with the positions and velocities of both rows",
-    "start": "first row: where the axis must stand, with the velocity it must have there",
-    "end": "last row: the target; how a drive is told that the table ends differs from drive to drive",
+    "velocity_inc_per_s": "velocity at the row, 24 bits with sign; for a drive with the unit 1e-3 "
+    "rpm, multiply by mrpm_per_inc_per_s",
+    "between": "cubic polynomial with the positions and velocities of both rows",
+    "start": "first row: position and velocity that the axis must have at the start",
+    "end": "last row: the target; the command that ends a table depends on the drive",
 }
 NOT_VERIFIED = (
-    "nothing was tried on a drive: form and interpolation are as Elmo's SimplIQ manual (P 32, V 24, T 8 bits; ms, counts/s) "
-    "and maxon's IPM application note of the EPOS2 (0x20C1) state them; an EPOS4 has no such mode",
-    "both hold 64 rows at a time: a longer table is sent on while it runs",
-    "the drives' own velocity unit and the sign that ends a table were not found: compare with the manual of the drive",
+    "the export was not tested on a drive: format and interpolation follow Elmo's SimplIQ manual "
+    "(P 32, V 24, T 8 bits; ms, counts/s) and maxon's IPM application note for the EPOS2 (0x20C1); "
+    "an EPOS4 has no such mode",
+    "both drives hold 64 rows at a time: send the rest of a longer table while it runs",
+    "no source states the velocity unit of the drives and the command that ends a table: see the "
+    "manual of the drive",
 )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Table:
-    """Rows of all joints and what the drives make of them."""
+    """Rows of all joints and the certificate of the cubics between them."""
 
     t: Array
-    """(n,), s, whole ms."""
+    """Times in s (n,), multiples of 1 ms."""
     rows: dict[str, tuple[Array, Array]]
-    """Positions and velocities (n,) by joint: whole increments and increments/s; rad, m where it has no drive."""
+    """Positions and velocities (n,) by joint, in increments and increments/s.
+
+    Joints without a drive have rad, m and s instead.
+    """
     stretch: float
     limits: TaskLimits
     certificate: Certificate
@@ -80,42 +99,62 @@ def export_pvt(
     certificate: Certificate,
     folder: Path,
     suffix: str,
-    counts_per_turn: int | Mapping[str, int] | None = None,
-) -> dict[str, Any]:
-    """Write one table per joint; returns what the manifest says. counts_per_turn: as for epos4. Raises ExportError."""
+    counts_per_turn: CountsPerTurn = None,
+) -> JsonObject:
+    """Write one table per joint and return the entries of the manifest.
+
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan.
+    folder : Path
+    suffix : str
+        Text that marks unverified files, before the extension.
+    counts_per_turn : int or mapping from joint to int, optional
+        Increments per motor turn, see `axes_of`.
+
+    Raises
+    ------
+    ExportError
+        If no table keeps the limits, an encoder resolution is missing, or a number does not fit.
+    """
     axes = axes_of(plan.robot, counts_per_turn)
     table = _table(plan, certificate, axes)
-    listed: dict[str, Any] = {}
+    entries: JsonObject = {}
     notes = [
-        f"{len(table.t)} rows, {100 * (table.stretch - 1):.2g} % slower than the plan; {table.certificate.interpolation}"
+        f"{len(table.t)} rows, {100 * (table.stretch - 1):.2g} % slower than the plan; "
+        f"{table.certificate.interpolation}"
     ]
     for joint in plan.robot.joints:
         name = f"{joint.name}{suffix}.csv"
         axis, (position, velocity) = axes.get(joint.name), table.rows[joint.name]
         if axis is not None:
-            fits(position, INT32, joint.name, "position", "increments")
-            fits(velocity, INT24, joint.name, "velocity", "increments/s")
+            require_range(position, INT32, joint.name, "position", "increments")
+            require_range(velocity, INT24, joint.name, "velocity", "increments/s")
         times = np.round(np.diff(table.t, prepend=table.t[0]) * 1000)
         columns = dict(zip(_columns(joint, axis is not None), (position, velocity), strict=True))
         write_table(
             folder / name, {TIME: times, **columns}, ("%d", "%d" if axis is not None else "%.17g")
         )
-        listed[joint.name] = {
+        entries[joint.name] = {
             "file": name,
             "start": float(position[0]),
             "start_velocity": float(velocity[0]),
         }
-        listed[joint.name] |= {"end": float(position[-1]), "end_velocity": float(velocity[-1])}
+        entries[joint.name] |= {"end": float(position[-1]), "end_velocity": float(velocity[-1])}
         if axis is None:
-            listed[joint.name]["note"] = "no drive: its motion for reference"
+            entries[joint.name]["note"] = (
+                "no drive: the file shows the joint's motion for reference"
+            )
             continue
-        wanted, _ = _samples(plan, table.t, table.stretch, plan.robot.joints.index(joint))
-        deviation = float(np.abs(position / axis.increments_per_unit - wanted).max())
-        listed[joint.name] |= {
+        planned_position, _ = _samples(plan, table.t, table.stretch, plan.robot.joints.index(joint))
+        deviation = float(np.abs(position / axis.increments_per_unit - planned_position).max())
+        entries[joint.name] |= {
             **axis.to_dict(),
             "mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn,
         }
-        listed[joint.name]["deviation"] = deviation
+        entries[joint.name]["deviation"] = deviation
         notes.append(
             f"joint {joint.name}: up to {deviation:.2g} {joint.unit} from the plan at the rows"
         )
@@ -127,7 +166,7 @@ def export_pvt(
             "velocity": "increments/s; without a drive rad, m and s",
         },
         "form": FORM,
-        "axes": listed,
+        "axes": entries,
         "stretch": table.stretch,
         "start_rate": dict(table.limits.start_rate or {}),
         "end_rate": dict(table.limits.end_rate or {}),
@@ -140,19 +179,22 @@ def export_pvt(
     }
 
 
-def read_pvt(
-    folder: Path, manifest: dict[str, Any], listed: Collection[str], robot: Robot
-) -> Reading:
-    """The cubics that drives run between the rows of an exported table. Raises TrajectoryError."""
+def read_pvt(folder: Path, manifest: JsonObject, listed: Collection[str], robot: Robot) -> Reading:
+    """Read the cubics that drives run between the rows of an exported table.
+
+    folder, manifest, listed, robot: see `read_epos4`. Raises TrajectoryError if a table is damaged
+    or does not belong to the robot.
+    """
     q, qd, time = [], [], None
     for joint, path, per_unit in read_axes(folder, manifest, listed, robot):
         steps, (position, velocity) = read_table(path, TIME, _columns(joint, per_unit is not None))
         if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
             raise TrajectoryError(
-                f"{path}: {TIME} is 0 in the first row, then a whole number from 1 to {LARGEST_TIME}"
+                f"{path}: {TIME} must be 0 in the first row and an integer from 1 to "
+                f"{LARGEST_TIME} in all others"
             )
         if time is not None and not np.array_equal(time, steps):
-            raise TrajectoryError(f"{folder}: the tables of the axes do not have the same times")
+            raise TrajectoryError(f"{folder}: the tables of the axes have different times")
         time = steps
         q.append(position / (per_unit or 1.0))
         qd.append(velocity / (per_unit or 1.0))
@@ -167,30 +209,34 @@ def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
 
 
 def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table:
-    """The first table whose cubics keep every limit; of a plan that does not, the first. Raises ExportError."""
-    tried = []
+    """Return the first table whose cubics keep every limit.
+
+    If the plan itself does not pass, return the first table. Raises ExportError if no table passes.
+    """
+    certificates = []
     for table in _trials(plan, axes, STRETCHES if certificate.passed else (0.0,)):
         if table.certificate.passed or not certificate.passed:
             return table
-        tried.append(table.certificate)
-    worst = max(tried, key=lambda each: each.worst.margin).worst
-    jerky = any(joint.jerk is not None for joint in plan.robot.joints)
-    jerk = (
-        "; cubics between rows jump in acceleration, which limits of jerk forbid" if jerky else ""
-    )
+        certificates.append(table.certificate)
+    violation = max(certificates, key=lambda certificate: certificate.worst.margin).worst
+    jerk = ""
+    if plan.robot.jerk_limited:
+        jerk = "; cubics have acceleration jumps at the rows, which jerk limits forbid"
     raise ExportError(
-        f"{plan.path}: no PVT table was found that keeps the limits: at best the {worst.name} limit of "
-        f"{worst.joint or 'the tool'} is exceeded by {-100 * worst.margin:.3g} % at {worst.time:.4f} s{jerk}"
+        f"{plan.path}: no PVT table was found that keeps the limits: at best the {violation.name} "
+        "limit of "
+        f"{violation.joint or 'the tool'} is exceeded by {-100 * violation.margin:.3g} % at "
+        f"{violation.time:.4f} s{jerk}"
     )
 
 
 def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> Iterator[Table]:
-    for slower in stretches:
+    for slowdown in stretches:
         for interval in INTERVALS:
-            total = int(np.ceil(plan.motion.duration * (1 + slower) * 1000 - 1e-6))
+            total = int(np.ceil(plan.motion.duration * (1 + slowdown) * 1000 - 1e-6))
             t = np.round(np.linspace(0, total, max(int(np.ceil(total / interval)), 2) + 1)) / 1000
             if total < len(t) - 1:
-                raise ExportError(f"{plan.path}: a motion of {total} ms is too short for a table")
+                raise ExportError(f"{plan.path}: the motion of {total} ms is too short for a table")
             stretch = total / 1000 / plan.motion.duration
             rows, state = {}, np.empty((2, len(t), 4))
             for i, joint in enumerate(plan.robot.joints):
@@ -203,14 +249,17 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
                 )
             reading = join_points(Points(t, *state), plan.robot)
             limits = _at_ends(plan.limits.slower(stretch), plan.robot, *state)
-            found = check(
+            certificate = check(
                 reading.trajectory, plan.robot, limits, interpolation=reading.interpolation
             )
-            yield Table(t, rows, stretch, limits, found)
+            yield Table(t, rows, stretch, limits, certificate)
 
 
 def _at_ends(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
-    """Limits with the rates that rows (n, 4) have at their ends, rounded as they are, where the plan declares some."""
+    """Replace the end rates of the limits by those of the rounded rows q, qd (n, 4).
+
+    Ends without a declared rate remain unchanged.
+    """
     rates = task_rates(Mechanism.from_geometry(robot.geometry), q[[0, -1]], qd[[0, -1]]).tolist()
     start, end = (dict(zip(TASK, rate, strict=True)) for rate in rates)
     return replace(
@@ -226,15 +275,18 @@ def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array
 
 
 class _Fit:
-    """Rows of one joint, in increments and increments per τ, τ the mean time between rows.
+    """Linear program for the rows of one joint.
 
-    Unknown: deviations d of the n positions, w of the n velocities, bounds e ≥ |d|, and the excess ε ≥ 0.
-    Minimise Σ e + EXCESS ε so that on every interval, with the share ε of the acceleration limit to spare,
+    Positions are in increments and velocities in increments per τ, the mean time between rows. The
+    unknowns are the deviations d of the n positions and w of the n velocities, bounds e ≥ |d|, and
+    the excess ε ≥ 0. The program minimises Σ e + EXCESS ε so that on every interval, with the
+    fraction
+    ε of the acceleration limit as tolerance,
 
         low ≤ acceleration at its start and end ≤ high        (it is linear in between)
         low ≤ Bernstein coefficients of velocity and position ≤ high
 
-    where low and high are what the plan has there and on the intervals beside it.
+    low and high are the extremes of the plan on this interval and on its two neighbours.
     """
 
     def __init__(self, plan: Plan, i: int, t: Array, stretch: float, unit: float) -> None:
@@ -259,7 +311,8 @@ class _Fit:
         p = self._nearby(np.array([s.q[:, i] * unit for s in sides]))
         limit = abs(joint.acceleration * unit * tau**2)
         h = np.diff(t) / tau
-        # positions rounded by up to half an increment move an acceleration by up to 6 / h²; half of that seldom
+        # Rounding positions by half an increment changes an acceleration by up to 6 / h², but
+        # rarely by half of that.
         largest = max(limit, float(np.abs(bend).max())) - 3 / h**2
         a = np.maximum(a[0] - SLACK * limit, -largest), np.minimum(a[1] + SLACK * limit, largest)
         zero, one = np.zeros(n - 1), np.ones(n - 1)
@@ -270,10 +323,10 @@ class _Fit:
             ((one, zero, h / 3, zero), p, 0.0),
             ((zero, one, zero, -h / 3), p, 0.0),
         )
-        """Factors of both positions and both velocities of an interval, (low, high) of their sum, what ε = 1 spares."""
+        """Factors of positions and velocities, (low, high) of their sum, tolerance for ε = 1."""
 
     def _nearby(self, values: Array) -> tuple[Array, Array]:
-        """(lowest, highest) of values (k, instants) on each interval and the two beside it."""
+        """Return the extremes of values (k, instants) on each interval and its neighbours."""
         low = np.pad(np.minimum.reduceat(values.min(axis=0), self._where), 1, mode="edge")
         high = np.pad(np.maximum.reduceat(values.max(axis=0), self._where), 1, mode="edge")
         return np.min([low[:-2], low[1:-1], low[2:]], axis=0), np.max(
@@ -281,7 +334,10 @@ class _Fit:
         )
 
     def rows(self, whole: bool) -> tuple[Array, Array]:
-        """Positions (n,), and velocities (n,) in increments/s that suit them best; both whole numbers where asked for."""
+        """Return positions (n,) and the best velocities (n,), in increments/s.
+
+        whole: round both to integers.
+        """
         if not whole:
             d, w = self._solve(
                 np.zeros(len(self.positions)),
@@ -297,41 +353,46 @@ class _Fit:
         return position, np.round((self.velocities + w) * self.rate)
 
     def _solve(self, d: Array, free: Array) -> tuple[Array, Array]:
-        """(d, w), d within `free` (n,) of what is given where that is finite. Zeros where there is no solution."""
+        """Return the deviations (d, w), or zeros if there is no solution.
+
+        Deviations of positions whose `free` (n,) is zero are fixed to d (n,). The others are free.
+        """
         from scipy import sparse
         from scipy.optimize import Bounds, LinearConstraint, milp
 
         n = len(d)
         first, second, eye = sparse.eye(n - 1, n), sparse.eye(n - 1, n, k=1), sparse.eye(n)
         fixed = free == 0
-        known = np.where(fixed, d, 0.0) + self.positions
+        fixed_positions = np.where(fixed, d, 0.0) + self.positions
         blocks: list[list[Any]] = []
-        largest: list[Array] = []
-        for (p0, p1, v0, v1), (low, high), spare in self.rows_of:
+        upper: list[Array] = []
+        for (p0, p1, v0, v1), (low, high), tolerance in self.rows_of:
             positions: Any = sparse.diags(p0) @ first + sparse.diags(p1) @ second
             velocities: Any = sparse.diags(v0) @ first + sparse.diags(v1) @ second
             base = positions @ self.positions + velocities @ self.velocities
-            rounded = positions @ known + velocities @ self.velocities
+            rounded = positions @ fixed_positions + velocities @ self.velocities
             for sign, bound in ((1, high), (-1, -low)):
-                # the plan's own rows and rounded positions may lie a little beyond what the plan has nearby
-                edge = bound if spare else np.max([bound, sign * base, sign * rounded], axis=0)
+                # Samples of the plan and rounded positions may lie slightly beyond the nearby
+                # extremes.
+                edge = bound if tolerance else np.max([bound, sign * base, sign * rounded], axis=0)
                 blocks.append(
-                    [sign * positions, sign * velocities, None, np.full((n - 1, 1), -spare)]
+                    [sign * positions, sign * velocities, None, np.full((n - 1, 1), -tolerance)]
                 )
-                largest.append(edge - sign * base)
+                upper.append(edge - sign * base)
         for sign in (1, -1):
             blocks.append([sign * eye, None, -eye, None])
-            largest.append(np.zeros(n))
-        rest = np.r_[0.0, np.full(n - 2, np.inf), 0.0]
+            upper.append(np.zeros(n))
+        velocity_range = np.r_[0.0, np.full(n - 2, np.inf), 0.0]
         low, high = np.where(fixed, d, -np.inf), np.where(fixed, d, np.inf)
-        found = milp(
+        solution = milp(
             np.r_[np.zeros(2 * n), np.ones(n), EXCESS],
             constraints=LinearConstraint(
-                sparse.bmat(blocks, format="csr"), -np.inf, np.concatenate(largest)
+                sparse.bmat(blocks, format="csr"), -np.inf, np.concatenate(upper)
             ),
             bounds=Bounds(
-                np.r_[low, -rest, np.zeros(n + 1)], np.r_[high, rest, np.full(n + 1, np.inf)]
+                np.r_[low, -velocity_range, np.zeros(n + 1)],
+                np.r_[high, velocity_range, np.full(n + 1, np.inf)],
             ),
         )
-        x = np.zeros(3 * n + 1) if found.x is None else found.x
+        x = np.zeros(3 * n + 1) if solution.x is None else solution.x
         return x[:n], x[n : 2 * n]

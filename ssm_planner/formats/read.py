@@ -1,10 +1,9 @@
-"""Anybody's trajectory file → a trajectory; which reader a file needs is told by its name."""
+"""Read a trajectory file of any supported format. The file name determines the reader."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.csv import read_csv
@@ -16,25 +15,46 @@ from ssm_planner.formats.ros2 import read_rosbag
 from ssm_planner.loading.json_files import read_json
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
-from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, sha256
+from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, is_inside, sha256
+from ssm_planner.typing import JsonObject
 
-ACCEPTED = "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or a folder that export wrote"
+ACCEPTED = (
+    "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or an export folder"
+)
 READERS = {"epos4": read_epos4, "pvt": read_pvt}
-"""Of exports that hold a file for each axis."""
+"""Readers of exports that hold one file per axis, by the `kind` in the manifest."""
 LARGEST_MANIFEST = 20_000_000
-"""Bytes."""
+"""Largest size of a manifest, bytes."""
 LARGEST_RATE = 1e3
-"""rad/s or m/s: of what a manifest may declare."""
+"""Largest rate of a task coordinate that a manifest may declare, rad/s or m/s."""
 
 
 def read_trajectory(path: str | Path, robot: Robot) -> Reading:
-    """The trajectory in a CSV, a YAML JointTrajectory, a rosbag2 or an export folder. Raises TrajectoryError."""
+    """Read a trajectory from a CSV file, a YAML JointTrajectory, a rosbag2 or an export folder.
+
+    Parameters
+    ----------
+    path : str or Path
+    robot : Robot
+        Robot that defines the joints of the file.
+
+    Returns
+    -------
+    Reading
+        Trajectory, interpolation, and the rates that the file declares at both ends.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file is missing, has an unsupported format, was modified after its export, or is not
+        a trajectory of this robot.
+    """
     path = Path(path)
     try:
-        found, folder = path.exists(), path.is_dir()
+        exists, folder = path.exists(), path.is_dir()
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"{path}: cannot be read: {error}") from error
-    if not found:
+    if not exists:
         raise TrajectoryError(f"{path}: no such file or folder")
     if folder:
         return _read_folder(path, robot)
@@ -51,7 +71,7 @@ def _read_file(path: Path, robot: Robot) -> Reading:
         return read_yaml(path, robot)
     if suffix in (".mcap", ".db3"):
         return read_rosbag(path, robot)
-    raise TrajectoryError(f"{path}: not a kind of file that is read here (allowed: {ACCEPTED})")
+    raise TrajectoryError(f"{path}: unknown file type (allowed: {ACCEPTED})")
 
 
 def _read_folder(folder: Path, robot: Robot) -> Reading:
@@ -59,25 +79,30 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
         _check_hashes(folder.parent, below=folder.name)
         return read_rosbag(folder, robot)
     manifest = read_manifest(folder)
-    listed = _check_hashes(folder, manifest)
+    intact = _check_hashes(folder, manifest)
     kind = str(manifest.get("kind"))
     if kind in READERS:
-        reading = READERS[kind](folder, manifest, listed, robot)
+        reading = READERS[kind](folder, manifest, intact, robot)
     else:
         name = manifest.get("trajectory")
         if not isinstance(name, str):
-            raise TrajectoryError(f"{folder}: this export ({kind[:80]}) holds no trajectory")
-        if name not in listed:
             raise TrajectoryError(
-                f"{folder / MANIFEST}: its trajectory {name[:80]!r} is none of the files it lists"
+                f"{folder}: this export ({kind[:80]}) does not contain a trajectory"
+            )
+        if name not in intact:
+            raise TrajectoryError(
+                f"{folder / MANIFEST}: the trajectory {name[:80]!r} is not in the list of files"
             )
         reading = _read_file(folder / name, robot)
     start, end = (_declared(folder, manifest, key) for key in ("start_rate", "end_rate"))
     return replace(reading, start_rate=start, end_rate=end)
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of an export folder. Raises TrajectoryError."""
+def read_manifest(folder: Path) -> JsonObject:
+    """Read the manifest of an export folder.
+
+    Raises TrajectoryError if the folder has no manifest of an export.
+    """
     path = folder / MANIFEST
     if not path.exists():
         raise TrajectoryError(
@@ -90,11 +115,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def _check_hashes(
-    folder: Path, manifest: dict[str, Any] | None = None, below: str = ""
+    folder: Path, manifest: JsonObject | None = None, below: str = ""
 ) -> frozenset[str]:
-    """Names of the files that the manifest lists, all of which are as the export wrote them. Raises TrajectoryError.
+    """Return the names of the files in the manifest after comparing their SHA-256 values.
 
-    below: only those in this folder; without a manifest that lists some, there is nothing to compare.
+    below: name of a subfolder; only its files are compared. A folder without a manifest has nothing
+    to compare. Raises TrajectoryError if a file is missing or was modified.
     """
     path = folder / MANIFEST
     if manifest is None:
@@ -107,32 +133,36 @@ def _check_hashes(
             f"{folder}: the export was interrupted while its files were put in place: export again"
         )
     if not isinstance(files, dict):
-        raise TrajectoryError(f"{path}: lists no files with their SHA-256")
+        raise TrajectoryError(f"{path}: the list of files with their SHA-256 is missing")
     for name, stated in files.items():
-        parts = PurePosixPath(name).parts
-        if not parts or "\0" in name or name.startswith("/") or ".." in parts or "\\" in name:
-            raise TrajectoryError(f"{path}: {name[:80]!r} is no name of a file in this folder")
-        if below and parts[0] != below:
+        if not is_inside(name):
+            raise TrajectoryError(f"{path}: {name[:80]!r} is not the name of a file in this folder")
+        if below and PurePosixPath(name).parts[:1] != (below,):
             continue
         try:
-            found = sha256(folder / name) if (folder / name).is_file() else None
+            digest = sha256(folder / name) if (folder / name).is_file() else None
         except (OSError, ValueError) as error:
             raise TrajectoryError(f"{folder / name}: cannot be read: {error}") from error
-        if found is None:
-            raise TrajectoryError(f"{folder / name}: is missing, though {MANIFEST} lists it")
-        if found != stated:
+        if digest is None:
+            raise TrajectoryError(f"{folder / name}: the file is missing, but {MANIFEST} lists it")
+        if digest != stated:
             raise TrajectoryError(
-                f"{folder / name}: changed since the export: its SHA-256 is not that in {MANIFEST}"
+                f"{folder / name}: the file was modified after the export: its SHA-256 differs "
+                f"from {MANIFEST}"
             )
     return frozenset(files)
 
 
-def _declared(folder: Path, manifest: dict[str, Any], key: str) -> dict[str, float]:
-    """Rates of task coordinates that a manifest declares at one end. Raises TrajectoryError."""
+def _declared(folder: Path, manifest: JsonObject, key: str) -> dict[str, float]:
+    """Return the rates of task coordinates that the manifest declares under a key.
+
+    Raises TrajectoryError if the entry is not a mapping from task coordinates to numbers.
+    """
     rates = manifest.get(key, {})
     if not isinstance(rates, dict) or not set(rates) <= set(TASK):
         raise TrajectoryError(
-            f"{folder / MANIFEST}: {key} is no mapping of rates (allowed: {', '.join(TASK)})"
+            f"{folder / MANIFEST}: {key} is not a mapping of rates (allowed keys: "
+            f"{', '.join(TASK)})"
         )
     for name, rate in rates.items():
         if type(rate) not in (int, float) or not abs(rate) < LARGEST_RATE:

@@ -1,6 +1,7 @@
-"""A plan for ROS 2: JointTrajectory as YAML and as action goal, and a rosbag2 (MCAP) that shows the motion; bags read.
+"""Export a plan to ROS 2 and read rosbags.
 
-A bag holds the trajectory, joint states, the robot's description and its transforms.
+An export holds a JointTrajectory as YAML, an action goal, and a rosbag2 (MCAP) that shows the
+motion: the trajectory, joint states, the description of the robot and its transforms.
 """
 
 from __future__ import annotations
@@ -31,17 +32,20 @@ from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.publishing import one_line
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification.certificate import Certificate
 
 LARGEST_RATE = 1000.0
+"""Largest rate of joint states, Hz."""
 LARGEST_METADATA = 10_000_000
-"""Bytes."""
+"""Largest size of metadata.yaml, bytes."""
 INSTALL = "reading and writing rosbags needs the package rosbags: pip install 'ssm-planner[ros2]'"
 TRAJECTORY, STATE = "trajectory_msgs/msg/JointTrajectory", "sensor_msgs/msg/JointState"
 PUBLISH = (
-    "For ros2 topic pub --once /joint_trajectory_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory, with",
-    "--yaml-file where that option exists. Too long for a command line; the bag holds the same message:",
+    "Publish this file with ros2 topic pub --once /joint_trajectory_controller/joint_trajectory",
+    "trajectory_msgs/msg/JointTrajectory and --yaml-file, if this option exists. The message is "
+    "too",
+    "long for a command line. The bag holds the same message:",
     "ros2 bag play bag --topics /joint_trajectory --remap \\",
     "  /joint_trajectory:=/joint_trajectory_controller/joint_trajectory",
 )
@@ -55,15 +59,34 @@ def export_ros2(
     rate: float = 100.0,
     effort: bool = False,
     bag: bool | None = None,
-) -> dict[str, Any]:
-    """Write joint_trajectory.yaml, goal.yaml and, with `bag`, a rosbag2 (MCAP); returns what the manifest says.
+) -> JsonObject:
+    """Write joint_trajectory.yaml, goal.yaml and a rosbag2, and return the entries of the manifest.
 
-    rate: of the bag's joint states and transforms, Hz. effort: give the rigid-body efforts too, which a controller
-    without an effort interface rejects. bag: None leaves it out where the package rosbags is missing, and says so. Raises
-    ExportError.
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan.
+    folder : Path
+    suffix : str
+        Text that marks unverified files, before the extension.
+    rate : float
+        Rate of the joint states and transforms in the bag, Hz.
+    effort : bool
+        Include the rigid-body efforts. A controller without an effort interface rejects them.
+    bag : bool, optional
+        Write the bag. By default, the bag is written if the package rosbags is installed.
+
+    Raises
+    ------
+    ExportError
+        If the rate is out of range, no spline keeps the limits, or rosbags is missing for
+        `bag=True`.
     """
     if not 0 < rate <= LARGEST_RATE:
-        raise ExportError(f"a rate of {rate:g} Hz (allowed: above 0, up to {LARGEST_RATE:g} Hz)")
+        raise ExportError(
+            f"the rate {rate:g} Hz is out of range (allowed: above 0, up to {LARGEST_RATE:g} Hz)"
+        )
     points = spline_points(plan, certificate)
     message = trajectory_message(plan, points, effort)
     faults, remarks = controller_faults(message, [joint.name for joint in plan.robot.joints])
@@ -107,13 +130,17 @@ def export_ros2(
 
 
 def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
-    """Write a rosbag2 folder; times count from 0. Raises ExportError where the package rosbags is missing."""
+    """Write a rosbag2 folder whose times start at 0.
+
+    rate: joint states and transforms per second, Hz. Raises ExportError if rosbags is not
+    installed.
+    """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise ExportError(
-            f"a rosbag cannot be written: {INSTALL} (or leave it out with --no-bag)"
+            f"a rosbag cannot be written: {INSTALL} (or export without it: --no-bag)"
         ) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
     messages = _Messages(store.types)
@@ -147,14 +174,17 @@ def state_times(duration: float, rate: float) -> Array:
 
 
 def link_poses(robot: Robot, q: Array) -> list[tuple[str, str, Array, Array]]:
-    """(parent, child, rotation, translation) of every link and of the tool at joints q (4,)."""
+    """Return (parent, child, rotation, translation) of every link and of the tool at joints q (4,).
+
+    The pose is that of the child in the frame of its parent, with rotation (3, 3) and translation
+    (3,) in m.
+    """
     geometry, parent, frame = robot.geometry, "base", np.eye(3)
-    axes = (geometry.omega1, geometry.omega2, geometry.omega3, geometry.omega3)
     poses = []
     for i, (link, body) in enumerate(zip(LINKS, robot.bodies, strict=True)):
         # parent ← child = (parent frame)ᵀ e^{ξ̂ q} (child frame), both frames as placed at q = 0
-        turn = rotation(axes[i], q[i]) if i < 3 else np.eye(3)
-        shift = np.zeros(3) if i < 3 else frame.T @ (axes[i] * q[i])
+        turn = rotation(geometry.axes[i], q[i]) if i < 3 else np.eye(3)
+        shift = np.zeros(3) if i < 3 else frame.T @ (geometry.axes[i] * q[i])
         poses.append((parent, link, frame.T @ turn @ body.frame, shift))
         parent, frame = link, body.frame
     poses.append((parent, TOOL, frame.T @ geometry.tool_home, np.zeros(3)))
@@ -162,13 +192,13 @@ def link_poses(robot: Robot, q: Array) -> list[tuple[str, str, Array, Array]]:
 
 
 class _Messages:
-    """ROS messages from the type store's classes."""
+    """Builder of ROS messages from the classes of a type store."""
 
     def __init__(self, types: Any) -> None:
         self.types = types
 
     def make(self, kind: str, **fields: Any) -> Any:
-        """kind: such as std_msgs/String."""
+        """Build a message of a type such as std_msgs/String."""
         return self.types[kind.replace("/", "/msg/")](**fields)
 
     def time(self, kind: str, t: float) -> Any:
@@ -200,14 +230,15 @@ class _Messages:
 
     def transforms(self, t: float, poses: list[tuple[str, str, Array, Array]]) -> Any:
         transforms = []
-        for parent, child, turned, shift in poses:
+        for parent, child, orientation, shift in poses:
             transform = self.make(
                 "geometry_msgs/Transform",
                 translation=self.make(
                     "geometry_msgs/Vector3", **dict(zip("xyz", shift, strict=True))
                 ),
                 rotation=self.make(
-                    "geometry_msgs/Quaternion", **dict(zip("xyzw", quaternion(turned), strict=True))
+                    "geometry_msgs/Quaternion",
+                    **dict(zip("xyzw", quaternion(orientation), strict=True)),
                 ),
             )
             header = self.header(t, parent)
@@ -222,15 +253,15 @@ class _Messages:
         return self.make("tf2_msgs/TFMessage", transforms=transforms)
 
 
-def quaternion(turned: Array) -> Array:
-    """Unit quaternion (x, y, z, w) of a rotation matrix (3, 3)."""
+def quaternion(orientation: Array) -> Array:
+    """Return the unit quaternion (x, y, z, w) of a rotation matrix (3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    return np.asarray(Rotation.from_matrix(turned).as_quat())
+    return np.asarray(Rotation.from_matrix(orientation).as_quat())
 
 
 def _latched() -> Any:
-    """The quality of service by which late subscribers still get the robot's description."""
+    """Return the quality of service that delivers the robot description to late subscribers."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,
@@ -255,9 +286,10 @@ def _latched() -> Any:
 
 
 def read_rosbag(path: Path, robot: Robot) -> Reading:
-    """The JointTrajectory of a rosbag2, or else its JointStates. Raises TrajectoryError.
+    """Read the JointTrajectory of a rosbag2. If it has none, its joint states form the trajectory.
 
-    A bag with different trajectories is refused: which one a controller ran is not known.
+    Raises TrajectoryError if the bag cannot be read, or if it has different trajectories, because
+    only one of them was run.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -267,19 +299,19 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     folder = path if path.is_dir() else path.parent
     if not (folder / "metadata.yaml").is_file():
         raise TrajectoryError(
-            f"{path}: not a rosbag2: no metadata.yaml beside it (give the bag's folder)"
+            f"{path}: not a rosbag2: metadata.yaml is missing (give the folder of the bag)"
         )
     read_bytes(folder / "metadata.yaml", LARGEST_METADATA)
     try:
         with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            found = {
+            connections = {
                 kind: [c for c in reader.connections if c.msgtype == kind]
                 for kind in (TRAJECTORY, STATE)
             }
-            kind = TRAJECTORY if found[TRAJECTORY] else STATE
-            wanted = found[kind]
-            # without connections the reader gives the messages of all
-            raws = reader.messages(wanted) if wanted else iter(())
+            kind = TRAJECTORY if connections[TRAJECTORY] else STATE
+            selected = connections[kind]
+            # Without a list of connections, the reader would return all messages.
+            raws = reader.messages(selected) if selected else iter(())
             messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in raws]
             converted = (
                 [_of_message(message) for message in messages]
@@ -291,18 +323,19 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     except (
         Exception,
         RecursionError,
-    ) as error:  # of damaged bags the package raises whatever it meets
-        what = f"{type(error).__name__}: {str(error)[:200]}"
-        raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {what}") from error
+    ) as error:  # rosbags raises many types for damaged bags.
+        reason = f"{type(error).__name__}: {str(error)[:200]}"
+        raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {reason}") from error
     if not messages:
-        raise TrajectoryError(f"{path}: holds neither a JointTrajectory nor JointStates")
+        raise TrajectoryError(f"{path}: the bag contains no JointTrajectory and no JointState")
     if isinstance(converted, Message):
         return read_message(
             converted, robot, str(path), ("the JointStates of the bag are its points",)
         )
     if any(_differ(converted[0], other) for other in converted[1:]):
         raise TrajectoryError(
-            f"{path}: holds {len(converted)} JointTrajectory messages that are not the same: a check takes one motion"
+            f"{path}: the bag contains {len(converted)} different JointTrajectory messages: only "
+            "one motion can be checked"
         )
     notes = (
         () if len(converted) == 1 else (f"{len(converted)} JointTrajectory messages, all the same",)
@@ -328,7 +361,10 @@ def _of_message(message: Any) -> Message:
 
 
 def _of_states(messages: list[Any]) -> Message | list[Message]:
-    """Each message may list the joints in an order of its own. Raises TrajectoryError."""
+    """Build a message from joint states, each of which may have its own order of joints.
+
+    Raises TrajectoryError if their joints or the lengths of their lists differ.
+    """
     if not messages:
         return []
     names = tuple(messages[0].name)
@@ -336,19 +372,19 @@ def _of_states(messages: list[Any]) -> Message | list[Message]:
     empty: list[Sequence[float]] = [[] for _ in messages]
     fields: dict[str, list[Sequence[float]]] = {"position": [], "velocity": []}
     for k, message in enumerate(messages):
-        own = list(message.name)
-        if sorted(own) != sorted(names) or len(set(own)) != len(own):
+        joints = list(message.name)
+        if sorted(joints) != sorted(names) or len(set(joints)) != len(joints):
             raise TrajectoryError(
-                f"JointState {k} is of other joints ({', '.join(own)[:80]}) than the first"
+                f"JointState {k} has other joints ({', '.join(joints)[:80]}) than the first"
             )
-        order = [own.index(name) for name in names]
+        order = [joints.index(name) for name in names]
         for key, values in fields.items():
-            given = getattr(message, key)
-            if len(given) not in ({len(own)} if key == "position" else {0, len(own)}):
+            entries = getattr(message, key)
+            if len(entries) not in ({len(joints)} if key == "position" else {0, len(joints)}):
                 raise TrajectoryError(
-                    f"JointState {k}: {len(given)} values of {key} for {len(own)} joints"
+                    f"JointState {k}: {len(entries)} values of {key} for {len(joints)} joints"
                 )
-            values.append(np.asarray(given)[order].tolist() if len(given) else [])
+            values.append(np.asarray(entries)[order].tolist() if len(entries) else [])
     return Message(
         names,
         np.array([(stamp - stamps[0]) / TICKS for stamp in stamps]),

@@ -1,13 +1,12 @@
-"""Points of a plan through which a controller's own spline keeps the limits: reconstructed and checked, not assumed.
+"""Choose points of a plan through which a controller's spline keeps the limits.
 
-The points are the breaks of the plan's pieces, where its acceleration may jump, and if need be some in between. The
-spline that the controller will run is built through them and checked like any trajectory. A small excess that remains,
-because a cubic is not quite the plan's quintic, is removed by running the whole motion slower by as much.
+The points are the breaks of the plan's pieces, where its acceleration may jump, and intermediate
+points if these do not suffice. The spline that the controller will run is built through the points
+and verified like any trajectory. A cubic differs slightly from the plan's quintic. If that causes a
+small excess, the whole motion is slowed down until the excess disappears.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,74 +16,96 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limit import Symmetric
 from ssm_planner.problem.limits import ContinuousTorque
 from ssm_planner.trajectory import Samples
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
 PARTS = (1, 2, 4, 8)
-"""Into how many parts each piece is cut, in the order of trial."""
+"""Numbers of parts into which each piece is divided, in the order of trial."""
 SMOOTH = 1e-6
-"""Largest jump of acceleration at a break, as a share of its limit, that quintics through the breaks do not mind."""
+"""Largest acceleration jump at a break, relative to the limit, for quintics through the breaks."""
 LARGEST_STRETCH = 1e-3
+"""Largest relative increase of the duration."""
 TRIALS = 4
+"""Largest number of slower splines that are tried."""
 REST = 1e-7
-"""rad/s or m/s: slower is at rest."""
+"""Largest speed at rest, rad/s or m/s."""
 ROUNDED = 1e-9
-"""s; times are rounded to no coarser ticks."""
+"""Times are rounded to ticks of this size or finer, s."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SplinePoints:
-    """Points whose spline keeps what the plan keeps."""
+    """Points of a plan and the certificate of the controller's spline through them."""
 
     samples: Samples
     with_acceleration: bool
-    """The controller is to join them by quintics; otherwise by cubics."""
+    """True if the controller must join the points by quintics, False for cubics."""
     stretch: float
-    """Duration over the plan's."""
+    """Duration divided by the plan's duration."""
     certificate: Certificate
-    """Of the spline through the points."""
+    """Certificate of the spline through the points."""
 
     @property
     def note(self) -> str:
+        """Summary of the points for the manifest."""
         text = f"{len(self.samples.t)} points; {self.certificate.interpolation}"
         if self.stretch > 1:
-            text += f"; slower than the plan by {1e6 * (self.stretch - 1):.2g} ppm so that the spline keeps the limits"
+            text += (
+                f"; slower than the plan by {1e6 * (self.stretch - 1):.2g} ppm so that the spline "
+                "keeps the limits"
+            )
         return text
 
 
 def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-9) -> SplinePoints:
-    """Points of a plan for a controller that joins them by cubics or quintics.
+    """Return points of a plan for a controller that joins them by cubics or quintics.
 
-    certificate: of the plan; where it did not pass, the points are those of the plan as it is. tick: resolution of
-    times, s. Raises ExportError where no spline keeps the limits.
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan. If it did not pass, the first points are returned without changes.
+    tick : float, optional
+        Resolution of the times, s. None disables rounding.
+
+    Raises
+    ------
+    ExportError
+        If no spline keeps the limits.
     """
     smooth = _acceleration_jump(plan) <= SMOOTH
-    found = [_trial(plan, 1, True, 1.0, tick)] if smooth else []
-    for parts in PARTS:
-        if found and (found[-1].certificate.passed or not certificate.passed):
-            return found[-1]
-        found.append(_trial(plan, parts, False, 1.0, tick))
-    best = max(found, key=lambda each: each.certificate.worst.margin)
-    parts = PARTS[found.index(best) - smooth] if not best.with_acceleration else 1
+    trials = [_trial(plan, 1, True, 1.0, tick)] if smooth else []
+    for divisions in PARTS:
+        if trials and (trials[-1].certificate.passed or not certificate.passed):
+            return trials[-1]
+        trials.append(_trial(plan, divisions, False, 1.0, tick))
+    candidate = max(trials, key=lambda trial: trial.certificate.worst.margin)
+    divisions = PARTS[trials.index(candidate) - smooth] if not candidate.with_acceleration else 1
     for _ in range(TRIALS):
-        if best.certificate.passed or not certificate.passed:
-            return best
-        stretch = best.stretch * max(_slower(plan, limit) for limit in best.certificate.violations)
+        if candidate.certificate.passed or not certificate.passed:
+            return candidate
+        stretch = candidate.stretch * max(
+            _slower(plan, limit) for limit in candidate.certificate.violations
+        )
         if stretch > 1 + LARGEST_STRETCH:
             break
-        best = _trial(plan, parts, best.with_acceleration, stretch, tick)
-    worst = best.certificate.worst
+        candidate = _trial(plan, divisions, candidate.with_acceleration, stretch, tick)
+    violation = candidate.certificate.worst
     raise ExportError(
-        f"{plan.path}: the spline through {len(best.samples.t)} points exceeds the {worst.name} limit of "
-        f"{worst.joint or 'the tool'} by {-100 * worst.margin:.3g} % at {worst.time:.4f} s: no points that keep it were found"
+        f"{plan.path}: the spline through {len(candidate.samples.t)} points exceeds the "
+        f"{violation.name} "
+        "limit of "
+        f"{violation.joint or 'the tool'} by {-100 * violation.margin:.3g} % at "
+        f"{violation.time:.4f} s: no "
+        "points that keep it were found"
     )
 
 
 def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
-    """The plan run slower by a factor, at times t (n,) of the slower motion; beyond its end it rests there.
+    """Sample the plan, slowed down by a factor, at times t (n,) of the slower motion.
 
-    A time within ROUNDED of the end is the end.
+    The joints rest after the end. A time within `ROUNDED` of the end counts as the end.
     """
     begin, end = plan.motion.breaks[0], plan.motion.breaks[-1]
     s = plan.motion.sample(np.minimum(begin + (t - begin) / stretch, end))
@@ -94,17 +115,17 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
 
 
 def _trial(
-    plan: Plan, parts: int, with_acceleration: bool, stretch: float, tick: float | None
+    plan: Plan, divisions: int, with_acceleration: bool, stretch: float, tick: float | None
 ) -> SplinePoints:
     breaks = plan.motion.breaks
-    shares = np.arange(parts) / parts
+    shares = np.arange(divisions) / divisions
     t = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
     t = (t - breaks[0]) * stretch
     if tick is not None:
         t = np.round(t / tick) * tick
     s = at_times(plan, breaks[0] + t, stretch)
     s = Samples(t, s.q, s.qd, s.qdd, s.qddd)
-    # at rest at the end, whatever rounding has left: controllers refuse a last velocity
+    # Remove rounding errors at the end, because controllers refuse a nonzero last velocity.
     if np.all(np.abs(s.qd[-1]) < 1e-6):
         s.qd[-1] = 0.0
     reading = join_points(Points(t, s.q, s.qd, s.qdd if with_acceleration else None), plan.robot)
@@ -125,17 +146,17 @@ def _acceleration_jump(plan: Plan) -> float:
     )
 
 
-def _slower(plan: Plan, found: LimitCheck) -> float:
-    """By which factor the motion must be slower to keep a limit; infinite where slowing does not help.
+def _slower(plan: Plan, violation: LimitCheck) -> float:
+    """Return the factor by which the motion must be slower to keep a limit.
 
-    A quantity that depends on the nth derivative falls at least with the nth power of the speed, where the motion is
-    slowed a little.
+    The result is infinite if slower motion does not help. A quantity that depends on the nth
+    derivative falls at least with the nth power of the speed if the motion is slowed down a little.
     """
     for limit in plan.problem.all_limits:
         if (
-            limit.key == (found.name, found.joint)
+            limit.key == (violation.name, violation.joint)
             and isinstance(limit, Symmetric)
             and not isinstance(limit, ContinuousTorque)
         ):
-            return float((1 - 1.2 * found.margin + 1e-7) ** (1 / limit.order))
+            return float((1 - 1.2 * violation.margin + 1e-7) ** (1 / limit.order))
     return np.inf

@@ -1,4 +1,4 @@
-"""Column names of trajectory tables: which joint, which derivative, which unit."""
+"""Parse column names of trajectory tables: joint, derivative and unit."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.robot import Robot
 from ssm_planner.units import ANGLES, LENGTHS, PER, TIMES, of_heading
 
-ORDER_WORDS = {
-    0: {"q", "pos", "position", "angle", "theta", "displacement"},
-    1: {"qd", "dq", "vel", "velocity", "speed", "rate"},
-    2: {"qdd", "ddq", "acc", "accel", "acceleration"},
-}
+ORDER_WORDS = (
+    "q|pos|position|angle|theta|displacement",
+    "qd|dq|vel|velocity|speed|rate",
+    "qdd|ddq|acc|accel|acceleration",
+)
+"""Pattern of the words that name each derivative."""
+NEUTRAL_WORDS = "joint|j|axis|[1-4]|actual|target|command|desired|value"
+"""Pattern of the words that name neither a joint nor a derivative."""
 ORDER_NAMES = ("position", "velocity", "acceleration")
 _JOINT = re.compile(r"^(joint|j|axis|q|qd|qdd|dq|ddq|theta)_?([1-4])$")
 
 
 @dataclass(frozen=True)
 class Heading:
-    """One column: its place in the row and its factor to SI."""
+    """A column of a table with its index, its name and its factor to SI units."""
 
     column: int
     name: str
@@ -30,12 +33,31 @@ class Heading:
 def headings(
     names: list[str], robot: Robot, where: str
 ) -> tuple[dict[tuple[int, int], Heading], list[str]]:
-    """Columns by (derivative 0 to 2, joint 0 to 3), time as (−1, 0), and the names of those not used.
+    """Identify the columns of a table.
 
-    Raises TrajectoryError, beginning with `where`: a missing or unknown unit, a unit that is not of this joint or
-    derivative, a column given twice, a missing one.
+    Parameters
+    ----------
+    names : list[str]
+        Column names in the order of the file.
+    robot : Robot
+        Robot that defines the joint names and whether a joint has angles or lengths.
+    where : str
+        Beginning of error messages: the file and the line.
+
+    Returns
+    -------
+    columns : dict[tuple[int, int], Heading]
+        Columns by (derivative 0 to 2, joint 0 to 3). The time has the key (−1, 0).
+    ignored : list[str]
+        Names of the unused columns.
+
+    Raises
+    ------
+    TrajectoryError
+        If a unit is missing, unknown or wrong for the joint or the derivative, or if a column is
+        missing or given twice.
     """
-    found: dict[tuple[int, int], Heading] = {}
+    columns: dict[tuple[int, int], Heading] = {}
     ignored = []
     for column, name in enumerate(names):
         try:
@@ -46,40 +68,43 @@ def headings(
             ignored.append(name)
             continue
         key, factor = meaning
-        if key in found:
+        if key in columns:
             raise TrajectoryError(
-                f"{where}: columns {found[key].name!r} and {name!r} are the same quantity"
+                f"{where}: columns {columns[key].name!r} and {name!r} are the same quantity"
             )
-        found[key] = Heading(column, name, factor)
-    _complete(found, names, robot, where)
-    return found, ignored
+        columns[key] = Heading(column, name, factor)
+    _complete(columns, names, robot, where)
+    return columns, ignored
 
 
 def _complete(
-    found: dict[tuple[int, int], Heading], names: list[str], robot: Robot, where: str
+    columns: dict[tuple[int, int], Heading], names: list[str], robot: Robot, where: str
 ) -> None:
-    if (-1, 0) not in found:
+    if (-1, 0) not in columns:
         raise TrajectoryError(
-            f"{where}: no column of time with its unit, such as time_s; the columns are {names}"
+            f"{where}: no time column with a unit (for example time_s); the columns are {names}"
         )
     for order in range(3):
-        given = [i for i in range(4) if (order, i) in found]
-        missing = [robot.joints[i].name for i in range(4) if i not in given]
-        if missing and (order == 0 or given):
+        present = [i for i in range(4) if (order, i) in columns]
+        missing = [robot.joints[i].name for i in range(4) if i not in present]
+        if missing and (order == 0 or present):
             unit = (
                 ""
                 if order
-                else "; a column is named such as q1_rad, q4_m, 'roll [deg]' or 'joint1_position_rad'"
+                else "; examples of column names: q1_rad, q4_m, 'roll [deg]', 'joint1_position_rad'"
             )
             raise TrajectoryError(
                 f"{where}: no {ORDER_NAMES[order]} of joint {', '.join(missing)}{unit}"
             )
-    if (2, 0) in found and (1, 0) not in found:
-        raise TrajectoryError(f"{where}: accelerations without velocities")
+    if (2, 0) in columns and (1, 0) not in columns:
+        raise TrajectoryError(f"{where}: accelerations need velocities")
 
 
 def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
-    """((derivative, joint), factor) of a column name; None for a column that is none of a joint's or time's."""
+    """Return ((derivative, joint), factor to SI) for a column name.
+
+    Returns None for other columns than the time and the quantities of joints.
+    """
     label, unit = of_heading(name)
     words = [word for word in re.split(r"[^a-z0-9]+|_", label.lower()) if word]
     if words and (words[0] in ("t", "time", "timestamp") or words[:3] == ["time", "from", "start"]):
@@ -90,63 +115,49 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     if joint is None:
         return None
     base, per = _base(unit)
-    kinds = ANGLES if robot.joints[joint].kind == "revolute" else LENGTHS
-    if base not in kinds:
+    units = LENGTHS if robot.joints[joint].slides else ANGLES
+    if base not in units:
         raise ValueError(
-            _unit_fault(unit, f"{', '.join(kinds)}, for derivatives with /s or /s^2")
-            + _kind(robot, joint)
+            _unit_fault(unit, f"{', '.join(units)}; derivatives add /s or /s^2")
+            + _joint_motion(robot, joint)
         )
     if order is not None and order != per:
-        raise ValueError(f"a {ORDER_NAMES[order]} with the unit {unit!r} of a {ORDER_NAMES[per]}")
-    return (per, joint), kinds[base]
+        raise ValueError(
+            f"the column is a {ORDER_NAMES[order]}, but {unit!r} is a unit of {ORDER_NAMES[per]}"
+        )
+    return (per, joint), units[base]
 
 
 def _joint(words: list[str], robot: Robot) -> tuple[int | None, int | None]:
-    """(joint, derivative that the words name); None where they do not say."""
+    """Return the joint and the derivative that the words name, or None where a name is missing."""
     joint, order = None, None
-    names = [each.name for each in robot.joints]
+    names = [joint.name for joint in robot.joints]
     rest = []
     for k, word in enumerate(words):
         match = _JOINT.match(word)
         if match:
             joint = int(match.group(2)) - 1
             rest.append(match.group(1))
-        elif (
-            word in ("joint", "axis")
-            and k + 1 < len(words)
-            and words[k + 1] in ("1", "2", "3", "4")
-        ):
+        elif word in ("joint", "axis") and k + 1 < len(words) and words[k + 1] in tuple("1234"):
             joint = int(words[k + 1]) - 1
         elif word in names:
             joint = names.index(word)
         else:
             rest.append(word)
     for word in rest:
-        order = next((k for k, known in ORDER_WORDS.items() if word in known), order)
-    known = {
-        "joint",
-        "j",
-        "axis",
-        "1",
-        "2",
-        "3",
-        "4",
-        "actual",
-        "target",
-        "command",
-        "desired",
-        "value",
-    }
-    if any(
-        word not in known and not any(word in words for words in ORDER_WORDS.values())
-        for word in rest
-    ):
-        return None, None
+        if not re.fullmatch("|".join((NEUTRAL_WORDS, *ORDER_WORDS)), word):
+            return None, None
+        order = next(
+            (k for k, pattern in enumerate(ORDER_WORDS) if re.fullmatch(pattern, word)), order
+        )
     return joint, order
 
 
 def _base(unit: str) -> tuple[str, int]:
-    """(deg, 1) of deg/s or deg_per_s."""
+    """Split a unit into its base and its order of differentiation.
+
+    Both deg/s and deg_per_s give (deg, 1).
+    """
     match = re.fullmatch(rf"(.*?)({PER})?", unit)
     per = (match.group(2) or "") if match else ""
     base = unit[: len(unit) - len(per)] if per else unit
@@ -155,12 +166,12 @@ def _base(unit: str) -> tuple[str, int]:
 
 def _unit_fault(unit: str, allowed: str) -> str:
     return (
-        f"unit {unit!r} is not known here (allowed: {allowed})"
+        f"unit {unit!r} is not allowed (allowed: {allowed})"
         if unit
-        else f"no unit (allowed: {allowed})"
+        else f"the unit is missing (allowed: {allowed})"
     )
 
 
-def _kind(robot: Robot, joint: int) -> str:
-    each = robot.joints[joint]
-    return f"; joint {each.name} {'turns' if each.kind == 'revolute' else 'slides'}"
+def _joint_motion(robot: Robot, joint: int) -> str:
+    moved = robot.joints[joint]
+    return f"; joint {moved.name} {'slides' if moved.slides else 'turns'}"

@@ -1,4 +1,7 @@
-"""The mechanism as URDF: joints, limits, inertias; friction stays behind, for URDF has no place for it."""
+"""Export the mechanism as URDF with joints, limits and inertias.
+
+URDF cannot represent the friction of the drives, so the export has no friction.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from ssm_planner.dynamics.transmission import motor_torque_rows
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.publishing import one_line
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification.certificate import Certificate
 
 if TYPE_CHECKING:
@@ -26,27 +29,32 @@ if TYPE_CHECKING:
 LINKS = ("link1", "link2", "link3", "stage")
 TOOL = "tool"
 SMALLEST_MASS, SMALLEST_INERTIA = 1e-12, 1e-14
-"""kg, kg·m²: of a link whose body has none. Readers refuse a moving link without inertia, or take 1 kg for it."""
-NO_MASS = f"has no mass: {SMALLEST_MASS:g} kg and {SMALLEST_INERTIA:g} kg*m^2 stand in, for readers that refuse none"
+"""Mass (kg) and inertia (kg·m²) of a link whose body has none.
+
+Some readers refuse a moving link without inertia. Others assume 1 kg.
+"""
+NO_MASS = (
+    f"has no mass: {SMALLEST_MASS:g} kg and {SMALLEST_INERTIA:g} kg*m^2 are used instead, because "
+    "some readers refuse a massless link"
+)
 PLUGIN = "mock_components/GenericSystem"
 NO_EFFORT = 1e3
-"""N·m or N: URDF asks for an effort limit where the robot file gives no motor."""
+"""Effort limit (N·m or N) of a joint without a motor. URDF requires a number."""
 
 ABSENT = (
-    "friction: the law of worms and screws (friction that grows with the load, self-locking, static friction) has no place "
-    "in URDF, whose constant friction and damping would be wrong, so none is given; motor torques are not joint efforts",
-    "limits of acceleration, jerk, motor speed and torque, of the task and about the eye",
-    "gravity: simulators take theirs along -z",
+    "friction: URDF cannot express the law of worms and screws (friction that grows with the load, "
+    "self-locking, static friction), and its constant friction and damping would be wrong; motor "
+    "torques are not joint efforts",
+    "limits of acceleration, jerk, motor speed, motor torque, task and eye",
+    "gravity: simulators assume the direction -z",
     "inertia of rotors, wheels and nuts (input and output inertia of the drives)",
 )
 
 
-def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> dict[str, Any]:
-    """Write robot.urdf into a folder; returns what the manifest says of it."""
+def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> JsonObject:
+    """Write robot.urdf and controllers.yaml into a folder and return the manifest entries."""
     path = folder / f"robot{suffix}.urdf"
-    mark = (
-        "" if not suffix else "UNVERIFIED: the plan it was exported with has no passed certificate."
-    )
+    mark = "" if not suffix else "UNVERIFIED: the exported plan has no passed certificate."
     path.write_text(urdf(plan.robot, mark), encoding="utf-8")
     controllers = filled(
         _templates(escape=False), "controllers.yaml", joints=plan.robot.joints, mark=mark
@@ -57,15 +65,19 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
         "units": {"angle": "rad", "length": "m", "mass": "kg"},
         "rate_hz": None,
         "notes": [
-            *(f"not in it: {x}" for x in ABSENT),
+            *(f"not included: {x}" for x in ABSENT),
             *(f"body {one_line(name)} {NO_MASS}" for name in light),
-            f"links collide as the thin cylinders that are drawn; the hardware of ros2_control is {PLUGIN}, a stand-in",
+            "the collision shapes are the thin cylinders of the visuals; the hardware of "
+            "ros2_control is a placeholder, {PLUGIN}",
         ],
     }
 
 
 def urdf(robot: Robot, mark: str = "") -> str:
-    """The robot as URDF text: base, four links, and the frame of the tool tip; mark: said at its beginning."""
+    """Return the robot as URDF text with a base, four links and the frame of the tool tip.
+
+    mark: a warning for the comment at the beginning.
+    """
     return filled(
         _templates(escape=True),
         "robot.urdf",
@@ -83,17 +95,17 @@ def urdf(robot: Robot, mark: str = "") -> str:
 
 
 def _links(robot: Robot) -> Iterator[dict[str, Any]]:
-    """Every link with its joint, both placed in the frame of the link before it."""
+    """Yield every link with its joint, both in the frame of the previous link."""
     parent, frame, geometry = "base", np.eye(3), robot.geometry
-    axes = (geometry.omega1, geometry.omega2, geometry.omega3, geometry.omega3)
-    for name, body, joint, axis in zip(LINKS, robot.bodies, robot.joints, axes, strict=True):
+    links = zip(LINKS, robot.bodies, robot.joints, geometry.axes, strict=True)
+    for name, body, joint, axis in links:
         yield {
             "name": name,
             "parent": parent,
             "body": body,
             "joint": joint,
             "inertia": inertia_about_com(body) if body.mass > 0 else None,
-            "size": (0.12, 0.001) if joint.kind == "prismatic" else (0.08, 0.003),
+            "size": (0.12, 0.001) if joint.slides else (0.08, 0.003),
             "rpy": rpy(frame.T @ body.frame),
             "axis": body.frame.T @ axis,
             "effort": effort_limit(joint),
@@ -102,7 +114,10 @@ def _links(robot: Robot) -> Iterator[dict[str, Any]]:
 
 
 def rpy(rotation: Array) -> Array:
-    """Roll, pitch, yaw (3,), rad, of R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3), accurate at ±90° too."""
+    """Return roll, pitch and yaw (3,) in rad of R = Rz(yaw) Ry(pitch) Rx(roll), (3, 3).
+
+    The angles are accurate at a pitch of ±90° too.
+    """
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     if math.hypot(rotation[0, 0], rotation[1, 0]) < 1e-12:
         yaw = 0.0
@@ -115,7 +130,7 @@ def rpy(rotation: Array) -> Array:
 
 
 def effort_limit(joint: Joint) -> float:
-    """Largest steady effort, N·m or N, that the motor brings through its drive against a load."""
+    """Return the largest steady effort (N·m or N) that the motor provides through its drive."""
     drive, motor = joint.drive, joint.motor
     if drive is None or motor is None:
         return NO_EFFORT
@@ -145,5 +160,5 @@ def _triple(values: Array) -> str:
 
 
 def _exact(value: float) -> str:
-    """All digits, without a negative zero."""
+    """Format a number with all digits and without a negative zero."""
     return repr(float(value) + 0.0)

@@ -15,6 +15,7 @@ from ssm_planner.identification.prediction import Motion, departure, predict_tor
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import CONFIDENCE
+from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array
 
 PARAMETERS = ("mu_static", "dwell_constant", "memory")
@@ -32,7 +33,7 @@ _SUBSETS: tuple[tuple[int, ...], ...] = ((), (0,), (2,), (0, 2), (0, 1), (0, 1, 
 
 
 @dataclass(frozen=True, eq=False)
-class DynamicFit:
+class DynamicFit(ShortRepr):
     """Result of `fit_dynamic`."""
 
     drive: Drive

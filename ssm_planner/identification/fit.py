@@ -33,6 +33,7 @@ from ssm_planner.identification.posterior import (
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior, interval_of
+from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Indices
 
 SEPARABLE = 0.2
@@ -62,7 +63,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False)
-class MapFit:
+class MapFit(ShortRepr):
     """Result of `fit_map`: numbers of one law on one map."""
 
     law: str

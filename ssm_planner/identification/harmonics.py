@@ -68,13 +68,6 @@ def fit_harmonics(
     return mean
 
 
-def start_in(harmonics: Harmonics, angle: Array, tau: Array) -> float:
-    """Angle at which a recording began, rad, from motor angle since then and torque (samples,) of it."""
-    return _start(
-        _complex(harmonics), _complex(_fitted([(angle, tau)], harmonics.orders, phased=False))
-    )
-
-
 def _orders(ratio: float | None) -> tuple[float, ...]:
     motor = tuple(float(k) for k in range(1, HARMONICS + 1))
     return motor if ratio is None else (*(k / ratio for k in motor), *motor)

@@ -26,10 +26,11 @@ from ssm_planner.loading.files import find
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import Harmonics
+from ssm_planner.representation import ShortRepr
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(ShortRepr):
     """What recordings say of a drive's friction."""
 
     fit: MapFit

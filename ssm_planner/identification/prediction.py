@@ -29,6 +29,7 @@ from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem.drive import Drive, Friction
 from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET, Posterior, interval_of
+from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Indices
 
 START_LEAD = 0.05
@@ -48,7 +49,7 @@ LONG_REST = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class PredictionBand:
+class PredictionBand(ShortRepr):
     """What motor torque is expected to stay within, at 95 %; N·m, arrays (samples,)."""
 
     mean: tuple[float, float]
@@ -61,7 +62,7 @@ class PredictionBand:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class Prediction(ShortRepr):
     """Predicted and measured motor torque of one recording, N·m, arrays (samples,)."""
 
     recording: Recording

@@ -19,6 +19,7 @@ from ssm_planner.identification.recorder_csv import (
     find_columns,
     parse_table,
 )
+from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array
 
 MAX_BYTES = 32_000_000
@@ -40,7 +41,7 @@ SPIKE_GAP = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(ShortRepr):
     """Speed and torque of one motor over time, SI, in the drive's positive direction; arrays (samples,)."""
 
     name: str

@@ -24,6 +24,7 @@ from ssm_planner.identification.harmonics import ripple_of, travelled
 from ssm_planner.identification.recordings import Recording, read_recordings
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.posterior import Ripple
+from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array
 
 FIGURES_HEADER = (
@@ -68,7 +69,7 @@ Sliding Contact Transmission Systems in Robotics", IEEE Transactions on Robotics
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueMap:
+class TorqueMap(ShortRepr):
     """Points of a map, arrays (points,), sorted by speed; SI at the motor."""
 
     names: tuple[str, ...]

@@ -1,11 +1,12 @@
-"""A program on a mesh of cubic elements, in the terms of its elements.
+"""A nonlinear program on a mesh of cubic elements.
 
     min   w_t Σ T + w_c Σ_k L(z_k) + Σ_k h_k Σ_i p_i (a_0² + a_0 a_1 + a_1²)_i + e var(T / T_least)
-    s.t.  G_j(z_k) ≤ bound of every group j at its elements k,   A z_k ≤ bound,   T ≥ T_least,   low ≤ Σ T ≤ high
-          z_k[i] = value for a few (k, i);   some unknowns fixed
+    s.t.  G_j(z_k) ≤ bound of every group j at its elements k,   A z_k ≤ bound,   T ≥ T_least,
+          low ≤ Σ T ≤ high,   z_k[i] = value for a few (k, i),   some unknowns are fixed
 
-z_k (5 m + 1,) is element k (`spline`), of which G and L take all but its last m entries; the unknowns are x = (c, T).
-Values and derivatives are taken in C: native/program.c and derivatives.c.
+z_k (5 m + 1,) is element k (`spline`). G and L depend on all its entries except the last m. The
+unknowns are x = (c, T). C code evaluates values and derivatives: native/program.c and
+derivatives.c.
 """
 
 from __future__ import annotations
@@ -36,17 +37,20 @@ class ElementGroup(ctypes.Structure):
     )
 
     @classmethod
-    def of(
+    def from_library(
         cls, library: ctypes.CDLL, context: ctypes.Structure, sizes: tuple[int, int, int, int]
     ) -> ElementGroup:
-        """Elements of elements.c, by their context, which has to be kept; size of z, rows, costs, elements."""
+        """Build a group that elements.c evaluates.
+
+        The caller must keep `context` alive. `sizes` are the sizes of z, rows, costs and elements.
+        """
         values = ctypes.cast(library.ssm_values_of, _Values)
         derivatives = ctypes.cast(library.ssm_derivatives_of, _Derivatives)
         return cls(ctypes.addressof(context), *sizes, values, derivatives)
 
 
 class NativeGroup(Protocol):
-    """What holds an ElementGroup and all that it points to."""
+    """An object that owns an ElementGroup and all memory to which it points."""
 
     group: ElementGroup
 
@@ -56,25 +60,32 @@ class RowGroup:
     """Rows G(z, p) ≤ bound at some of the elements."""
 
     functions: Mapping[str, ca.Function]
-    """rows (z, *p) → G (r,); jacobian → (r, 4 m + 1); hessian (z, *p, multipliers) → (4 m + 1, 4 m + 1); and where there is a
-    cost, cost → L, gradient → L, ∇L, and its weight is the last multiplier."""
+    """CasADi functions of one element.
+
+    `rows` maps (z, *p) to G (r,), `jacobian` to (r, 4 m + 1), and `hessian` maps (z, *p,
+    multipliers) to (4 m + 1, 4 m + 1). With a cost, `cost` maps to L and `gradient` to L and ∇L.
+    The weight of the cost is then the last multiplier.
+    """
     parameters: tuple[Array, ...]
-    """(size,), or (q, size) of every element of the group."""
+    """Arrays (size,), or (q, size) with a row for every element of the group."""
     elements: Indices
-    """(q,): all of them in order, or fewer, of which one may come twice."""
+    """Indices (q,) of the elements: all in order, or a selection that may repeat an element."""
     bound: Array
-    """(q, r); infinite where there is none."""
+    """Bounds (q, r). Infinite for rows without a bound."""
     cost_weight: float = 0.0
     native: NativeGroup | None = None
-    """The same functions in C; then there are none of CasADi."""
+    """The same functions in C. Then `functions` is empty."""
 
 
 class Called:
-    """A group's functions as C calls them. Their numbers stand row by row, those of one element after the other's."""
+    """Callbacks through which C evaluates a group.
+
+    Values are stored row by row, one element after the other.
+    """
 
     def __init__(self, group: RowGroup) -> None:
         self.failures: list[BaseException] = []
-        """What they raised, for C passes no exceptions on."""
+        """Exceptions of the callbacks, which C cannot pass on."""
         if group.native is not None:
             self.functions = group.native.group
             return
@@ -83,13 +94,16 @@ class Called:
             name: Mapped(function, group.parameters, count)
             for name, function in group.functions.items()
         }
-        size, rows = group.functions["rows"].size1_in(0), group.bound.shape[1]
+        size = group.functions["rows"].size1_in(0)
+        rows = group.bound.shape[1]
         self._shape = count, rows, size
-        calls = _Values(self._caught(self._values)), _Derivatives(self._caught(self._derivatives))
+        calls = _Values(self._guarded(self._values)), _Derivatives(self._guarded(self._derivatives))
         sizes = size, rows, int("cost" in self._mapped), count
         self.functions = ElementGroup(None, *sizes, *calls)
 
-    def _caught(self, function: Callable[..., None]) -> Callable[..., int]:
+    def _guarded(self, function: Callable[..., None]) -> Callable[..., int]:
+        """Return a callback that stores exceptions and returns their number."""
+
         def call(_: int, *addresses: Any) -> int:
             try:
                 function(*addresses)
@@ -100,65 +114,67 @@ class Called:
         return call
 
     def _values(self, z: int, rows: int, cost: int) -> None:
+        """Store the values of rows and cost."""
         self._mapped["rows"].at(z, rows)
         if "cost" in self._mapped:
             self._mapped["cost"].at(z, cost)
 
-    def _derivatives(self, z: int, multipliers: int, sigma: int, found: Any) -> None:
+    def _derivatives(self, z: int, multipliers: int, sigma: int, results: Any) -> None:
+        """Store Jacobian, gradient and Hessian, with σ ∇r ∇rᵀ of the rows added to the Hessian."""
         count, rows, size = self._shape
-        self._mapped["jacobian"].at(z, found[0])
+        self._mapped["jacobian"].at(z, results[0])
         if "gradient" in self._mapped:
-            self._mapped["gradient"].at(z, found[1])
-        self._mapped["hessian"].at(z, multipliers, found[2])
-        jacobian, hessian = (
-            _array(found[0], (count, rows, size)),
-            _array(found[2], (count, size, size)),
-        )
+            self._mapped["gradient"].at(z, results[1])
+        self._mapped["hessian"].at(z, multipliers, results[2])
+        jacobian = _array(results[0], (count, rows, size))
+        hessian = _array(results[2], (count, size, size))
         hessian += np.einsum("kr,kri,krj->kij", _array(sigma, (count, rows)), jacobian, jacobian)
 
 
 def _array(address: int, shape: tuple[int, ...]) -> Array:
-    """Doubles of C at an address."""
+    """View doubles of C at an address as an array."""
     return np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(ctypes.c_double)), shape)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Program:
-    """The program; n elements, m coordinates, b blocks."""
+    """A program with n elements, m coordinates and b blocks."""
 
     spline: Spline
     groups: tuple[RowGroup, ...]
     matrix: Array
     """A, (l, 5 m + 1)."""
     bound: Array
-    """Of A z, (n, l); infinite where there is none."""
+    """Bounds (n, l) of A z. Infinite for rows without a bound."""
     free: Array
-    """Which unknowns are not fixed, (rows, m), bool."""
+    """True for unknowns that are not fixed, (rows, m)."""
     equal: tuple[Indices, Indices, Array] = field(
         default_factory=lambda: (*np.zeros((2, 0), dtype=int), np.zeros(0))
     )
-    """(element, entry of z, value), (q,) each."""
+    """Fixed entries (element, entry of z, value), (q,) each."""
     least_times: Array
     duration: tuple[float, float] = (0.0, np.inf)
-    """low = high: Σ T is given."""
+    """Bounds (low, high) of Σ T. Equal bounds fix the duration."""
     time_weight: float = 1.0
     smoothing: Array
-    """p, (m,)."""
+    """Weights p, (m,)."""
     even: float = 0.0
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """Of all rows (those of every group, A's, the times'), of all equalities."""
+        """Number of inequality rows (groups, A and times), and number of equalities."""
         low, high = self.duration
-        fixed = low == high
-        of_times = self.spline.blocks + (0 if fixed else int(np.isfinite(high)) + int(low > 0))
+        has_duration = low == high
+        of_times = self.spline.blocks + (
+            0 if has_duration else int(np.isfinite(high)) + int(low > 0)
+        )
         rows = sum(group.bound.size for group in self.groups) + self.bound.size + of_times
-        return rows, len(self.equal[2]) + int(fixed)
+        return rows, len(self.equal[2]) + int(has_duration)
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Where the iteration is: unknowns c (rows, m) and T (b,)."""
+    """An iterate: unknowns c (rows, m) and T (b,)."""
 
     c: Array
     times: Array

@@ -1,7 +1,7 @@
-"""The structured interior point, in C (`native/solver.c`, with its mathematics), as Python asks for it.
+"""Python interface of the structured interior-point solver in C (`native/solver.c`).
 
-A filter line search over Newton steps on a small positive definite band with a border. Without the compiled part nothing is
-solved here (`available`): Ipopt then solves alone.
+The solver is a filter line search with Newton steps on a small positive definite band matrix with a
+border. Without the compiled part (`available`) only Ipopt solves programs.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ssm_planner.typing import Array
 
 TOLERANCE = 1e-8
 LAST_BARRIER = 11.0
-"""tolerance in the last μ."""
+"""Tolerance divided by the last μ."""
 SUPERLINEAR = 1.5
 """Exponent of μ from one barrier problem to the next."""
 BARRIER = 1e-4
@@ -26,17 +26,17 @@ BARRIER = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where a solve ended; another one may start from there."""
+    """The final state of a solve, from which another solve may start."""
 
     point: Point
     slacks: Array
-    """Of all rows (`Program.sizes`), 1 where one does not count."""
+    """Slacks of all rows (`Program.sizes`), 1 for rows without a bound."""
     multipliers: Array
-    """Likewise, 0 there."""
+    """Multipliers of all rows, 0 for rows without a bound."""
     equality_multipliers: Array
 
-    def fits(self, program: Program) -> bool:
-        """Whether it is a state of a program of this size."""
+    def matches(self, program: Program) -> bool:
+        """Return True if the state has the dimensions of the program."""
         sizes = (
             self.point.c.shape,
             len(self.point.times),
@@ -47,18 +47,21 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """converged: the stopping test was met; else the state is the last one, and no solution."""
+    """The result of a solve.
+
+    `converged` is True if the stopping test was met. Otherwise the state is the last iterate.
+    """
 
     converged: bool
     iterations: int
     state: State
     z: Array
-    """The elements, (n, 5 m + 1)."""
+    """Elements, (n, 5 m + 1)."""
     objective: float
 
 
 def available() -> bool:
-    """Whether programs can be solved here."""
+    """Return True if the compiled solver is available."""
     return library.load() is not None
 
 
@@ -73,38 +76,63 @@ def solve(
     barrier: float = BARRIER,
     off_centre: float = np.inf,
 ) -> Outcome:
-    """A local minimum of the program from a point, or from where the solve of a neighbour ended, if that is of its size.
+    """Find a local minimum of the program.
 
-    superlinear: the exponent by which the barrier's weight falls at most; a smaller one takes more iterations. barrier: the
-    first weight of a cold start; a large one leads away from a point that is nearly the minimum. off_centre: by which share
-    slack times multiplier may be off the last weight, for multipliers that are to follow from slacks; not a condition of
-    having converged.
-    Raises RuntimeError without the compiled part.
+    Parameters
+    ----------
+    program
+        The program.
+    start
+        Initial point of a cold start.
+    warm
+        Final state of a similar solve, used instead of `start` if its dimensions fit.
+    iterations
+        Largest number of iterations.
+    tolerance
+        Tolerance of the stopping test.
+    superlinear
+        Largest exponent by which the weight of the barrier falls. A smaller one takes more
+        iterations.
+    barrier
+        First weight of a cold start. A large one leads away from a point that is nearly optimal.
+    off_centre
+        Relative deviation of slack times multiplier from the last weight. It is used for
+        multipliers that must follow from slacks and is not a condition of convergence.
+
+    Returns
+    -------
+    Outcome
+        The last iterate, and whether it converged.
+
+    Raises
+    ------
+    RuntimeError
+        Without the compiled part.
+    MemoryError
+        If the solver cannot allocate memory.
     """
     native = library.load()
     if native is None:
-        raise RuntimeError("the structured solver is not compiled here")
-    if warm is not None and not warm.fits(program):
+        raise RuntimeError("the structured solver is not compiled on this machine")
+    if warm is not None and not warm.matches(program):
         warm = None
-    first = start if warm is None else warm.point
+    initial = start if warm is None else warm.point
     rows, equalities = program.sizes
-    point = Point(np.array(first.c, dtype=float), np.array(first.times, dtype=float))
+    point = Point(np.array(initial.c, dtype=float), np.array(initial.times, dtype=float))
     state = State(point, np.empty(rows), np.zeros(rows), np.zeros(equalities))
     if warm is not None:
-        state.multipliers[:], state.equality_multipliers[:] = (
-            warm.multipliers,
-            warm.equality_multipliers,
-        )
+        state.multipliers[:] = warm.multipliers
+        state.equality_multipliers[:] = warm.equality_multipliers
     z = np.empty((program.spline.elements, 5 * program.spline.coordinates + 1))
     values = (point.c, point.times, state.slacks, state.multipliers, state.equality_multipliers, z)
-    native_state = _State(*(each.ctypes.data for each in values))
-    given = _Given(program)
-    patience = _Patience(iterations, tolerance, superlinear, barrier, off_centre)
-    pointers = (ctypes.byref(each) for each in (given.program, native_state))
-    status = native.ssm_solve(*pointers, int(warm is not None), ctypes.byref(patience))
-    given.raise_failure()
+    native_state = _State(*(array.ctypes.data for array in values))
+    native_program = _NativeProgram(program)
+    options = _Options(iterations, tolerance, superlinear, barrier, off_centre)
+    pointers = (ctypes.byref(array) for array in (native_program.program, native_state))
+    status = native.ssm_solve(*pointers, int(warm is not None), ctypes.byref(options))
+    native_program.raise_failure()
     if status > _CONVERGED:
-        raise MemoryError("the structured solver")
+        raise MemoryError("the structured solver ran out of memory")
     return Outcome(
         status == _CONVERGED,
         native_state.iterations,
@@ -115,7 +143,9 @@ def solve(
 
 
 _CONVERGED = 1
-_P, _L, _D = ctypes.c_void_p, ctypes.c_long, ctypes.c_double
+_P = ctypes.c_void_p
+_L = ctypes.c_long
+_D = ctypes.c_double
 
 
 class _Group(ctypes.Structure):
@@ -140,7 +170,7 @@ class _Program(ctypes.Structure):
     )
 
 
-class _Patience(ctypes.Structure):
+class _Options(ctypes.Structure):
     _fields_ = (
         ("iterations", _L),
         ("tolerance", _D),
@@ -161,8 +191,8 @@ class _State(ctypes.Structure):
     )
 
 
-class _Given:
-    """A program as C reads it, and all that it points to."""
+class _NativeProgram:
+    """A program in the layout of C, and all memory to which it points."""
 
     def __init__(self, program: Program) -> None:
         self._kept: list[object] = []
@@ -170,16 +200,17 @@ class _Given:
         groups = (_Group * len(self._groups))(
             *(
                 _Group(
-                    called.functions,
+                    callbacks.functions,
                     self._longs(group.elements),
                     self._doubles(group.bound),
                     group.cost_weight,
                 )
-                for group, called in zip(program.groups, self._groups, strict=True)
+                for group, callbacks in zip(program.groups, self._groups, strict=True)
             )
         )
         self._kept.append(groups)
-        spline, (at, entry, value) = program.spline, program.equal
+        spline = program.spline
+        element, entry, value = program.equal
         self.program = _Program(
             kind=("hermite", "bspline").index(spline.kind),
             coordinates=spline.coordinates,
@@ -193,7 +224,7 @@ class _Given:
             bound=self._doubles(program.bound),
             free=self._keep(program.free, np.uint8),
             equal_count=len(value),
-            equal_at=self._longs(at),
+            equal_at=self._longs(element),
             equal_entry=self._longs(entry),
             equal_value=self._doubles(value),
             least_times=self._doubles(program.least_times),
@@ -207,8 +238,8 @@ class _Given:
         )
 
     def raise_failure(self) -> None:
-        """What a function raised, for C passes no exceptions on."""
-        for failure in (each for called in self._groups for each in called.failures):
+        """Raise the exception of a callback, if there is one."""
+        for failure in (error for callbacks in self._groups for error in callbacks.failures):
             raise failure
 
     def _doubles(self, values: object) -> int:
@@ -217,7 +248,7 @@ class _Given:
     def _longs(self, values: object) -> int:
         return self._keep(values, np.dtype(ctypes.c_long))
 
-    def _keep(self, values: object, kind: object) -> int:
-        array = np.ascontiguousarray(values, dtype=kind)  # type: ignore[call-overload]
+    def _keep(self, values: object, dtype: object) -> int:
+        array = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[call-overload]
         self._kept.append(array)
         return array.ctypes.data

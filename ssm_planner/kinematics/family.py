@@ -1,8 +1,10 @@
-"""Many mechanisms at once: the closed forms over arrays of α, home tilt and home roll, for design studies."""
+"""Closed forms for many mechanisms at once, as arrays over α, home tilt and home roll.
+
+Design studies use them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
 
@@ -11,14 +13,14 @@ import numpy as np
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.kinematics.mechanism import Mechanism, azimuths
 from ssm_planner.kinematics.task import joints_of_task
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Family:
-    """n mechanisms with ω1 = x, ω2 = (cos α, sin α, 0), ω3 = Rx(ψ_h) Ry(φ_h) x, as robot files give them by angles.
+    """n mechanisms with ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(ψ_h) Ry(φ_h) x.
 
-    alpha, home_tilt, home_roll: rad, (n,) each. insertion_sign: depth = insertion_sign · θ4.
+    alpha, home_tilt, home_roll: rad, (n,). insertion_sign: sign in depth = insertion_sign · θ4.
     """
 
     alpha: Array
@@ -27,24 +29,24 @@ class Family:
     insertion_sign: int = -1
 
     def some(self, which: Array) -> Family:
-        """Those of the members that `which` (n,) is true for."""
+        """Return the members for which the mask `which` (n,) is true."""
         return Family(
             self.alpha[which], self.home_tilt[which], self.home_roll[which], self.insertion_sign
         )
 
     @cached_property
     def omega1(self) -> Array:
-        """(n, 3)."""
+        """Axis of joint 1, (n, 3)."""
         return np.tile([1.0, 0.0, 0.0], (len(self.alpha), 1))
 
     @cached_property
     def omega2(self) -> Array:
-        """(n, 3)."""
+        """Axis of joint 2, (n, 3)."""
         return np.column_stack((np.cos(self.alpha), np.sin(self.alpha), np.zeros_like(self.alpha)))
 
     @cached_property
     def omega3(self) -> Array:
-        """(n, 3)."""
+        """Axis of joint 3, (n, 3)."""
         sine = np.sin(self.home_tilt)
         return np.column_stack(
             (np.cos(self.home_tilt), np.sin(self.home_roll) * sine, -np.cos(self.home_roll) * sine)
@@ -52,28 +54,31 @@ class Family:
 
     @cached_property
     def beta(self) -> Array:
-        """(n,): cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h."""
+        """Angle β (n,) with cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h."""
         return np.arccos(np.clip(np.sum(self.omega2 * self.omega3, axis=1), -1.0, 1.0))
 
     @cached_property
     def side(self) -> Array:
-        """(n,): sign of the home tilt, ±1."""
+        """Sign of the home tilt, (n,)."""
         return np.where(self.home_tilt < 0, -1.0, 1.0)
 
     @cached_property
     def delta(self) -> Array:
-        """(n,): δ of mechanism.py."""
+        """Angle δ of mechanism.py, (n,)."""
         toward = np.sin(self.alpha) * self.omega3[:, 0] - np.cos(self.alpha) * self.omega3[:, 1]
         return np.arctan2(self.omega3[:, 2], toward)
 
     @cached_property
     def tilt_magnitudes(self) -> tuple[Array, Array]:
-        """Smallest and largest |φ|, (n,) each (paper, eq. 9)."""
+        """Smallest and largest |φ|, each (n,) (paper, eq. 9)."""
         total = self.alpha + self.beta
         return np.abs(self.alpha - self.beta), np.minimum(total, 2.0 * np.pi - total)
 
     def boundary_distance(self, tilts: Array) -> Array:
-        """Tilt (n,) between the worst of the tilts (k,), signed, and the workspace boundary; negative outside."""
+        """Return the smallest distance (n,) of signed tilts (k,) from the workspace boundary, rad.
+
+        The distance is negative outside the workspace.
+        """
         low, high = self.tilt_magnitudes
         size = np.abs(tilts)
         inside: Array = np.minimum(size.min() - low, high - size.max())
@@ -82,7 +87,10 @@ class Family:
         return np.where(elsewhere & (low > 0), -np.inf, inside)
 
     def joints(self, task: Array, branch: int) -> Array:
-        """θ (n, k, 4) of task coordinates (k, 4) on the branch that is `branch` (±1) times the home configuration's."""
+        """Return joints (n, k, 4) for task coordinates (k, 4).
+
+        branch: +1 for the branch of the home configuration, −1 for the other one.
+        """
         columns = [np.asarray(column)[None, :] for column in np.asarray(task, dtype=float).T]
         home = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]
         wide = cast(Mechanism, _Wide(self))
@@ -91,7 +99,10 @@ class Family:
 
 
 class _Wide:
-    """A family as `joints_of_task` asks a mechanism: the members along the first axis, points along the second."""
+    """A family with the attributes that `joints_of_task` reads from a mechanism.
+
+    Members run along the first axis and points along the second.
+    """
 
     def __init__(self, family: Family) -> None:
         half = -family.delta / 2.0

@@ -1,8 +1,9 @@
-"""Forward kinematics, Jacobians and speeds of the tool by the product of exponentials (paper, eq. 2).
+"""Forward kinematics, Jacobians and tool speeds by the product of exponentials (paper, eq. 2).
 
-e^{ω̂θ} is linear in (1, cos θ, sin θ), so R is a constant times the 27 products of these for three joints, and tool
-axis and Jacobian columns a constant times 9: one matrix product per cache-sized block of configurations. The functions
-named ..._symbolic state the same for one configuration in CasADi. JACOBIANS holds the speeds that a problem may limit.
+The matrix e^{ω̂θ} is linear in (1, cos θ, sin θ). The orientation R is therefore a constant matrix
+times the 27 products of these terms for three joints. The tool axis and the Jacobian columns need
+nine products. One matrix product evaluates a cache-sized block of configurations. The functions
+named ..._symbolic express the same equations for one configuration in CasADi.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ if TYPE_CHECKING:
 
 
 BLOCK = 1024
-"""Configurations per block: temporaries stay in the cache, and products are too small for BLAS to start threads."""
+"""Configurations per block. Temporaries stay in the cache, and BLAS starts no threads."""
 
 
 def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
-    """Tool pose of joints q (n, 4), rad and m: (R (n, 3, 3), p (n, 3)); paper, eq. 2."""
+    """Return the tool pose (R (n, 3, 3), p (n, 3)) for joints q (n, 4), rad and m (eq. 2)."""
     q = batch("q", q, 4)
     rotations, positions = np.empty((len(q), 9)), np.empty((len(q), 3))
     for block in blocks(len(q)):
@@ -44,30 +45,16 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     return rotations.reshape(-1, 3, 3), positions
 
 
-def forward_with_jacobian(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array, Array]:
-    """Pose and space Jacobian together: (R (n, 3, 3), p (n, 3), J (n, 6, 4)) of q (n, 4)."""
-    q = batch("q", q, 4)
-    rotations, positions, jacobians = (
-        np.empty((len(q), 9)),
-        np.empty((len(q), 3)),
-        np.empty((len(q), 24)),
-    )
-    space = _space_terms(mechanism)
-    for block in blocks(len(q)):
-        one, two, three = (_terms(q[block, i]) for i in range(3))
-        elbow = _products(one, two)
-        _pose(mechanism, q[block, 3], elbow, three, out=(rotations[block], positions[block]))
-        np.matmul(elbow.T, space, out=jacobians[block])
-    return rotations.reshape(-1, 3, 3), positions, jacobians.reshape(-1, 6, 4)
-
-
 def tip_position(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """p (n, 3) of joints q (n, 4): the tool tip in the base frame, m."""
+    """Return the position p (n, 3) of the tool tip in the base frame, m, for joints q (n, 4)."""
     return forward(mechanism, q)[1]
 
 
 def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Columns ξ'_i = Ad(e^{ξ̂1θ1} … e^{ξ̂(i−1)θ(i−1)}) ξ_i as (v, omega); q (n, 4) to (n, 6, 4)."""
+    """Return the space Jacobian (n, 6, 4) for joints q (n, 4).
+
+    Column i is Ad(e^{ξ̂1θ1} … e^{ξ̂(i−1)θ(i−1)}) ξ_i as (v, omega).
+    """
     q = batch("q", q, 4)
     jacobians = np.empty((len(q), 24))
     space = _space_terms(mechanism)
@@ -79,12 +66,12 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
 
 
 def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
-    """Consecutive slices that cover range(count)."""
+    """Return consecutive slices that cover range(count)."""
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
 
 
 def _terms(angle: Array) -> Array:
-    """(1, cos θ, sin θ) as rows, (3, n)."""
+    """Return the rows (1, cos θ, sin θ), (3, n)."""
     out = np.empty((3, len(angle)))
     out[0] = 1.0
     np.cos(angle, out=out[1])
@@ -93,16 +80,16 @@ def _terms(angle: Array) -> Array:
 
 
 def _products(a: Array, b: Array) -> Array:
-    """All products of a row of a with a row of b, (rows of a · rows of b, n)."""
+    """Return all products of a row of a with a row of b, (rows of a · rows of b, n)."""
     return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
 
 
 def _pose(
     mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, *, out: tuple[Array, Array]
 ) -> None:
-    """Write R (n, 9) and p (n, 3) of n configurations into `out`.
+    """Write R (n, 9) and p (n, 3) into `out`.
 
-    theta4: (n,); elbow: products of joints 1 and 2, (9, n); three: terms of joint 3, (3, n).
+    theta4: (n,). elbow: products of joints 1 and 2, (9, n). three: terms of joint 3, (3, n).
     """
     rotations, positions = out
     np.matmul(_products(elbow, three).T, mechanism.orientation_terms, out=rotations)
@@ -110,7 +97,7 @@ def _pose(
 
 
 def _space_terms(mechanism: Mechanism) -> Array:
-    """Space Jacobian, row by row, as a constant (9, 24) times the products of joints 1 and 2."""
+    """Return the constant (9, 24) that maps products of joints 1 and 2 to the space Jacobian."""
     one, two, _ = mechanism.exponentials
     terms = np.zeros((3, 3, 6, 4))
     terms[0, 0, 3:, 0] = mechanism.omega1
@@ -122,7 +109,7 @@ def _space_terms(mechanism: Mechanism) -> Array:
 
 
 def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
-    """(R (3, 3), p (3, 1)) of joints q (4, 1) (paper, eq. 2)."""
+    """Return (R (3, 3), p (3, 1)) for joints q (4, 1) (paper, eq. 2)."""
     axes = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
     one, two, three = (rotation_symbolic(axis, q[i]) for i, axis in enumerate(axes))
     elbow = one @ two
@@ -130,12 +117,12 @@ def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, cas
 
 
 def tip_position_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
-    """p (3, 1) of joints q (4, 1)."""
+    """Return the tip position p (3, 1) for joints q (4, 1)."""
     return forward_symbolic(mechanism, q)[1]
 
 
 def tip_jacobian(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
-    """∂p/∂q of the tip position, (3, 4); q (4,)."""
+    """Return the Jacobian ∂p/∂q (3, 4) of the tip position for joints q (4,)."""
     import casadi
 
     return casadi.jacobian(tip_position_symbolic(mechanism, q), q)
@@ -144,23 +131,27 @@ def tip_jacobian(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
 JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] = {
     TipSpeed: tip_jacobian
 }
-"""J of every kind of limit on |v|, v = J(q) q̇: (k, 4) in CasADi from q (4,)."""
+"""Jacobian J(q) (k, 4) in CasADi for every kind of limit on a speed |v| with v = J(q) q̇."""
 
 
 def tool_speed(kind: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
-    """|J(q) q̇| of joints q and rates qd, (n, 4) each; (n,), SI."""
+    """Return the limited speed |J(q) q̇| (n,) in SI units for joints q and rates qd (n, 4)."""
     from ssm_planner.codegen.vectorised import call
 
     return np.asarray(call(_speed(kind, mechanism), q, qd)[0][:, 0])
 
 
 def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
-    """The bound of every kind in JACOBIANS, in its order; (kinds,). Raises ProblemError for a kind that is not there."""
-    found = {type(limit): limit.largest for limit in limits}
-    for kind in found:
+    """Return the bounds of the speed limits (kinds,) in the order of JACOBIANS.
+
+    Kinds without a limit get the value `unlimited`. Raises ProblemError for a kind without a
+    Jacobian.
+    """
+    bounds = {type(limit): limit.largest for limit in limits}
+    for kind in bounds:
         if kind not in JACOBIANS:
             raise ProblemError(f"kinematics/forward.py has no Jacobian for {kind.__name__}")
-    return np.array([found.get(kind, unlimited) for kind in JACOBIANS])
+    return np.array([bounds.get(kind, unlimited) for kind in JACOBIANS])
 
 
 @lru_cache(maxsize=16)

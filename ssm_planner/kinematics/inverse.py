@@ -1,7 +1,7 @@
-"""Inverse kinematics in closed form, every branch, in batch (paper, §II-C).
+"""Closed-form inverse kinematics on every branch, for batches of targets (paper, §II-C).
 
-Paden–Kahan Subproblem 3′ gives θ4, Subproblem 2 gives θ1 and θ2, Subproblem 1 gives θ3. _solve_block writes them out in
-the frame (ω1, t, n), where most of their terms are constants of the mechanism.
+Paden–Kahan subproblem 3′ gives θ4, subproblem 2 gives θ1 and θ2, and subproblem 1 gives θ3.
+`_solve_block` solves them in the frame (ω1, t, n), in which most terms are constants.
 """
 
 from __future__ import annotations
@@ -30,13 +30,16 @@ from ssm_planner.typing import Array
 
 BRANCHES = (1, -1)
 ALIGNED = 1e-14
-"""Distance of two unit vectors below which it is their angle, to the last digit."""
+"""Distance of two unit vectors below which it equals their angle within rounding."""
 LEVER = 1e-3
-"""Where tip and orientation of a target contradict each other, m of tip error that weigh as much as 1 rad."""
+"""Tip error in m that weighs as much as an orientation error of 1 rad.
+
+The weight matters for targets whose tip and orientation contradict each other.
+"""
 TOLERANCE = 1e-7
-"""Error, rad and m, up to which a target counts as reached."""
+"""Largest error, rad and m, of a target that counts as reached."""
 BLOCK = 3072
-"""Targets per block: temporaries stay in the cache, and the matrix product is too small for BLAS to start threads."""
+"""Targets per block. Temporaries stay in the cache, and BLAS starts no threads."""
 
 
 def inverse(
@@ -47,14 +50,30 @@ def inverse(
     limits: ArrayLike | None = None,
     reference: ArrayLike | None = None,
 ) -> Solutions:
-    """Joints of tool poses R (n, 3, 3) and p (n, 3) on both branches.
+    """Return the joints of tool poses on both branches.
 
-    Of the two θ4 = ±|p| of Subproblem 3′ the orientation takes one. Where p is off the tool axis R e_z, which no joints
-    can reach, the pointing v is taken that minimises |p − θ4 v|² + LEVER² |v − R e_z|² for θ4 = pᵀR e_z, and then
-    θ4 = pᵀv. At depth 0 this is the orientation alone. A pointing outside the workspace is moved to the boundary at its
-    own roll, the nearest that Subproblem 2 reaches.
-    With `limits` (4, 2) solutions are marked, with `reference` (4,) or (n, 4) ordered: see solutions.py.
-    Raises GeometryError for shapes, NaN and matrices that are not rotations.
+    The orientation selects one of the two translations θ4 = ±|p| of subproblem 3′. If p is off the
+    tool axis R e_z, no joints reach the pose exactly. The solution then uses the pointing v that
+    minimises |p − θ4 v|² + LEVER² |v − R e_z|² with θ4 = pᵀR e_z, and finally θ4 = pᵀv. At depth 0
+    only the orientation counts. A pointing outside the workspace is moved to the boundary at the
+    same roll, which is the nearest one that subproblem 2 reaches.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    rotations : (n, 3, 3)
+        Orientation R of the tool in the base frame.
+    positions : (n, 3)
+        Tip position p in m.
+    limits : (4, 2), optional
+        Joint limits that mark the solutions, see `within_limits`.
+    reference : (4,) or (n, 4), optional
+        Joints that order the solutions, see `by_distance`.
+
+    Raises
+    ------
+    GeometryError
+        If a shape is wrong, a value is not finite, or a matrix is not a rotation.
     """
     _refuse_parallel(mechanism)
     matrix = matrices("rotations", rotations)
@@ -87,10 +106,11 @@ def inverse_task(
     limits: ArrayLike | None = None,
     reference: ArrayLike | None = None,
 ) -> Solutions:
-    """Joints of (roll, tilt, spin, depth) (n, 4) on both branches; tilt of either sign.
+    """Return the joints of task coordinates (roll, tilt, spin, depth) (n, 4) on both branches.
 
-    Roll and spin are taken as given: θ1 and θ3 are continuous in them. A tilt outside the workspace is moved to its
-    nearest end. `limits` and `reference` as for `inverse`.
+    The tilt may have either sign. Roll and spin are not wrapped, so θ1 and θ3 are continuous in
+    them. A tilt outside the workspace is moved to the nearer end. `limits` and `reference` have the
+    same meaning as in `inverse`.
     """
     _refuse_parallel(mechanism)
     task = task_batch("task", task)
@@ -118,11 +138,12 @@ def inverse_tip(
     limits: ArrayLike | None = None,
     reference: ArrayLike | None = None,
 ) -> Solutions:
-    """Joints of tip positions (n, 3) with spin (n,): up to four solutions.
+    """Return up to four solutions for each tip position (n, 3) with spin (n,).
 
-    Subproblem 3′ gives two translations θ4 (tool through the RCM to the tip, or from the tip's side), each with two
-    branches; k counts (depth > 0, +1), (depth > 0, −1), (depth < 0, +1), (depth < 0, −1). A tip at the RCM gives no
-    pointing: then the tool keeps that of `reference`, or of home, and the second pair does not count.
+    Subproblem 3′ gives two translations θ4, one for each end of the tool axis, and each has two
+    branches. The solutions are ordered (depth > 0, +1), (depth > 0, −1), (depth < 0, +1),
+    (depth < 0, −1). A tip at the RCM does not determine the pointing. The tool then keeps the
+    pointing of `reference` or of home, and the second pair is marked as not reaching.
     """
     tip = batch("tip", tip, 3)
     spins = np.asarray(spin, dtype=float)
@@ -140,23 +161,34 @@ def inverse_tip(
         pair.append(inverse_task(mechanism, task))
     pair[1].reaches[at_rcm] = False
     of_all = {
-        name: np.concatenate([getattr(each, name) for each in pair], axis=1) for name in OF_EACH
+        name: np.concatenate([getattr(half, name) for half in pair], axis=1) for name in OF_EACH
     }
-    found = Solutions(
+    result = Solutions(
         **of_all,
         reachable=pair[0].reachable | pair[1].reachable,
         orientation_error=np.minimum(pair[0].orientation_error, pair[1].orientation_error),
         tip_error=np.minimum(pair[0].tip_error, pair[1].tip_error),
     )
-    return select(found, limits, reference)
+    return select(result, limits, reference)
 
 
 def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, Array, Array]:
-    """Joints (n, 2, 4), orientation error (n,) and tip error (n,) of n poses: the three steps of the paper, §II-C.
+    """Solve n poses in the three steps of the paper, §II-C.
 
-    z, p, w (3, n): tool axis, tip, and w = g_d g_0⁻¹ p_3 of the paper's third step, in components along ω1, t, n. p_3 is the
-    direction across the tool that the joints θ1 = θ3 = 0, θ2 = δ put into the plane of ω1 and ω2, on the side of ω1.
-    Components come first here, so that every operation runs over contiguous rows that stay in the cache.
+    Components come first in all arrays so that every operation runs over contiguous rows.
+
+    Parameters
+    ----------
+    mech : Mechanism
+    w, z, p : (3, n)
+        Components along ω1, t and n. z is the tool axis and p the tip. w = g_d g_0⁻¹ p_3 as in
+        the third step of the paper. p_3 is perpendicular to the tool. The joints θ1 = θ3 = 0,
+        θ2 = δ put it into the plane of ω1 and ω2, on the side of ω1.
+
+    Returns
+    -------
+    joints : (n, 2, 4)
+    orientation_error, tip_error : (n,)
     """
     # θ4: Subproblem 3′ (eq. 13). |θ4| = |p|, with the sign that the tool axis gives it
     u = _unit(_dot(p, z) * p + LEVER**2 * z)
@@ -165,7 +197,8 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
     tip_error = np.sqrt(_square(p - theta4 * u))
     w, orientation_error = _carried_along(w, z, u)
 
-    # θ2: Subproblem 2 (eq. 14), e^{ω̂1θ1} e^{ω̂2θ2} ω3 = u. The triangle ω1, ω2, u gives x = ±(θ2 − δ)
+    # θ2: Subproblem 2 (eq. 14), e^{ω̂1θ1} e^{ω̂2θ2} ω3 = u. The triangle ω1, ω2, u gives x = ±(θ2 −
+    # δ)
     c, s = np.sqrt(c2), np.sqrt(s2)
     x, cos_x, sin_x = 2.0 * np.arctan2(s, c), c2 - s2, 2.0 * (s * c)
     on_t = math.sin(mech.alpha - mech.beta) * c2 + math.sin(mech.alpha + mech.beta) * s2
@@ -183,7 +216,8 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
         cosine[any_angle] = size[any_angle] = 1.0
         np.arctan2(sine, cosine, out=theta1)
 
-        # θ3: Subproblem 1 (eq. 15), e^{ω̂3θ3} p_3 = q_3 = e^{−ω̂2θ2} e^{−ω̂1θ1} w. First e^{−ω̂1θ1} w, along t and n,
+        # θ3: Subproblem 1 (eq. 15), e^{ω̂3θ3} p_3 = q_3 = e^{−ω̂2θ2} e^{−ω̂1θ1} w. First e^{−ω̂1θ1} w,
+        # along t and n,
         cosine /= size
         sine /= size
         w_t, w_n = cosine * w[1] + sine * w[2], cosine * w[2] - sine * w[1]
@@ -199,7 +233,10 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
 
 
 def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
-    """cos²(x/2) and sin²(x/2), (n,), of unit pointings u (3, n); those outside the workspace are moved into it, in place."""
+    """Return cos²(x/2) and sin²(x/2), (n,), for unit pointings u (3, n).
+
+    Pointings outside the workspace are moved into it in place.
+    """
     around = u[1] ** 2 + u[2] ** 2
     sine, cosine = (
         np.sqrt((u[0] - 1.0) ** 2 + around),
@@ -221,7 +258,10 @@ def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
 
 
 def _carried_along(w: Array, z: Array, u: Array) -> tuple[Array, Array]:
-    """w (3, n) after the smallest rotation that takes z to u, unit vectors (3, n), and the angle of that rotation (n,)."""
+    """Apply the smallest rotation that takes z to u to the vectors w (3, n).
+
+    z and u are unit vectors (3, n). Returns the rotated vectors and the angles (n,).
+    """
     chord = np.sqrt(_square(z - u))
     if chord.max() <= ALIGNED:
         return w, chord
@@ -241,7 +281,7 @@ def _solutions(
 ) -> Solutions:
     reachable = (orientation_error <= TOLERANCE) & (tip_error <= TOLERANCE)
     shape = joints.shape[:2]
-    found = Solutions(
+    result = Solutions(
         joints=joints,
         branch=np.broadcast_to(BRANCHES, shape),
         reaches=np.repeat(reachable[:, np.newaxis], 2, axis=1),
@@ -250,7 +290,7 @@ def _solutions(
         orientation_error=orientation_error,
         tip_error=tip_error,
     )
-    return select(found, limits, reference)
+    return select(result, limits, reference)
 
 
 def _pointing(
@@ -260,7 +300,10 @@ def _pointing(
     at_rcm: NDArray[np.bool_],
     reference: ArrayLike | None,
 ) -> tuple[Array, Array]:
-    """Roll and tilt of the tool whose tip is at the given depth, at the RCM those of the reference or of home."""
+    """Return roll and tilt of the tool for tip positions at given depths.
+
+    At the RCM they are those of the reference, or of home.
+    """
     u = (
         mech.frame.T
         @ (tip * np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)[:, np.newaxis]).T
@@ -268,22 +311,28 @@ def _pointing(
     around = np.hypot(u[1], u[2])
     roll, tilt = roll_and_tilt(NUMPY, mech, u, around)
     roll = np.where(around > 0.0, roll, 0.0)
-    kept = np.array([[mech.home_roll, mech.home_tilt, 0.0, 0.0]])
+    reference_task = np.array([[mech.home_roll, mech.home_tilt, 0.0, 0.0]])
     if reference is not None and at_rcm.any():
-        kept = task_from_joints(mech, reference)
-    return np.where(at_rcm, kept[:, 0], roll), np.where(at_rcm, kept[:, 1], tilt)
+        reference_task = task_from_joints(mech, reference)
+    return np.where(at_rcm, reference_task[:, 0], roll), np.where(
+        at_rcm, reference_task[:, 1], tilt
+    )
 
 
 def _refuse_parallel(mech: Mechanism) -> None:
     for name, angle, joints in (("alpha", mech.alpha, "1 and 2"), ("beta", mech.beta, "2 and 3")):
         if math.sin(angle) < PARALLEL:
             raise GeometryError(
-                f"{name} = {angle:.6g} rad: joints {joints} turn about one axis, their angles are not unique"
+                f"{name} = {angle:.6g} rad: joints {joints} turn about one axis, their angles are "
+                "not unique"
             )
 
 
 def _are_rotations(columns: Array) -> bool:
-    """Are matrices with columns x, y, z, (9, n), orthonormal and right-handed? No where one is NaN."""
+    """Return whether all matrices with columns x, y, z (9, n) are orthonormal and right-handed.
+
+    The result is False if a value is NaN.
+    """
     x, y, z = columns[0:3], columns[3:6], columns[6:9]
     defect = (_square(x) - 1.0) ** 2 + (_square(y) - 1.0) ** 2 + _dot(x, y) ** 2
     defect += (x[1] * y[2] - x[2] * y[1] - z[0]) ** 2
@@ -293,7 +342,7 @@ def _are_rotations(columns: Array) -> bool:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """Inner products of columns, (3, n) and (3, n) to (n,)."""
+    """Return the inner products (n,) of columns (3, n)."""
     product: Array = a[0] * b[0]
     product += a[1] * b[1]
     product += a[2] * b[2]
@@ -301,10 +350,10 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _square(a: Array) -> Array:
-    """Squared lengths of columns."""
+    """Return the squared lengths (n,) of columns (3, n)."""
     return _dot(a, a)
 
 
 def _unit(a: Array) -> Array:
-    """Columns scaled to length 1."""
+    """Return the columns (3, n) scaled to length 1."""
     return a / np.sqrt(_square(a))

@@ -1,20 +1,29 @@
-"""The serial spherical mechanism: three revolute axes through the RCM and a translation along the third.
+"""Geometry of the serial spherical mechanism.
 
-Its axes ω1, ω2 and the tool form a spherical triangle with the sides α (ω1 to ω2), β (ω2 to tool) and |φ| (ω1 to tool);
-its angle at ω2 is |x|, x = θ2 − δ. With c = cos(x/2) and s = sin(x/2):
-    cos φ = cos(α − β) c² + cos(α + β) s²,     the paper's f(θ2), eq. 4
-    e^{ω̂2 θ2} ω3 = cos φ ω1 + P t + Q n,        P = sin(α − β) c² + sin(α + β) s²,   Q = −2 sin β s c
-Seen from the tool, ω1 lies at the angle η = atan2(F, E) about the tool axis, counted from its place at θ2 = δ:
+Three revolute axes meet in the remote centre of motion (RCM). The fourth joint translates along the
+third axis.
+
+The axes ω1, ω2 and the tool axis form a spherical triangle. Its sides are α (ω1 to ω2),
+β (ω2 to the tool) and |φ| (ω1 to the tool). Its angle at ω2 is |x| with x = θ2 − δ.
+With c = cos(x/2) and s = sin(x/2):
+
+    cos φ = cos(α − β) c² + cos(α + β) s²          (f(θ2) in eq. 4 of the paper)
+    e^{ω̂2 θ2} ω3 = cos φ ω1 + P t + Q n
+    P = sin(α − β) c² + sin(α + β) s²,   Q = −2 sin β s c
+
+In the tool frame, ω1 has the azimuth η = atan2(F, E) about the tool axis. The azimuth is zero at
+θ2 = δ:
+
     E = sin(α − β) c² − sin(α + β) s²,   F = −2 sin α s c
-so roll = θ1 + ζ ± 90° with ζ = atan2(Q, P), and spin = θ3 − η + constant: tilt depends on θ2 alone, roll and spin
-are θ1 and θ3 plus functions of θ2. The functions of the triangle serve NumPy arrays and CasADi expressions (`xp`); they
-are half-angle forms, atan2 of products, no acos, so that they are exact where the triangle degenerates.
+
+It follows that roll = θ1 + ζ ± 90° with ζ = atan2(Q, P), and spin = θ3 − η + constant. Tilt depends
+on θ2 alone. The functions of the triangle accept NumPy arrays and CasADi expressions (`xp`). They
+use half angles and atan2 instead of acos, so they stay accurate where the triangle degenerates.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -25,30 +34,33 @@ from ssm_planner.codegen.namespace import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.rotations import exponential_terms, rotation, rotation_matrices
 from ssm_planner.problem.robot import Geometry, frozen
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 PARALLEL = 1e-9
 """Sine of the angle below which two axes count as parallel."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Mechanism:
-    """Axes at q = 0 in the base frame and all angles that follow from them; SI, radians.
+    """The joint axes at q = 0 in the base frame and the angles that follow from them.
 
-    Build it with `from_geometry` or `from_angles`.
+    Units are SI and radians. Build a mechanism with `from_geometry` or `from_angles`.
     """
 
     omega1: Array
     omega2: Array
     omega3: Array
     tool_home: Array
-    """R_0, (3, 3), base ← tool at q = 0; its z column is omega3."""
+    """R_0 (3, 3), the rotation base ← tool at q = 0. Its z column is omega3."""
     tilt_axis: Array
-    """t: unit, perpendicular to omega1, in the plane of omega1 and omega2, on omega2's side."""
+    """Unit vector t in the plane of omega1 and omega2.
+
+    It is perpendicular to omega1 and on the side of omega2.
+    """
     side: int
-    """Sign of the home tilt: task coordinates name a pose by its tilt on this side of ω1."""
+    """Sign of the home tilt. Task coordinates describe each pose by the tilt that has this sign."""
     insertion_sign: int = -1
-    """depth = insertion_sign · θ4."""
+    """Sign in depth = insertion_sign · θ4."""
 
     def __post_init__(self) -> None:
         for array in (self.omega1, self.omega2, self.omega3, self.tool_home, self.tilt_axis):
@@ -56,7 +68,11 @@ class Mechanism:
 
     @classmethod
     def from_geometry(cls, geometry: Geometry) -> Mechanism:
-        """The mechanism of a robot file, its axes of length 1 and its tool frame on the third to the last digit."""
+        """Build the mechanism of a robot file.
+
+        The axes are normalised, and the z column of the tool frame is set to the third axis
+        exactly.
+        """
         vectors = geometry.omega1, geometry.omega2, geometry.omega3, geometry.tool_home
         omega1, omega2, omega3, tool_home = (
             np.asarray(vector, dtype=float).tobytes() for vector in vectors
@@ -75,17 +91,32 @@ class Mechanism:
         tool_home: ArrayLike | None = None,
         insertion_sign: int = -1,
     ) -> Mechanism:
-        """A mechanism for design studies: ω1 = x, t = y, ω2 = (cos α, sin α, 0), α and β in [0, π].
+        """Build a mechanism for design studies: ω1 = x, t = y, ω2 = (cos α, sin α, 0).
 
-        At q = 0 the tool has the tilt `home_tilt`, in [−π, π] (None: the middle of the tilt range, negative side), and
-        a roll in [−90°, 90°]. `tool_home` defaults to a tool whose y axis is the tilt axis at roll 0.
+        Parameters
+        ----------
+        alpha, beta : float
+            Angles between the axes in [0, π] rad.
+        home_tilt : float, optional
+            Tilt at q = 0 in [−π, π] rad. The default is the middle of the tilt range on the
+            negative side. The roll at q = 0 lies in [−90°, 90°].
+        tool_home : (3, 3), optional
+            Tool frame at q = 0. By default, the tool's y axis is the tilt axis at roll 0.
+        insertion_sign : int
+            Sign in depth = insertion_sign · θ4.
+
+        Raises
+        ------
+        GeometryError
+            If an angle is out of range or the mechanism cannot reach `home_tilt`.
         """
         check_angles(alpha, beta)
         low, high = abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - alpha - beta)
         tilt = -(low + high) / 2.0 if home_tilt is None else float(home_tilt)
         if not low - 1e-9 <= abs(tilt) <= high + 1e-9:
             raise GeometryError(
-                f"home_tilt = {tilt!r} rad: |tilt| must be in [{low:.6g}, {high:.6g}] rad (paper, eq. 9)"
+                f"home_tilt = {tilt!r} rad: |tilt| must be in [{low:.6g}, {high:.6g}] rad (paper, "
+                "eq. 9)"
             )
         x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
         omega2, omega3 = (
@@ -113,7 +144,7 @@ class Mechanism:
 
     @cached_property
     def frame(self) -> Array:
-        """Rotation base ← (ω1, t, n) with n = ω1 × t, (3, 3)."""
+        """Rotation (3, 3) base ← (ω1, t, n) with n = ω1 × t."""
         return frozen(
             np.column_stack((self.omega1, self.tilt_axis, np.cross(self.omega1, self.tilt_axis))),
             (3, 3),
@@ -121,13 +152,20 @@ class Mechanism:
 
     @cached_property
     def tip_axes(self) -> Array:
-        """ω1, t × ω1 and ω1 × (t × ω1), row by row, (3, 3): the tool at roll and tilt 0, and towards where it tilts."""
+        """Rows ω1, t × ω1 and ω1 × (t × ω1), (3, 3).
+
+        The first row is the tool axis at roll 0 and tilt 0. The second is the direction in which it
+        tilts.
+        """
         across = np.cross(self.tilt_axis, self.omega1)
         return frozen([self.omega1, across, np.cross(self.omega1, across)], (3, 3))
 
     @cached_property
     def delta(self) -> float:
-        """δ: the θ2, in [−π, π], at which cos φ is largest (the tool nearest to ω1), the zero of x = θ2 − δ."""
+        """Angle δ in [−π, π]: the θ2 at which the tool is nearest to ω1.
+
+        It is the zero of x = θ2 − δ.
+        """
         toward_omega1 = math.sin(self.alpha) * self.omega1 - math.cos(self.alpha) * self.tilt_axis
         return -math.atan2(
             -float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ toward_omega1)
@@ -135,46 +173,59 @@ class Mechanism:
 
     @cached_property
     def home_branch(self) -> int:
-        """Branch (sign of sin(θ2 − δ)) of the home configuration; +1 where home is on the boundary."""
+        """Branch of the home configuration: the sign of sin(θ2 − δ), or +1 on the boundary."""
         return -1 if math.sin(self.delta) > 0.0 else 1
 
     def branch_of(self, q: Array) -> Array:
-        """Branches of the inverse kinematics, ±1, that joints (…, 4) are on: the sign of sin(θ2 − δ)."""
+        """Return the branch of the inverse kinematics for joints q (..., 4).
+
+        The branch is ±1, the sign of sin(θ2 − δ).
+        """
         return np.where(np.sin(q[..., 1] - self.delta) > 0.0, 1, -1)
 
     @cached_property
     def home_roll(self) -> float:
-        """ψ_h: ω3 = e^{ω̂1 ψ_h} e^{t̂ φ_h} ω1, in (−90°, 90°]."""
+        """Roll ψ_h in (−90°, 90°] with ω3 = e^{ω̂1 ψ_h} e^{t̂ φ_h} ω1."""
         along_t, along_n = self.omega3 @ self.tilt_axis, self.omega3 @ self.frame[:, 2]
         return math.atan2(self.side * along_t, -self.side * along_n) + 0.0
 
     @cached_property
     def home_tilt(self) -> float:
-        """φ_h: signed angle from ω1 to ω3 about the tilt axis rolled by ψ_h."""
+        """Tilt φ_h: the signed angle from ω1 to ω3 about the tilt axis rolled by ψ_h."""
         return self.side * _angle(self.omega1, self.omega3)
 
     @cached_property
     def exponentials(self) -> Array:
-        """E with e^{ω̂_i θ_i} = E[i, 0] + cos θ_i E[i, 1] + sin θ_i E[i, 2], (3, 3, 3, 3)."""
+        """Terms E (3, 3, 3, 3) with e^{ω̂_i θ_i} = E[i, 0] + cos θ_i E[i, 1] + sin θ_i E[i, 2]."""
         terms = [exponential_terms(axis) for axis in (self.omega1, self.omega2, self.omega3)]
         return frozen(terms, (3, 3, 3, 3))
 
     @cached_property
     def orientation_terms(self) -> Array:
-        """R, row by row, as a constant times the products of (1, cos θ_i, sin θ_i) of joints 1, 2, 3; (27, 9)."""
+        """Constant factors (27, 9) of the tool orientation R.
+
+        Each entry of R is a linear combination of the products of (1, cos θ_i, sin θ_i) of joints 1
+        to 3.
+        """
         one, two, three = self.exponentials
         terms = np.einsum("aij,bjk,ckl,lm->abcim", one, two, three, self.tool_home)
         return frozen(terms, (27, 9))
 
     @cached_property
     def tool_on_omega1(self) -> Array:
-        """e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0: the tool, without spin, pointing along ω1; (3, 3)."""
+        """Orientation (3, 3) of a tool without spin that points along ω1.
+
+        It is e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0.
+        """
         back = rotation(self.tilt_axis, -self.home_tilt) @ rotation(self.omega1, -self.home_roll)
         return frozen(back @ self.tool_home, (3, 3))
 
     @cached_property
     def tool_angle(self) -> float:
-        """ρ: angle about the tool axis from the side of ω2 that faces ω1, at θ2 = δ, to the tool's x axis."""
+        """Angle ρ about the tool axis at θ2 = δ.
+
+        It is measured from the side of ω2 that faces ω1 to the tool's x axis.
+        """
         toward_omega1 = math.sin(self.alpha) * self.omega1 - math.cos(self.alpha) * self.tilt_axis
         pointing = math.cos(self.beta) * self.omega2 + math.sin(self.beta) * toward_omega1
         zero = math.cos(self.beta) * toward_omega1 - math.sin(self.beta) * self.omega2
@@ -183,7 +234,7 @@ class Mechanism:
 
     @cached_property
     def spin_offset(self) -> float:
-        """The constant of spin = θ3 − η + constant (above), such that spin is 0 at home."""
+        """Constant in spin = θ3 − η + constant that makes the spin zero at home."""
         on_omega1 = self.frame.T @ self.tool_on_omega1[:, 0]
         kappa = math.atan2(float(on_omega1[2]), float(on_omega1[1]))
         half = -self.delta / 2.0
@@ -194,7 +245,7 @@ class Mechanism:
 
 
 def check_angles(alpha: float, beta: float) -> None:
-    """Refuse angles between axes outside [0, π]. Raises GeometryError."""
+    """Raise GeometryError for an angle between axes outside [0, π]."""
     for name, angle in (("alpha", alpha), ("beta", beta)):
         if not 0.0 <= angle <= math.pi:
             raise GeometryError(
@@ -204,7 +255,11 @@ def check_angles(alpha: float, beta: float) -> None:
 
 @lru_cache(maxsize=32)
 def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
-    """One object for all equal geometries, for what is kept with it; axes, tool_home: as bytes, for −0 is not 0."""
+    """Build the mechanism, or return the cached one for equal geometry.
+
+    Objects that depend on a mechanism are cached by its identity. The arguments are bytes because
+    −0.0 and 0.0 compare equal but give different results.
+    """
     vectors = map(np.frombuffer, axes)
     omega1, omega2, omega3 = (axis / np.linalg.norm(axis) for axis in vectors)
     home = _tool_home(np.frombuffer(tool_home).reshape(3, 3), omega3)
@@ -219,11 +274,12 @@ def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
 
 
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:
-    """R_0 with its z column set to omega3 to the last digit."""
+    """Return R_0 with its z column set to omega3 exactly. Raises GeometryError if they disagree."""
     matrix = rotation_matrices("tool_home", value)[0]
     if np.linalg.norm(matrix[:, 2] - omega3) > 1e-6:
         raise GeometryError(
-            f"tool_home: its z column {matrix[:, 2].tolist()} must be omega3 = {omega3.tolist()} (the tool's axis)"
+            f"tool_home: its z column {matrix[:, 2].tolist()} must be omega3 = {omega3.tolist()} "
+            "(the tool's axis)"
         )
     x = matrix[:, 0] - omega3 * (omega3 @ matrix[:, 0])
     x = x / np.linalg.norm(x)
@@ -231,19 +287,25 @@ def _tool_home(value: ArrayLike, omega3: Array) -> Array:
 
 
 def _angle(a: Array, b: Array) -> float:
-    """Angle between unit vectors, accurate near 0 and π."""
+    """Return the angle between two unit vectors. The result is accurate near 0 and π."""
     return 2.0 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
 
 
 def _side(along_t: float, along_n: float) -> int:
-    """Sign of the tilt φ with sin φ (sin ψ, −cos ψ) along (t, n) and a roll ψ in (−90°, 90°]."""
+    """Return the sign of the tilt φ for which sin φ (sin ψ, −cos ψ) points along (t, n).
+
+    The roll ψ lies in (−90°, 90°].
+    """
     if abs(along_n) > PARALLEL:
         return -1 if along_n > 0.0 else 1
     return 1 if along_t > PARALLEL else -1
 
 
 def _omega3(alpha: float, beta: float, tilt: float) -> Array:
-    """The tool axis of a tilt at a roll in [−90°, 90°], for ω1 = x and t = y: e^{ω̂2 θ2} ω3 above."""
+    """Return the tool axis for a tilt in a mechanism with ω1 = x and t = y.
+
+    It equals e^{ω̂2 θ2} ω3 in the equations of this module. The roll lies in [−90°, 90°].
+    """
     half = abs(tilt) / 2.0
     cosine2, sine2 = elbow_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
     x = math.copysign(
@@ -255,7 +317,7 @@ def _omega3(alpha: float, beta: float, tilt: float) -> Array:
 
 
 def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
-    """|φ| of x = θ2 − δ, in [0, π] (paper, eq. 4), to full accuracy at both ends."""
+    """Return |φ| in [0, π] for x = θ2 − δ (paper, eq. 4). The result is accurate at both ends."""
     c, s = xp.cos(x / 2.0), xp.sin(x / 2.0)
     less, more = (alpha - beta) / 2.0, (alpha + beta) / 2.0
     sine2 = xp.sin(less) ** 2 * (c * c) + xp.sin(more) ** 2 * (s * s)
@@ -264,10 +326,11 @@ def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
 
 
 def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) -> tuple[Any, Any]:
-    """(C², S²), proportional to cos²(x/2) and sin²(x/2), of the cosine and sine of φ/2.
+    """Return (C², S²), proportional to cos²(x/2) and sin²(x/2), for the cosine and sine of φ/2.
 
-    C² = sin((α + β + φ)/2) sin((α + β − φ)/2) and S² = sin((φ + α − β)/2) sin((φ − α + β)/2): each vanishes at its end
-    of the workspace and is negative beyond it. Their sum is sin α sin β times the scale of (cosine, sine) squared.
+    C² = sin((α + β + φ)/2) sin((α + β − φ)/2) and S² = sin((φ + α − β)/2) sin((φ − α + β)/2).
+    Each vanishes at one end of the workspace and is negative beyond it. Their sum is sin α sin β
+    times the squared norm of (cosine, sine).
     """
     less, more = (alpha - beta) / 2.0, (alpha + beta) / 2.0
     far_a, far_b = xp.sin(more) * cosine, xp.cos(more) * sine
@@ -276,7 +339,10 @@ def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) 
 
 
 def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any, Any]:
-    """(ζ, η) of c and s, which may carry a common positive factor; continuous on a branch."""
+    """Return the azimuths (ζ, η) for c and s. Both are continuous on a branch.
+
+    c and s may share a positive factor.
+    """
     minus, plus = xp.sin(alpha - beta) * (c * c), xp.sin(alpha + beta) * (s * s)
     cross = -2.0 * (s * c)
     zeta = xp.arctan2(xp.sin(beta) * cross, minus + plus)

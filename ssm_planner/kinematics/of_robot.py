@@ -1,56 +1,61 @@
-"""The kinematics of a robot as users ask for them: poses of joints, joints of task coordinates, the workspace."""
+"""Kinematics of a robot as users call it: tool poses, joints of task coordinates, workspace."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssm_planner.kinematics.forward import forward
+from ssm_planner.errors import GeometryError
+from ssm_planner.kinematics.forward import forward, space_jacobian, tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import Extreme, boundary_distance, extremes, tilt_interval
+from ssm_planner.problem.motion import Task
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import Array, JsonObject, record
 
 SAME = 1e-7
-"""Two solutions count as one, as at the workspace boundary, if no joint differs by more (rad, m)."""
+"""Largest difference of the joints (rad, m) of two solutions that count as one."""
 
 
-@dataclass(frozen=True, eq=False)
-class ToolPose:
-    """Where the tool is, in the base frame; rad and m, for one configuration or for n."""
+@record
+class ToolPose(ShortRepr):
+    """Pose of the tool in the base frame, rad and m, for one configuration or for n."""
 
     rotation: Array
-    """Base ← tool, (3, 3) or (n, 3, 3)."""
+    """Rotation base ← tool, (3, 3) or (n, 3, 3)."""
     position: Array
-    """Of the tip, (3,) or (n, 3)."""
+    """Position of the tip, (3,) or (n, 3)."""
     task: Array
-    """Roll, tilt, spin, depth; (4,) or (n, 4)."""
+    """Roll, tilt, spin and depth, (4,) or (n, 4)."""
 
 
-@dataclass(frozen=True, eq=False)
-class JointSolutions:
-    """All joints of one point in task coordinates, those within the joint ranges first; rad and m."""
+@record
+class JointSolutions(ShortRepr):
+    """All joint solutions for one point in task coordinates, or for n points, rad and m.
+
+    Solutions within the joint ranges come first. Results for n points have n as the first length.
+    """
 
     joints: Array
-    """(k, 4); those of the nearest point in the workspace where the point itself is outside."""
+    """Joints (k, 4). If the point is outside the workspace, they reach the nearest point inside."""
     in_limits: NDArray[np.bool_]
-    """(k,): within the joint ranges."""
-    reachable: bool
-    """The point is in the workspace."""
-    orientation_error: float
-    """Angle by which the joints miss the point, rad."""
-    tip_error: float
-    """Distance by which they miss it, m."""
-    boundary_distance: float
-    """Tilt between the point and the workspace boundary, rad; negative outside."""
+    """True if the solution is within the joint ranges, (k,)."""
+    reachable: Any
+    """True if the point is in the workspace."""
+    orientation_error: Any
+    """Angle between the requested and the reached tool axis, rad."""
+    tip_error: Any
+    """Distance between the requested and the reached tip position, m."""
+    boundary_distance: Any
+    """Tilt between the point and the workspace boundary, rad. Negative outside."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """The object that `ik --json` prints."""
+    def to_dict(self) -> JsonObject:
+        """Return the object that `ik --json` prints."""
         return {
             "reachable": self.reachable,
             "branches": self.joints.tolist(),
@@ -60,9 +65,9 @@ class JointSolutions:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Workspace:
-    """What a robot's tool can point at; rad."""
+@record
+class Workspace(ShortRepr):
+    """The tilts that a robot's tool reaches, rad."""
 
     alpha: float
     """Angle between the axes of joints 1 and 2."""
@@ -70,29 +75,58 @@ class Workspace:
     """Angle between the axis of joint 2 and the tool."""
     tilt_range: tuple[float, float]
     home_roll: float
-    """At q = 0."""
+    """Roll at q = 0."""
     home_tilt: float
     extremes: tuple[Extreme, ...]
-    """Configurations of least and largest tilt."""
+    """Configurations with the smallest and the largest tilt."""
     side: int
     """Sign of the tilt on the home side."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """The object that `workspace --json` prints."""
+    def to_dict(self) -> JsonObject:
+        """Return the object that `workspace --json` prints."""
         return {
             "alpha": self.alpha,
             "beta": self.beta,
             "tilt_range": list(self.tilt_range),
             "home": {"roll": self.home_roll, "tilt": self.home_tilt},
             "extremes": [
-                {"theta2": each.theta2, "tilt": self.side * each.tilt, "c1": each.c1, "c2": each.c2}
-                for each in self.extremes
+                {
+                    "theta2": extreme.theta2,
+                    "tilt": self.side * extreme.tilt,
+                    "c1": extreme.c1,
+                    "c2": extreme.c2,
+                }
+                for extreme in self.extremes
             ],
         }
 
 
 def fk(robot: Robot, q: ArrayLike) -> ToolPose:
-    """Forward kinematics: the tool's pose at joints q, (4,) or (n, 4), rad and m. Raises GeometryError."""
+    """Return the tool pose for joints q (forward kinematics; paper, eq. 2).
+
+    Parameters
+    ----------
+    robot : Robot
+    q : (4,) or (n, 4)
+        Joint positions in rad and m.
+
+    Returns
+    -------
+    ToolPose
+        Arrays with n rows for n configurations.
+
+    Raises
+    ------
+    GeometryError
+        If the shape is wrong or a value is not finite.
+
+    Examples
+    --------
+    >>> from ssm_planner import fk, load_robot
+    >>> pose = fk(load_robot("vitreoretinal"), [0.0, 0.0, 0.0, -0.01])
+    >>> (pose.position.round(5) + 0.0).tolist()
+    [0.00391, 0.0, -0.00921]
+    """
     joints = np.asarray(q, dtype=float)
     mechanism = Mechanism.from_geometry(robot.geometry)
     rows = joints[None] if joints.ndim == 1 else joints
@@ -105,48 +139,146 @@ def fk(robot: Robot, q: ArrayLike) -> ToolPose:
     )
 
 
+def jacobian(robot: Robot, q: ArrayLike) -> Array:
+    """Return the geometric Jacobian of the tip in the base frame.
+
+    The tip moves at v = J[:3] q̇ and the tool turns at ω = J[3:] q̇. The columns follow from the
+    screws of the joints (Lynch and Park, Modern Robotics, 2017, §5.1).
+
+    Parameters
+    ----------
+    robot : Robot
+    q : (4,) or (n, 4)
+        Joint positions in rad and m.
+
+    Returns
+    -------
+    (6, 4) or (n, 6, 4) array
+        Rows of v in m/s and of ω in rad/s for unit joint velocities.
+
+    Raises
+    ------
+    GeometryError
+        If the shape is wrong or a value is not finite.
+
+    Examples
+    --------
+    >>> from ssm_planner import jacobian, load_robot
+    >>> J = jacobian(load_robot("vitreoretinal"), [0.0, 0.0, 0.0, -0.01])
+    >>> J[3:, 0].round(6).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    screws = space_jacobian(mechanism, q)
+    velocity, turning = screws[:, :3], screws[:, 3:]
+    tips = tip_position(mechanism, q)[:, :, None]
+    result = np.concatenate([velocity + np.cross(turning, tips, axis=1), turning], axis=1)
+    return result if np.ndim(q) == 2 else result[0]
+
+
 def ik(
     robot: Robot,
-    roll: float = 0.0,
-    tilt: float = 0.0,
-    spin: float = 0.0,
-    depth: float = 0.0,
+    roll: ArrayLike = 0.0,
+    tilt: ArrayLike = 0.0,
+    spin: ArrayLike = 0.0,
+    depth: ArrayLike = 0.0,
     *,
     within_limits: bool = False,
     reference: ArrayLike | None = None,
 ) -> JointSolutions:
-    """Inverse kinematics: every solution for one point in task coordinates, rad and m (paper, §II-C).
+    """Return every joint solution for points in task coordinates (paper, §II-C).
 
-    reference (4,): the solutions are ordered by distance to it, revolute joints moved by whole turns to be near it; None:
-    home. within_limits: leave out solutions beyond the joint ranges. Raises GeometryError.
+    Parameters
+    ----------
+    robot : Robot
+    roll, tilt, spin : float or (n,)
+        Angles of the tool in rad.
+    depth : float or (n,)
+        Distance of the tip beyond the remote centre in m.
+    within_limits : bool
+        Leave out solutions beyond the joint ranges. For n points, these solutions become NaN.
+    reference : (4,), optional
+        Joints that order the solutions by distance. Revolute joints are moved by whole turns next
+        to it. The default is home.
+
+    Returns
+    -------
+    JointSolutions
+        Distinct solutions of one point, or both branches of n points.
+
+    Raises
+    ------
+    GeometryError
+        If a value is not finite or the tilt is outside [−π, π].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ssm_planner import fk, ik, load_robot
+    >>> robot = load_robot("vitreoretinal")
+    >>> solutions = ik(robot, tilt=np.radians(-110), depth=0.01)
+    >>> solutions.joints.shape
+    (2, 4)
+    >>> fk(robot, solutions.joints).task.round(6)[:, 1].tolist()
+    [-1.919862, -1.919862]
+    >>> ik(robot, tilt=np.radians([-110, -100, -90])).joints.shape
+    (3, 2, 4)
     """
+    if isinstance(roll, Task):
+        raise GeometryError("roll is a Task: pass ik(robot, **task.given)")
     mechanism = Mechanism.from_geometry(robot.geometry)
-    limits = np.array([joint.position for joint in robot.joints])
-    found = inverse_task(
+    try:
+        points = np.stack(np.broadcast_arrays(roll, tilt, spin, depth), axis=-1)
+    except ValueError:
+        raise GeometryError("roll, tilt, spin and depth have different lengths") from None
+    solutions = inverse_task(
         mechanism,
-        [[roll, tilt, spin, depth]],
-        limits=limits,
+        points,
+        limits=np.array([joint.position for joint in robot.joints]),
         reference=np.zeros(4) if reference is None else reference,
     )
-    kept: list[int] = []
-    for k, joints in enumerate(found.joints[0]):
-        allowed = bool(found.in_limits[0, k]) or not within_limits
+    joints, in_limits = solutions.joints, solutions.in_limits
+    inside = boundary_distance(mechanism, points[..., 1])
+    if points.ndim == 2:
+        if within_limits:
+            joints[~in_limits] = np.nan
+        return JointSolutions(
+            joints=joints,
+            in_limits=in_limits,
+            reachable=solutions.reachable,
+            orientation_error=solutions.orientation_error,
+            tip_error=solutions.tip_error,
+            boundary_distance=inside,
+        )
+    distinct: list[int] = []
+    for k, solution in enumerate(joints[0]):
+        allowed = bool(in_limits[0, k]) or not within_limits
         if allowed and not any(
-            np.abs(joints - found.joints[0, other]).max() <= SAME for other in kept
+            np.abs(solution - joints[0, earlier]).max() <= SAME for earlier in distinct
         ):
-            kept.append(k)
+            distinct.append(k)
     return JointSolutions(
-        joints=found.joints[0, kept],
-        in_limits=found.in_limits[0, kept],
-        reachable=bool(found.reachable[0]),
-        orientation_error=float(found.orientation_error[0]),
-        tip_error=float(found.tip_error[0]),
-        boundary_distance=float(boundary_distance(mechanism, tilt)),
+        joints=joints[0, distinct],
+        in_limits=in_limits[0, distinct],
+        reachable=bool(solutions.reachable[0]),
+        orientation_error=float(solutions.orientation_error[0]),
+        tip_error=float(solutions.tip_error[0]),
+        boundary_distance=float(inside),
     )
 
 
 def workspace(robot: Robot) -> Workspace:
-    """Tilts that a robot reaches, in closed form (paper, §II-B). `design_region` answers which robots reach given ones."""
+    """Return the tilts that a robot reaches, in closed form (paper, §II-B).
+
+    See `design_region` for the robots that reach a given range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ssm_planner import load_robot, workspace
+    >>> np.degrees(workspace(load_robot("vitreoretinal")).tilt_range).round(3).tolist()
+    [-139.778, -79.778]
+    """
     mechanism = Mechanism.from_geometry(robot.geometry)
     return Workspace(
         alpha=mechanism.alpha,

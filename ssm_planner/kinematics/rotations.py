@@ -1,6 +1,6 @@
-"""Rotations about an axis by Rodrigues' formula, for NumPy batches and CasADi expressions; checks of array arguments.
+"""Rotations by Rodrigues' formula for NumPy and CasADi, and checks of array arguments.
 
-A check names the argument, its shape and what is needed.
+Each check names the argument, its shape and the required shape.
 Source: Murray, Li, Sastry, A Mathematical Introduction to Robotic Manipulation, eq. 2.14.
 """
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     import casadi
 
 ROTATION_TOLERANCE = 1e-6
-"""Largest entry of RᵀR − 1 that still counts as a rotation."""
+"""Largest entry of RᵀR − 1 of a matrix that counts as a rotation."""
 
 
 def hat(omega: ArrayLike) -> Array:
-    """The matrix of ω × ·; (..., 3) to (..., 3, 3)."""
+    """Return the matrix of the cross product ω × ·, (..., 3, 3), for ω (..., 3)."""
     omega = np.asarray(omega, dtype=float)
     x, y, z = omega[..., 0], omega[..., 1], omega[..., 2]
     zero = np.zeros_like(x)
@@ -31,21 +31,24 @@ def hat(omega: ArrayLike) -> Array:
 
 
 def exponential_terms(omega: ArrayLike) -> Array:
-    """E with e^{ω̂θ} = E[0] + cos θ E[1] + sin θ E[2] for a unit ω (Rodrigues); (3,) to (3, 3, 3)."""
+    """Return E (3, 3, 3) with e^{ω̂θ} = E[0] + cos θ E[1] + sin θ E[2] for a unit vector ω (3,)."""
     omega = np.asarray(omega, dtype=float)
     along = np.outer(omega, omega)
     return np.stack((along, np.eye(3) - along, hat(omega)))
 
 
 def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
-    """e^{ω̂θ} for one unit axis (3,) and angles of any shape (...); returns (..., 3, 3)."""
+    """Return e^{ω̂θ} (..., 3, 3) for a unit axis (3,) and angles (...)."""
     angle = np.asarray(angle, dtype=float)
     monomials = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=-1)
     return np.tensordot(monomials, exponential_terms(omega), axes=1)
 
 
 def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
-    """e^{ω̂θ} (3, 3) for a unit axis (3,), numbers or a CasADi expression, and a CasADi expression θ."""
+    """Return e^{ω̂θ} (3, 3) in CasADi for a unit axis (3,) and an expression θ.
+
+    The axis is numeric or symbolic.
+    """
     import casadi
 
     if isinstance(omega, casadi.SX):
@@ -57,8 +60,10 @@ def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
 
 
 def constant(value: Any) -> Any:
-    """A CasADi constant (rows, columns) without its zeros, and without rounding errors in their place; expressions as
-    they are."""
+    """Return a sparse CasADi constant. Entries that are rounding errors of zero are dropped.
+
+    CasADi expressions are returned unchanged.
+    """
     import casadi
 
     if isinstance(value, casadi.SX):
@@ -69,7 +74,11 @@ def constant(value: Any) -> Any:
 
 
 def batch(name: str, value: ArrayLike, width: int) -> Array:
-    """Rows of `width` finite numbers: (n, width), or (width,) as a batch of one."""
+    """Return the argument as rows of finite numbers (n, width).
+
+    A single row becomes a batch of one. Raises GeometryError for another shape or a value that is
+    not finite.
+    """
     array = _floats(name, value)
     if array.ndim == 1 and array.shape[0] == width:
         array = array[np.newaxis]
@@ -85,7 +94,10 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
 
 
 def matrices(name: str, value: ArrayLike) -> Array:
-    """Matrices (n, 3, 3), or (3, 3) as a batch of one; contiguous, entries not checked."""
+    """Return the argument as contiguous matrices (n, 3, 3). One matrix becomes a batch of one.
+
+    Raises GeometryError for another shape. The entries are not checked.
+    """
     array = _floats(name, value)
     if array.shape == (3, 3):
         array = array[np.newaxis]
@@ -100,7 +112,10 @@ def matrices(name: str, value: ArrayLike) -> Array:
 
 
 def rotation_matrices(name: str, value: ArrayLike) -> Array:
-    """Rotation matrices (n, 3, 3), or (3, 3) as a batch of one."""
+    """Return the argument as rotation matrices (n, 3, 3). One matrix becomes a batch of one.
+
+    Raises GeometryError for a matrix that is not a rotation.
+    """
     array = matrices(name, value)
     finite(name, array)
     fault = np.abs(np.swapaxes(array, 1, 2) @ array - np.eye(3)).max(axis=(1, 2))
@@ -118,7 +133,7 @@ def rotation_matrices(name: str, value: ArrayLike) -> Array:
 
 
 def finite(name: str, array: Array) -> None:
-    """Refuse NaN and infinity in an array of any shape. Raises GeometryError naming the index."""
+    """Raise GeometryError with the index of the first value that is not finite, for any shape."""
     if not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise GeometryError(

@@ -1,7 +1,8 @@
-"""Task coordinates (roll, tilt, spin, depth) to joints and back, in closed form.
+"""Conversion between task coordinates (roll, tilt, spin, depth) and joints in closed form.
 
-joints_of_task, task_of_joints and task_rates_of_joints state each law once, for NumPy arrays and CasADi expressions (`xp`).
-The functions after them are their doors: NumPy batches (n, 4), and CasADi vectors (4, 1) under names ..._symbolic.
+`joints_of_task`, `task_of_joints` and `task_rates_of_joints` contain each equation once, for NumPy
+arrays and CasADi expressions (`xp`). The other functions apply them to NumPy batches (n, 4), and
+under names with ..._symbolic to CasADi vectors (4, 1).
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ Four = Sequence[Any] | Array
 
 
 def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any) -> tuple[Any, ...]:
-    """Closed-form inverse: (θ1, θ2, θ3, θ4) of (roll, tilt, spin, depth) on one branch.
+    """Return (θ1, θ2, θ3, θ4) for (roll, tilt, spin, depth) on one branch.
 
-    Continuous along any path that stays on the branch, with roll and spin as given (not wrapped).
+    The result is continuous along any path on the branch. Roll and spin are not wrapped.
     """
     roll, tilt, spin, depth = task
     mech = mechanism
@@ -47,7 +48,10 @@ def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any)
 
 
 def task_of_joints(xp: Namespace, mechanism: Mechanism, q: Four) -> tuple[Any, ...]:
-    """(roll, tilt, spin, depth) of joints, tilt on the home side; roll and spin are not wrapped."""
+    """Return (roll, tilt, spin, depth) of joints. The tilt is on the home side.
+
+    Roll and spin are not wrapped.
+    """
     theta1, theta2, theta3, theta4 = q
     mech = mechanism
     x = theta2 - mech.delta
@@ -58,11 +62,12 @@ def task_of_joints(xp: Namespace, mechanism: Mechanism, q: Four) -> tuple[Any, .
 
 
 def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four) -> tuple[Any, ...]:
-    """Time derivative of task_of_joints.
+    """Return the time derivative of `task_of_joints`.
 
-    It grows without bound towards a tilt of 0 or 180°, where roll and spin are one; there itself it is that of θ2 at rest.
-    With x, P, E of mechanism.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home side,
-    dζ/dx = −E sin β / sin² φ, dη/dx = −P sin α / sin² φ.
+    With x, P, E of mechanism.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home
+    side, dζ/dx = −E sin β / sin² φ, dη/dx = −P sin α / sin² φ. The rates grow without bound towards
+    a tilt of 0 or 180°, where roll and spin are the same rotation. Exactly at such a tilt, the
+    result is the derivative for θ2 at rest.
     """
     mech, (speed1, speed2, speed3, speed4) = mechanism, qd
     x = q[1] - mech.delta
@@ -81,28 +86,33 @@ def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four)
 def roll_and_tilt(
     xp: Namespace, mechanism: Mechanism, pointing: Any, around: Any
 ) -> tuple[Any, Any]:
-    """Roll and tilt of a tool that points along (x, y, z) of `mechanism.frame`; around: √(y² + z²), which must not be 0."""
+    """Return roll and tilt of a tool that points along (x, y, z) in `mechanism.frame`.
+
+    `around` is √(y² + z²) and must not be zero.
+    """
     side, (along, y, z) = mechanism.side, pointing
     return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, along)
 
 
 def task_batch(name: str, value: ArrayLike) -> Array:
-    """Task coordinates (n, 4), checked: tilt is in [−π, π]."""
+    """Return task coordinates (n, 4). Raises GeometryError for a tilt outside [−π, π]."""
     task = batch(name, value, 4)
     bad = np.flatnonzero(np.abs(task[:, 1]) > math.pi + 1e-9)
     if bad.size:
         raise GeometryError(
-            f"{name}[{bad[0]}, 1] of shape {task.shape}: tilt = {task[bad[0], 1]:.6g} rad, must be in [-pi, pi] rad;"
+            f"{name}[{bad[0]}, 1] of shape {task.shape}: tilt = {task[bad[0], 1]:.6g} rad, must be "
+            "in [-pi, pi] rad;"
             " degrees are not meant"
         )
     return task
 
 
 def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None = None) -> Array:
-    """(roll, tilt, spin, depth) of joints q (n, 4); returns (n, 4).
+    """Return (roll, tilt, spin, depth) (n, 4) for joints q (n, 4).
 
-    Tilt takes the sign of the home tilt: of the two names (ψ, φ, σ) and (ψ + π, −φ, σ + π) of a pose, the one on that
-    side. Roll and spin are in (−π, π], or the 2π-equivalents nearest to `near`, task coordinates (n, 4) or (4,).
+    A pose has two names, (ψ, φ, σ) and (ψ + π, −φ, σ + π). The result has the sign of the home
+    tilt. Roll and spin are in (−π, π], or they are the 2π-equivalents nearest to `near`, task
+    coordinates (n, 4) or (4,).
     """
     q = batch("q", q, 4)
     task = np.stack(task_of_joints(NUMPY, mechanism, q.T), axis=1)
@@ -113,16 +123,20 @@ def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None 
 
 
 def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
-    """Rates of (roll, tilt, spin, depth) of joints q and joint rates qd, (n, 4) each; rad/s and m/s, (n, 4).
+    """Return the rates of (roll, tilt, spin, depth) (n, 4) for joints q and joint rates qd (n, 4).
 
-    Roll and spin rates grow without bound towards a tilt of 0 or 180°, where the two are the same rotation.
+    Units are rad/s and m/s. The rates of roll and spin grow without bound towards a tilt of 0 or
+    180°, where both are the same rotation.
     """
     q, qd = batch("q", q, 4), batch("qd", qd, 4)
     return np.stack(task_rates_of_joints(NUMPY, mechanism, q.T, qd.T), axis=1)
 
 
 def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]:
-    """R = e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 Rz(σ) and the tip position; task (n, 4), any sign of tilt."""
+    """Return the tool pose (R (n, 3, 3), p (n, 3)) for task coordinates (n, 4), tilt of any sign.
+
+    R = e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 Rz(σ).
+    """
     task = task_batch("task", task)
     pointing = rotation(mechanism.omega1, task[:, 0]) @ rotation(mechanism.tilt_axis, task[:, 1])
     spin = rotation((0.0, 0.0, 1.0), task[:, 2])
@@ -131,7 +145,10 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
 
 
 def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
-    """The tip position (n, 3) of `pose_from_task` alone, of task coordinates (n, 4), t̂ being perpendicular to ω1."""
+    """Return the tip position (n, 3) of `pose_from_task` for task coordinates (n, 4).
+
+    The formula uses that t̂ is perpendicular to ω1.
+    """
     roll, tilt, _, depth = np.ascontiguousarray(task.T)
     along, across, upwards = (axis[:, None] for axis in mechanism.tip_axes)
     # row by row, so that operations run along many values
@@ -143,12 +160,23 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
 def joints_from_task_symbolic(
     mechanism: Mechanism, task: casadi.SX, branch: int, reference: Any | None = None
 ) -> casadi.SX:
-    """Joints (4, 1) of (roll, tilt, spin, depth) on a branch: +1 or −1, the sign of sin(θ2 − δ).
+    """Return joints (4, 1) for (roll, tilt, spin, depth) on a branch.
 
-    δ (`mechanism.delta`) is the θ2 at which cos φ is largest. The result is continuous along any path inside the
-    workspace with roll and spin as given, not wrapped, so no unwrapping is needed; with `reference` (4, 1) each
-    revolute joint is moved by whole turns to the equivalent nearest to it. Outside the workspace the value is NaN; at
-    its boundary the derivative is infinite, as the mechanism's is.
+    Parameters
+    ----------
+    mechanism : Mechanism
+    task : (4, 1)
+        Roll, tilt and spin in rad, depth in m. Roll and spin are not wrapped.
+    branch : int
+        Sign of sin(θ2 − δ), +1 or −1. δ (`mechanism.delta`) is the θ2 with the largest cos φ.
+    reference : (4, 1), optional
+        Joints next to which each revolute joint is moved by whole turns.
+
+    Returns
+    -------
+    (4, 1) expression
+        Continuous along any path inside the workspace. It is NaN outside, and its derivative is
+        infinite at the boundary, like that of the mechanism.
     """
     import casadi
 
@@ -163,32 +191,38 @@ def joints_from_task_symbolic(
 def task_of_tip_symbolic(
     mechanism: Mechanism, tip: casadi.SX, roll: casadi.SX, spin: casadi.SX
 ) -> casadi.SX:
-    """(roll, tilt, spin, depth) (4, 1) of a tip (3, 1) beyond the remote centre; roll within half a turn of the one given."""
+    """Return (roll, tilt, spin, depth) (4, 1) for a tip (3, 1) beyond the remote centre.
+
+    The resulting roll is within half a turn of `roll`.
+    """
     import casadi
 
     along, y, z = casadi.vertsplit(mechanism.insertion_sign * casadi.DM(mechanism.frame.T) @ tip)
     y, z = casadi.cos(roll) * y + casadi.sin(roll) * z, casadi.cos(roll) * z - casadi.sin(roll) * y
-    more, tilt = roll_and_tilt(
+    roll_offset, tilt = roll_and_tilt(
         casadi_namespace(), mechanism, (along, y, z), casadi.sqrt(y * y + z * z)
     )
-    return casadi.vertcat(roll + more, tilt, spin, casadi.norm_2(tip))
+    return casadi.vertcat(roll + roll_offset, tilt, spin, casadi.norm_2(tip))
 
 
 def roll_of_tip(mechanism: Mechanism, tip: Array) -> float:
-    """Roll of the tool whose tip is at a point (3,) beyond the remote centre."""
+    """Return the roll of the tool whose tip is at a point (3,) beyond the remote centre."""
     pointing = mechanism.insertion_sign * (mechanism.frame.T @ tip)
     return float(roll_and_tilt(NUMPY, mechanism, pointing, np.hypot(*pointing[1:]))[0])
 
 
 def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
-    """(roll, tilt, spin, depth) (4, 1) of joints (4, 1), tilt on the home side; roll and spin are not wrapped."""
+    """Return (roll, tilt, spin, depth) (4, 1) for joints (4, 1), with the tilt on the home side.
+
+    Roll and spin are not wrapped.
+    """
     import casadi
 
     return casadi.vertcat(*task_of_joints(casadi_namespace(), mechanism, casadi.vertsplit(q)))
 
 
 def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> casadi.SX:
-    """Rates of (roll, tilt, spin, depth) (4, 1) of joints and joint rates (4, 1), rad/s and m/s; any branch."""
+    """Return the rates of (roll, tilt, spin, depth) (4, 1) in rad/s and m/s on any branch."""
     import casadi
 
     return casadi.vertcat(
@@ -197,7 +231,10 @@ def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> ca
 
 
 def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
-    """q̇ (4,) at which the task coordinates change at `rate` (4,), at the joints q (4,); all 0 for a rate of 0."""
+    """Return the joint rates q̇ (4,) that change the task coordinates at `rate` (4,).
+
+    q: joints (4,). The result is zero for a rate of zero.
+    """
     if not np.any(rate):
         return np.zeros(4)
     jacobian = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T

@@ -1,10 +1,12 @@
-"""Workspace in closed form (paper, §II-B): extremes of f(θ2), tilt intervals, which (α, β) reach them, tilt rates.
+"""Workspace in closed form (paper, §II-B): extreme tilts, tilt ranges, design regions, tilt rates.
 
-Tilt is the angle φ between ω1 and the tool, signed; it depends on θ2 alone. For each tilt inside the workspace there
-are two θ2, one on each branch; the branches meet at the extremes of φ, where dφ/dθ2 = 0.
+Tilt is the signed angle φ between ω1 and the tool. It depends on θ2 alone. Each tilt inside the
+workspace has two solutions θ2, one on each branch. The branches meet at the extremes of φ, where
+dφ/dθ2 = 0.
 
-|φ| runs from |α − β| to α + β, folded at π (eq. 9). So a range with a = min |φ| and b = max |φ| is reached by all (α, β)
-with |α − β| ≤ a and b ≤ α + β ≤ 2π − b: a rectangle whose sides are at 45° to the α and β axes.
+|φ| ranges from |α − β| to α + β, folded at π (eq. 9). The angles (α, β) reach a range with
+a = min |φ| and b = max |φ| if |α − β| ≤ a and b ≤ α + β ≤ 2π − b. In the plane of α and β, this is
+a rectangle whose sides are at 45° to the axes.
 """
 
 from __future__ import annotations
@@ -23,56 +25,62 @@ from ssm_planner.kinematics.mechanism import (
     Mechanism,
     check_angles,
     elbow_squares,
-    tilt_magnitude,
 )
 from ssm_planner.problem.robot import JOINTS
-from ssm_planner.typing import Array
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import Array, record
 
 GRID = 20001
-"""Tilts at which the bound on the tilt rate is looked for."""
+"""Number of tilts at which the bound on the tilt rate is evaluated."""
 
 
-@dataclass(frozen=True, eq=False)
-class Extreme:
+@record
+class Extreme(ShortRepr):
     """A configuration of extreme tilt (paper, eqs. 6–9)."""
 
     theta2: float
-    """θ_r, in (−π, π]."""
+    """Angle θ_r in (−π, π]."""
     c1: float
     c2: float
-    """e^{ω̂2 θ_r} v4 = c1 ω1 + c2 ω2."""
+    """Coefficients in e^{ω̂2 θ_r} v4 = c1 ω1 + c2 ω2."""
     direction: Array
-    """e^{ω̂2 θ_r} v4, (3,)."""
+    """Tool axis e^{ω̂2 θ_r} v4, (3,)."""
     tilt: float
-    """|φ_r|, in [0, π]."""
+    """Magnitude |φ_r| in [0, π]."""
 
 
 def tilt_magnitudes(alpha: float, beta: float) -> tuple[float, float]:
-    """Smallest and largest |φ|, in [0, π]: |α − β| and α + β, folded at π (paper, eq. 9).
+    """Return the smallest and the largest |φ| in [0, π] (paper, eq. 9).
 
-    α and β in [0, π], any: with one of them 0 or π the two are equal.
+    They are |α − β| and α + β, folded at π, for any α and β in [0, π]. If one of the angles is 0 or
+    π, both results are equal.
     """
     return abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - (alpha + beta))
 
 
 def tilt_interval(mechanism: Mechanism) -> tuple[float, float]:
-    """(lo, hi) of the signed tilt on the home side; the vitreoretinal robot: (−139.778°, −79.778°)."""
+    """Return the range (low, high) of the signed tilt on the home side.
+
+    For the vitreoretinal robot it is (−139.778°, −79.778°).
+    """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     return (low, high) if mechanism.side > 0 else (-high, -low)
 
 
 def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
-    """The configurations of smallest and of largest |φ| (paper, eq. 8):
+    """Return the configurations with the smallest and the largest |φ| (paper, eq. 8).
 
-    e^{ω̂2 θ_r} v4 = ± (sin β / sin α) ω1 + (sin(α ∓ β) / sin α) ω2, upper signs first.
-    GeometryError where ω1 and ω2, or ω2 and ω3, are parallel: then φ is constant.
+    e^{ω̂2 θ_r} v4 = ± (sin β / sin α) ω1 + (sin(α ∓ β) / sin α) ω2, with the upper signs for the
+    smallest |φ|. Raises GeometryError if ω1 and ω2, or ω2 and ω3, are parallel, because φ is then
+    constant.
     """
     alpha, beta = mechanism.alpha, mechanism.beta
     if min(math.sin(alpha), math.sin(beta)) < PARALLEL:
         raise GeometryError(
-            f"alpha = {alpha:.6g}, beta = {beta:.6g} rad: two axes are parallel, the tilt is constant"
+            f"alpha = {alpha:.6g}, beta = {beta:.6g} rad: two axes are parallel, the tilt is "
+            "constant"
         )
-    found = []
+    results = []
     for sign, tilt in zip((1, -1), tilt_magnitudes(alpha, beta), strict=True):
         c1, c2 = (
             sign * math.sin(beta) / math.sin(alpha),
@@ -80,21 +88,15 @@ def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
         )
         theta2 = math.remainder(mechanism.delta + (0.0 if sign > 0 else math.pi), 2.0 * math.pi)
         direction = c1 * mechanism.omega1 + c2 * mechanism.omega2
-        found.append(Extreme(theta2, c1, c2, direction, tilt))
-    return found[0], found[1]
-
-
-def tilt_from_theta2(mechanism: Mechanism, theta2: ArrayLike) -> Array:
-    """φ(θ2) on the home side, any shape."""
-    x = np.asarray(theta2, dtype=float) - mechanism.delta
-    tilt: Array = mechanism.side * tilt_magnitude(NUMPY, mechanism.alpha, mechanism.beta, x)
-    return tilt
+        results.append(Extreme(theta2, c1, c2, direction, tilt))
+    return results[0], results[1]
 
 
 def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
-    """θ2(φ) in δ + branch · [0, π], any shape; branch is +1 or −1, the sign of sin(θ2 − δ).
+    """Return θ2(φ) in δ + branch · [0, π], any shape.
 
-    Outside the workspace the θ2 of the nearest tilt.
+    branch: +1 or −1, the sign of sin(θ2 − δ). A tilt outside the workspace gives the θ2 of the
+    nearest tilt inside.
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     half = np.clip(np.abs(np.asarray(tilt, dtype=float)), low, high) / 2.0
@@ -107,17 +109,18 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
 
 
 def magnitude_range(name: str, tilt_range: tuple[float, float]) -> tuple[float, float]:
-    """Smallest and largest |φ| of a signed tilt range, checked."""
+    """Return the smallest and the largest |φ| of a signed tilt range. Raises GeometryError."""
     low, high = (float(end) for end in tilt_range)
     if not -math.pi <= low <= high <= math.pi:
         raise GeometryError(
-            f"{name} = [{low:.6g}, {high:.6g}]: lower must not exceed upper, both in [-pi, pi] rad, not degrees"
+            f"{name} = [{low:.6g}, {high:.6g}]: lower must not exceed upper, both in [-pi, pi] "
+            "rad, not degrees"
         )
     return (0.0 if low < 0.0 < high else min(abs(low), abs(high))), max(abs(low), abs(high))
 
 
 def check_branch(branch: int) -> int:
-    """Refuse anything but +1 and −1."""
+    """Return the branch. Raises GeometryError unless it is +1 or −1."""
     if branch not in (1, -1):
         raise GeometryError(
             f"branch = {branch!r}: must be 1 or -1, the sign of sin(theta2 - delta)"
@@ -126,7 +129,10 @@ def check_branch(branch: int) -> int:
 
 
 def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
-    """Angle, rad, from tilts of any shape to the nearer end of the workspace; negative outside."""
+    """Return the angle in rad from tilts of any shape to the nearer end of the workspace.
+
+    The angle is negative outside the workspace.
+    """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     magnitude = np.abs(_tilts(tilt))
     distance: Array = np.minimum(magnitude - low, high - magnitude)
@@ -134,26 +140,29 @@ def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
 
 
 def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """σ_min (n,) of the angular part of the space Jacobian, its columns the three revolute axes; q (n, 4).
+    """Return the smallest singular value (n,) of the angular part of the space Jacobian.
 
-    Without unit; 0 at the workspace boundary, where the axes lie in one plane. It depends on θ2 alone.
+    q: joints (n, 4). The columns of the angular part are the three revolute axes. The value has no
+    unit, depends on θ2 alone, and is zero at the workspace boundary, where the axes are coplanar.
     """
     values = np.linalg.svd(space_jacobian(mechanism, q)[:, 3:, :3], compute_uv=False)
     return np.asarray(values[:, 2], dtype=float)
 
 
 def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
-    """(dθ1/dφ, dθ2/dφ, dθ3/dφ) at constant roll and spin; tilts (...) to (..., 3).
+    """Return (dθ1/dφ, dθ2/dφ, dθ3/dφ) (..., 3) at constant roll and spin for tilts (...).
 
-    With x = θ2 − δ and P, E of mechanism.py:
-    dθ2/dφ = sin φ / (sin α sin β sin x),  dθ1/dφ = E / (sin α sin x sin φ),  dθ3/dφ = −P / (sin β sin x sin φ),
-    for the |φ| of the home side. Infinite at the workspace boundary, NaN outside.
+    With x = θ2 − δ and P, E of mechanism.py, for |φ| on the home side:
+    dθ2/dφ = sin φ / (sin α sin β sin x), dθ1/dφ = E / (sin α sin x sin φ),
+    dθ3/dφ = −P / (sin β sin x sin φ).
+    The result is infinite at the workspace boundary and NaN outside.
     """
     alpha, beta = mechanism.alpha, mechanism.beta
     tilts = _tilts(tilt)
     half = np.abs(tilts) / 2.0
     c2, s2 = elbow_squares(NUMPY, alpha, beta, np.cos(half), np.sin(half))
-    # at a tilt that is the end of the interval, rounding must not decide between infinite and outside
+    # at a tilt that is the end of the interval, rounding must not decide between infinite and
+    # outside
     c2, s2 = (np.where((part < 0.0) & (part > -1e-15), 0.0, part) for part in (c2, s2))
     with np.errstate(divide="ignore", invalid="ignore"):
         product = math.sin(alpha) * math.sin(beta)
@@ -181,7 +190,7 @@ def _tilts(value: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class TiltRateBound:
-    """A tilt rate (rad/s) that is not exceeded, the tilt (rad) that allows it, and the joint that sets it."""
+    """A bound on the tilt rate (rad/s), the tilt (rad) that allows it, and the limiting joint."""
 
     rate: float
     tilt: float
@@ -191,18 +200,22 @@ class TiltRateBound:
 def tilt_rate_bound(
     mechanism: Mechanism, ends: tuple[float, float], acceleration: float
 ) -> TiltRateBound:
-    """Largest tilt rate between two tilts (rad) at rest, roll and spin held, within a joint acceleration (rad/s²).
+    """Bound the tilt rate between two tilts (rad) at rest under a joint acceleration (rad/s²).
 
-    A joint that starts or ends at rest has q̇² ≤ 2·q̈_max·travel, so φ̇ ≤ √(2·q̈_max·min(travel to either end)) / |dq/dφ|
-    for each of joints 1 to 3. GeometryError unless both tilts are inside the workspace, where joint speed is bounded.
+    Roll and spin are constant. A joint that starts or ends at rest satisfies q̇² ≤ 2·q̈_max·travel.
+    Therefore φ̇ ≤ √(2·q̈_max·min(travel to either end)) / |dq/dφ| for joints 1 to 3. Raises
+    GeometryError unless both tilts are inside the workspace, where the joint speeds are bounded.
     """
     low, high = tilt_interval(mechanism)
     if not low < min(ends) < max(ends) < high:
         raise GeometryError(
-            f"ends = [{ends[0]:.6g}, {ends[1]:.6g}] rad: two tilts inside the workspace ({low:.6g}, {high:.6g}) are needed"
+            f"ends = [{ends[0]:.6g}, {ends[1]:.6g}] rad: two tilts inside the workspace "
+            f"({low:.6g}, {high:.6g}) are needed"
         )
     tilt = np.linspace(min(ends), max(ends), GRID)
-    half = [float(np.interp(each[-1] / 2, each, tilt)) for each in _travel(mechanism, tilt)[1].T]
+    half = [
+        float(np.interp(column[-1] / 2, column, tilt)) for column in _travel(mechanism, tilt)[1].T
+    ]
     tilt = np.sort(np.append(tilt, half))  # joints are fastest half way
     slope, travel = _travel(mechanism, tilt)
     speed = np.sqrt(2 * acceleration * np.minimum(travel, travel[-1] - travel))
@@ -212,33 +225,39 @@ def tilt_rate_bound(
 
 
 def _travel(mechanism: Mechanism, tilt: Array) -> tuple[Array, Array]:
-    """|dq/dφ| and the travel from the first tilt on, of joints 1 to 3, (n, 3) each; tilt (n,), monotonic."""
+    """Return |dq/dφ| and the travel since the first tilt for joints 1 to 3, each (n, 3).
+
+    tilt: monotonic (n,).
+    """
     slope = np.abs(joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch))
     step = (slope[1:] + slope[:-1]) / 2 * np.abs(np.diff(tilt))[:, None]
     return slope, np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)])
 
 
 ROUNDING = 1e-12
-"""rad by which a corner of a region may fall outside it."""
+"""Largest distance in rad by which a corner may lie outside its region."""
 
 
-@dataclass(frozen=True, eq=False)
-class DesignRegion:
-    """All (α, β) whose workspace holds a tilt range with a margin; rad."""
+@record
+class DesignRegion(ShortRepr):
+    """All angles (α, β), rad, whose workspace contains a tilt range with a margin."""
 
     tilt_range: tuple[float, float]
     margin: float
     vertices: Array
-    """(4, 2): corners (α, β) in order, the smallest α first; (0, 2) where nothing reaches the range."""
+    """Corners (α, β) in order, (4, 2), the one with the smallest α first.
+
+    The shape is (0, 2) for an empty region.
+    """
 
     @property
     def empty(self) -> bool:
-        """Nothing reaches the range with the margin."""
+        """True if no angles reach the range with the margin."""
         return len(self.vertices) == 0
 
     @property
     def smallest_alpha(self) -> tuple[float, float]:
-        """The (α, β) of smallest α, the most compact; (nan, nan) if the region is empty."""
+        """The (α, β) with the smallest α, which is the most compact design. (nan, nan) if empty."""
         return (
             (math.nan, math.nan)
             if self.empty
@@ -246,31 +265,52 @@ class DesignRegion:
         )
 
     def contains(self, alpha: float, beta: float) -> bool:
-        """Does (α, β) reach the range with the margin?"""
+        """Return whether (α, β) reaches the range with the margin."""
         return design_margin(alpha, beta, self.tilt_range) >= self.margin - ROUNDING
 
 
 def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> DesignRegion:
-    """All (α, β) that reach the signed tilts [tilt_low, tilt_high], rad, with `margin` rad beyond either end.
+    """Return all (α, β) that reach the signed tilts [tilt_low, tilt_high].
 
-    The corner of smallest α is ((b − a)/2 + margin, (a + b)/2): (30°, 110°) for (−140°, −80°). A range that passes
-    through φ = 0 needs α = β. Without margin that corner has the ends of the range on the workspace boundary, where
-    joint speed is unbounded: a design to be built needs a margin.
+    The corner with the smallest α is ((b − a)/2 + margin, (a + b)/2), for example (30°, 110°) for
+    (−140°, −80°). A range through φ = 0 needs α = β. Without a margin, this corner has the ends of
+    the range on the workspace boundary, where joint speeds are unbounded. A design that is to be
+    built therefore needs a margin.
+
+    Parameters
+    ----------
+    tilt_low, tilt_high : float
+        Range of the signed tilt in rad.
+    margin : float
+        Required distance of both ends from the workspace boundary in rad.
+
+    Raises
+    ------
+    GeometryError
+        If the range or the margin is not in [−π, π] or [0, π].
     """
     low, high = magnitude_range("tilt range", (tilt_low, tilt_high))
     if not 0.0 <= margin <= math.pi:
         raise GeometryError(f"margin = {margin!r}: must be in [0, pi] rad")
-    difference, least = low - margin, high + margin
-    if difference < 0.0 or least > math.pi:
+    difference, low_sum = low - margin, high + margin
+    if difference < 0.0 or low_sum > math.pi:
         return DesignRegion((tilt_low, tilt_high), margin, np.empty((0, 2)))
-    most = 2.0 * math.pi - least
-    corners = ((least, -difference), (least, difference), (most, difference), (most, -difference))
+    high_sum = 2.0 * math.pi - low_sum
+    corners = (
+        (low_sum, -difference),
+        (low_sum, difference),
+        (high_sum, difference),
+        (high_sum, -difference),
+    )
     vertices = np.array([((total + gap) / 2.0, (total - gap) / 2.0) for total, gap in corners])
     return DesignRegion((tilt_low, tilt_high), margin, vertices)
 
 
 def design_margin(alpha: float, beta: float, tilt_range: tuple[float, float]) -> float:
-    """Tilt, rad, by which the workspace of (α, β) goes beyond both ends of a range; negative: not reached."""
+    """Return the tilt in rad by which the workspace of (α, β) exceeds both ends of a range.
+
+    The margin is negative if the range is not reached.
+    """
     check_angles(alpha, beta)
     low, high = magnitude_range("tilt_range", tilt_range)
     nearest, farthest = tilt_magnitudes(alpha, beta)

@@ -1,4 +1,4 @@
-"""Catalogues of motors and gears: a CSV with units in cells or headings, or a folder of YAML files."""
+"""Catalogues of motors and gears: CSV tables with units, or folders of YAML files."""
 
 from __future__ import annotations
 
@@ -18,26 +18,31 @@ from ssm_planner.loading.motors import MotorModel, motor_from
 from ssm_planner.loading.yaml_nodes import Section, plain_node
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
+from ssm_planner.typing import JsonObject
 from ssm_planner.units import BadQuantity, quantity
 
 T = TypeVar("T", Motor, Drive)
 
 LARGEST_CATALOGUE = 10_000
-"""Entries."""
+"""Largest number of entries."""
 MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
-"""Columns of motor tables in the words of motor files; the chart's end is no rating, and its source says so."""
+"""Columns of motor tables and the equivalent keys of motor files.
+
+The torque at the end of a chart is not a rating, and its source states this.
+"""
 BESIDE = {"mass": "mass", "length": "length"}
-"""Kinds of the columns that a catalogue may have beside what motor and drive files know."""
+"""Kinds of the columns that a catalogue may have in addition to the keys of motor and drive files.
+"""
 WORM_COLUMNS = {"geometry.wheel_diameter", "geometry.worm_diameter", "geometry.ratio"}
 NAMES = {"name", "order_number"}
-"""Columns of text, though it may be digits."""
+"""Text columns whose cells may consist of digits."""
 FITTED = ("free_length", "ends")
-"""Ratings that are of the robot, not of the screw chosen."""
+"""Ratings that depend on the robot and not on the chosen screw."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row as it is written, by column, and its line."""
+    """Row of a table with its text by column and its line."""
 
     label: str
     cells: Mapping[str, Any]
@@ -46,7 +51,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Part(Generic[T]):
-    """An entry of a catalogue. mass (kg) and length (m): None where they are not stated."""
+    """Entry of a catalogue. mass (kg) and length (m) are None if they are not stated."""
 
     label: str
     of: T
@@ -54,11 +59,17 @@ class Part(Generic[T]):
     length: float | None = None
 
 
-def entries(path: Path, gear: bool = False) -> dict[str, Any]:
-    """What the entries of a catalogue say in the words of motor or drive files, by name. Raises ProblemError."""
+def entries(path: Path, gear: bool = False) -> JsonObject:
+    """Return the entries of a catalogue by name, with the keys of motor or drive files.
+
+    Raises ProblemError.
+    """
     file = catalogue_file(path)
     if file.is_dir():
-        return _counted(file, {each.stem: read(each).value for each in sorted(file.glob("*.yaml"))})
+        return _counted(
+            file,
+            {entry_file.stem: read(entry_file).value for entry_file in sorted(file.glob("*.yaml"))},
+        )
     rows = rows_of(file)
     if gear:
         return {
@@ -69,7 +80,10 @@ def entries(path: Path, gear: bool = False) -> dict[str, Any]:
 
 
 def stated_beside(path: Path) -> dict[str, dict[str, float]]:
-    """Mass (kg) and length (m) of the entries of a CSV, as far as they are stated, by name. Raises ProblemError."""
+    """Return the stated mass (kg) and length (m) of the entries of a CSV by name.
+
+    Raises ProblemError.
+    """
     file = catalogue_file(path)
     found = (
         {}
@@ -85,11 +99,14 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
 
 
 def motors_of(path: Path) -> list[Part[Motor]]:
-    """The motors of a catalogue. Raises ProblemError."""
+    """Return the motors of a catalogue. Raises ProblemError."""
     file = catalogue_file(path)
     if file.is_dir():
-        found = {each.stem: motor_from(read(each)) for each in sorted(file.glob("*.yaml"))}
-        return [Part(label, motor, motor.mass) for label, motor in _counted(file, found).items()]
+        motors = {
+            entry_file.stem: motor_from(read(entry_file))
+            for entry_file in sorted(file.glob("*.yaml"))
+        }
+        return [Part(label, motor, motor.mass) for label, motor in _counted(file, motors).items()]
     parts = []
     for row in rows_of(file):
         motor = motor_from(_section(file, row, _motor(row, file.name)))
@@ -98,19 +115,23 @@ def motors_of(path: Path) -> list[Part[Motor]]:
 
 
 def gears_of(path: Path, own: Drive) -> list[Part[Drive]]:
-    """The gears of a catalogue that are of the kind of a joint's own drive, in the place of its gear.
+    """Return drives in which gears of a catalogue replace the gear of a joint's drive.
 
-    A row keeps the friction and the inertias of the own drive that it does not state, and no rating of its gear; a YAML file
-    is a drive of its own. Raises ProblemError.
+    Only gears of the same kind are included. A row without friction or inertias keeps those of the
+    present drive, but not the ratings of its gear. A YAML file describes a complete drive. Raises
+    ProblemError.
     """
     file = catalogue_file(path)
     if file.is_dir():
-        found = {each.stem: read(each) for each in sorted(file.glob("*.yaml"))}
+        gear_files = {
+            entry_file.stem: read(entry_file) for entry_file in sorted(file.glob("*.yaml"))
+        }
         kinds = {
-            label: section.value.get("kind") for label, section in _counted(file, found).items()
+            label: section.value.get("kind")
+            for label, section in _counted(file, gear_files).items()
         }
         return [
-            Part(label, drive_from(found[label]))
+            Part(label, drive_from(gear_files[label]))
             for label, kind in kinds.items()
             if kind == own.kind
         ]
@@ -125,9 +146,9 @@ def gears_of(path: Path, own: Drive) -> list[Part[Drive]]:
 
 
 def catalogue_file(path: Path) -> Path:
-    """The file or folder, or the shipped catalogue of this name. Raises ProblemError."""
+    """Return the file or folder, or the shipped catalogue of this name. Raises ProblemError."""
     shipped = shipped_folder() / "catalogues" / path.name
-    with suppress(OSError, ValueError):  # such as a name that is too long: there is no such file
+    with suppress(OSError, ValueError):  # a name can be too long for a file
         if path.exists():
             return path
         for file in (shipped, shipped.with_name(f"{path.name}.csv")):
@@ -139,7 +160,7 @@ def catalogue_file(path: Path) -> Path:
 
 
 def rows_of(file: Path) -> list[Row]:
-    """The rows of a CSV, each with a name or order number of its own. Raises ProblemError."""
+    """Return the rows of a CSV by unique name or order number. Raises ProblemError."""
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -150,7 +171,7 @@ def rows_of(file: Path) -> list[Row]:
     if not NAMES & set(names):
         raise ProblemError("no column name or order_number", file=file, line=1)
     if len(set(names)) < len(names):
-        raise ProblemError("two columns of one name", file=file, line=1)
+        raise ProblemError("two columns have the same name", file=file, line=1)
     rows: dict[str, Row] = {}
     for cells in _cells(reader, file):
         if not cells:
@@ -160,14 +181,14 @@ def rows_of(file: Path) -> list[Row]:
                 f"{len(cells)} cells", file=file, line=reader.line_num, allowed=f"{len(headings)}"
             )
         written = zip(headings, (cell.strip() for cell in cells), strict=True)
-        row: dict[str, Any] = {
+        row: JsonObject = {
             name: cell if name in NAMES else _value(f"{cell} {unit}".rstrip())
             for (name, unit), cell in written
             if cell
         }
         label = str(row.pop("order_number", None) or row.get("name", ""))
         if label in rows or not label:
-            reason = f"{label!r} stands twice" if label else "no name"
+            reason = f"{label!r} occurs twice" if label else "no name"
             raise ProblemError(reason, file=file, line=reader.line_num)
         rows[label] = Row(label, row, reader.line_num)
     return list(_counted(file, rows).values())
@@ -176,21 +197,23 @@ def rows_of(file: Path) -> list[Row]:
 C = TypeVar("C")
 
 
-def _counted(file: Path, found: dict[str, C]) -> dict[str, C]:
-    if not 0 < len(found) <= LARGEST_CATALOGUE:
-        raise ProblemError(f"{len(found)} entries", file=file, allowed=f"1 to {LARGEST_CATALOGUE}")
-    return found
+def _counted(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
+    if not 0 < len(named_entries) <= LARGEST_CATALOGUE:
+        raise ProblemError(
+            f"{len(named_entries)} entries", file=file, allowed=f"1 to {LARGEST_CATALOGUE}"
+        )
+    return named_entries
 
 
 def _cells(reader: Any, file: Path) -> Iterator[list[str]]:
     try:
         yield from reader
     except csv.Error as error:
-        raise ProblemError(f"not a table: {error}", file=file, line=reader.line_num) from None
+        raise ProblemError(f"invalid table: {error}", file=file, line=reader.line_num) from None
 
 
 def _value(text: str) -> str | float:
-    """A number where the cell is one, else its text."""
+    """Return a cell as a number if it is one, otherwise as text."""
     try:
         return float(text)
     except ValueError:
@@ -198,17 +221,17 @@ def _value(text: str) -> str | float:
 
 
 def _heading(cell: str) -> tuple[str, str]:
-    """Name and unit of a column: `rotor_inertia [g*cm^2]`."""
+    """Return the name and unit of a column such as `rotor_inertia [g*cm^2]`."""
     name, _, unit = cell.strip().partition("[")
     return name.strip(), unit.rstrip("] ")
 
 
-def _motor(row: Row, file: str) -> dict[str, Any]:
-    """A motor file of a row; what motor files do not know is left out."""
+def _motor(row: Row, file: str) -> JsonObject:
+    """Return the motor file that a row describes, without keys that motor files do not have."""
     cells = dict(row.cells)
     source = cells.pop("source", f"{file}, {row.label}")
     name = str(cells.pop("name", ""))
-    entry: dict[str, Any] = {
+    entry: JsonObject = {
         "name": name if name == row.label else f"{name} {row.label}".strip(),
         "source": source,
     }
@@ -235,10 +258,10 @@ def _beside(file: Path, row: Row, name: str) -> float | None:
 
 
 def _geared(file: Path, row: Row, own: Drive) -> Drive:
-    """The own drive with the gear of a row."""
+    """Return the present drive with the gear of a row."""
     friction, slides = friction_of(own), own.slides
     effort, inertia = ("N", "kg") if slides else ("N*m", "kg*m^2")
-    said: dict[str, Any] = {
+    said: JsonObject = {
         "name": row.label,
         "kind": own.kind,
         "source": f"{file.name}, {row.label}",
@@ -250,7 +273,7 @@ def _geared(file: Path, row: Row, own: Drive) -> Drive:
             "b_c": f"{friction.b_c!r} N*m",
             "b_v": f"{friction.b_v!r} N*m*s/rad",
         },
-        "self_locking": "not required",  # that is a check of the gear, not a fault of the file
+        "self_locking": "not required",  # `size` checks self-locking
     }
     said["friction"]["b_oc"] = f"{friction.b_oc!r} {effort}"
     said["friction"]["mu_static"] = friction.mu_static

@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping
 
 TOLERANCE = 0.005
-"""Relative; dimensions beyond what is needed must agree with the others this well."""
+"""Largest relative difference between redundant dimensions."""
 
-# Each law is a product of powers: Π xᵢ^pᵢ = constant. With all but one factor known, the last follows.
+# Each law is a product of powers: Π xᵢ^pᵢ = constant. With all but one factor known, the last
+# follows.
 _Law = tuple[Mapping[str, int], float]
 _HELIX: _Law = ({"tan_lead_angle": 1, "diameter": 1, "lead": -1}, 1 / math.pi)
 _THREAD: _Law = ({"lead": 1, "starts": -1, "pitch": -1}, 1.0)
@@ -17,12 +18,15 @@ _LAWS: dict[str, tuple[_Law, ...]] = {
     "screw": (({"ratio": 1, "lead": 1}, 2 * math.pi), _HELIX, _THREAD),
 }
 _NEEDED = {"worm": ("ratio", "diameter", "wheel_diameter", "lead"), "screw": ("diameter", "lead")}
-# Figures read off a datasheet first, figures that are usually rounded last.
+# The order is from figures of datasheets to figures that are usually rounded.
 _ORDER = ("ratio", "lead", "starts", "pitch", "diameter", "wheel_diameter", "tan_lead_angle")
 
 
 class BadGeometry(ValueError):
-    """Dimensions that do not fix the gear, or contradict each other; key: the one to look at, if one stands out."""
+    """Dimensions that do not determine the gear or contradict each other.
+
+    key is the dimension that is probably wrong, or None.
+    """
 
     def __init__(self, reason: str, key: str | None = None) -> None:
         super().__init__(reason)
@@ -30,10 +34,11 @@ class BadGeometry(ValueError):
 
 
 def resolve(family: str, given: Mapping[str, float]) -> dict[str, float]:
-    """All dimensions (SI) of a worm or screw from those given, by the file's names.
+    """Return all dimensions (SI) of a worm or screw, by the file's names, from the given ones.
 
-    worm: ratio, worm_diameter, wheel_diameter, lead, lead_angle, starts, pitch; ratio = π·wheel_diameter/lead.
-    screw: diameter or effective_diameter, lead, lead_angle, starts, pitch; ratio = 2π/lead.
+    worm: ratio, worm_diameter, wheel_diameter, lead, lead_angle, starts, pitch; ratio =
+    π·wheel_diameter/lead. screw: diameter or effective_diameter, lead, lead_angle, starts, pitch;
+    ratio = 2π/lead.
     Both: tan(lead_angle) = lead/(π·diameter), lead = starts·pitch. Raises BadGeometry.
     """
     named = _internal(family, given)
@@ -46,7 +51,7 @@ def resolve(family: str, given: Mapping[str, float]) -> dict[str, float]:
             if abs(known[name] / value - 1) > TOLERANCE:
                 raise BadGeometry(
                     f"contradicts the other dimensions, which give {_text(name, known[name])}; "
-                    "leave one of them out or correct it",
+                    "omit or correct one of them",
                     key,
                 )
             continue
@@ -65,18 +70,18 @@ def resolve(family: str, given: Mapping[str, float]) -> dict[str, float]:
     return result
 
 
-def _internal(family: str, given: Mapping[str, float]) -> dict[str, tuple[str, float]]:
-    """Given dimensions under the names of the laws, each with the file's key."""
+def _internal(family: str, dimensions: Mapping[str, float]) -> dict[str, tuple[str, float]]:
+    """Return the given dimensions by the names in the laws, each with its key in the file."""
     named: dict[str, tuple[str, float]] = {}
-    for key, value in given.items():
+    for key, value in dimensions.items():
         if key == "lead_angle":
             if not 0 < value < math.pi / 3:
-                raise BadGeometry("a lead angle lies between 0 and 60 deg", key)
+                raise BadGeometry("a lead angle must be between 0 and 60 deg", key)
             named["tan_lead_angle"] = (key, math.tan(value))
         elif key in ("worm_diameter", "diameter", "effective_diameter"):
             if "diameter" in named and abs(named["diameter"][1] / value - 1) > TOLERANCE:
                 raise BadGeometry(
-                    "differs from diameter; friction acts at one of them: give that one", key
+                    "differs from diameter: give only the diameter at which friction acts", key
                 )
             named.setdefault("diameter", (key, value))
         else:
@@ -85,7 +90,7 @@ def _internal(family: str, given: Mapping[str, float]) -> dict[str, tuple[str, f
 
 
 def _complete(family: str, known: dict[str, float]) -> None:
-    """Adds every dimension that the known ones fix."""
+    """Add every dimension that the known ones determine."""
     progress = True
     while progress:
         progress = False
@@ -100,15 +105,15 @@ def _complete(family: str, known: dict[str, float]) -> None:
                 progress = True
 
 
-def _insufficient(family: str, given: Mapping[str, float]) -> str:
-    have = ", ".join(given) or "none"
+def _insufficient(family: str, dimensions: Mapping[str, float]) -> str:
+    have = ", ".join(dimensions) or "none"
     if family == "worm":
         return (
-            f"the dimensions given ({have}) do not fix the worm; three independent ones are needed "
-            "of ratio, worm_diameter, wheel_diameter, lead (or starts and pitch), lead_angle"
+            f"the dimensions given ({have}) do not determine the worm; it needs three independent "
+            "ones of ratio, worm_diameter, wheel_diameter, lead (or starts and pitch), lead_angle"
         )
     return (
-        f"the dimensions given ({have}) do not fix the screw; two independent ones are needed "
+        f"the dimensions given ({have}) do not determine the screw; it needs two independent ones "
         "of diameter (or effective_diameter), lead (or starts and pitch), lead_angle"
     )
 

@@ -1,4 +1,4 @@
-"""A drive file → Drive: what it may say, its geometry resolved, the source of each figure beside it."""
+"""Reader of drive files. It resolves the geometry and records the source of each figure."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from ssm_planner.dynamics.transmission import of_efficiencies
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drive_geometry import BadGeometry, resolve
 from ssm_planner.loading.schema import (
+    POSITIVE,
     SOURCE,
     Field,
     Figure,
@@ -26,9 +27,12 @@ from ssm_planner.loading.schema import (
     located,
     model_from,
     model_of,
+    nested,
     optional,
+    positive,
     quantity,
     reading,
+    required,
     validated,
     vector,
     wrong,
@@ -52,63 +56,68 @@ from ssm_planner.problem.value import Bound, Quantity, bare, hints
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
 FLAT = 1e-9
-"""Pressure angle of a drive that has efficiencies: its cosine is 1."""
-_POSITIVE = Bound(above=0.0)
-_Number = Annotated[Figure, figure(quantity("number", _POSITIVE))] | None
-_Length = Annotated[Figure, figure(quantity("length", _POSITIVE))] | None
-_Angle = Annotated[Figure, figure(quantity("angle", _POSITIVE))]
+"""Pressure angle of a drive with efficiencies. Its cosine is 1."""
+_Number = Annotated[Figure, figure(quantity("number", POSITIVE))]
+_Length = Annotated[Figure, figure(quantity("length", POSITIVE))]
+_Angle = Annotated[Figure, figure(quantity("angle", POSITIVE))]
 
 
 class WormDimensions(Model):
-    """Any set that fixes ratio, both diameters and the lead (drive_geometry.py)."""
+    """Dimensions of a worm gear.
 
-    ratio: _Number = None
-    """Turns of the worm by those of the wheel."""
-    worm_diameter: _Length = None
+    Any set that determines ratio, both diameters and the lead suffices (drive_geometry.py).
+    """
+
+    ratio: _Number | None = None
+    """Turns of the worm per turn of the wheel."""
+    worm_diameter: _Length | None = None
     """Pitch diameter of the worm."""
-    wheel_diameter: _Length = None
+    wheel_diameter: _Length | None = None
     """Pitch diameter of the wheel."""
-    lead: _Length = None
+    lead: _Length | None = None
     """Advance of the thread in one turn."""
     lead_angle: _Angle | None = None
-    """Of the thread at that diameter: tan = lead / (π · diameter)."""
-    starts: _Number = None
-    """Threads beside each other: lead = starts · pitch."""
-    pitch: _Length = None
-    """From one thread to the next."""
+    """Lead angle at the pitch diameter: tan = lead / (π · diameter)."""
+    starts: _Number | None = None
+    """Number of parallel threads: lead = starts · pitch."""
+    pitch: _Length | None = None
+    """Distance between neighbouring threads."""
     thread_angle: _Angle
-    """Between the two flanks, in the axial section."""
+    """Angle between both flanks in the axial section."""
 
 
 class ScrewDimensions(Model):
-    """Any set that fixes lead and effective diameter (drive_geometry.py)."""
+    """Dimensions of a screw.
 
-    lead: _Length = None
+    Any set that determines lead and effective diameter suffices (drive_geometry.py).
+    """
+
+    lead: _Length | None = None
     """Advance of the thread in one turn."""
-    diameter: _Length = None
-    """At which friction acts."""
-    effective_diameter: _Length = None
-    """The same as diameter."""
+    diameter: _Length | None = None
+    """Diameter at which friction acts."""
+    effective_diameter: _Length | None = None
+    """Synonym of diameter."""
     lead_angle: _Angle | None = None
-    """Of the thread at that diameter: tan = lead / (π · diameter)."""
-    starts: _Number = None
-    """Threads beside each other: lead = starts · pitch."""
-    pitch: _Length = None
-    """From one thread to the next."""
+    """Lead angle at that diameter: tan = lead / (π · diameter)."""
+    starts: _Number | None = None
+    """Number of parallel threads: lead = starts · pitch."""
+    pitch: _Length | None = None
+    """Distance between neighbouring threads."""
     thread_angle: _Angle
-    """Between the two flanks, in the axial section."""
-    outer_diameter: _Length = None
-    """Informational; friction acts at the effective diameter."""
+    """Angle between both flanks in the axial section."""
+    outer_diameter: _Length | None = None
+    """Outer diameter, for information. Friction acts at the effective diameter."""
 
 
 def _numbers(value: Any) -> tuple[float, ...]:
     try:
-        found = tuple(float(word) for word in value.split())
+        numbers = tuple(float(word) for word in value.split())
     except (AttributeError, ValueError):
-        found = ()
-    if not found or not all(map(math.isfinite, found)):
-        raise wrong("not a row of numbers", "finite numbers in SI, separated by spaces")
-    return found
+        numbers = ()
+    if not numbers or not all(map(math.isfinite, numbers)):
+        raise wrong("expected a row of numbers", "finite numbers in SI, separated by spaces")
+    return numbers
 
 
 _Numbers = Annotated[
@@ -123,136 +132,93 @@ HarmonicsModel = model_from(
 
 
 class PosteriorModel(Model):
-    """What an identification leaves open, SI; see posterior.Posterior."""
+    """Uncertainty of an identified drive in SI units (posterior.Posterior)."""
 
     scatter: Annotated[float, quantity("torque", Bound(at_least=0.0))]
-    """Of the mean torque from one recording to the next."""
+    """Standard deviation of the mean torque between recordings."""
     common: float = 0.0
-    """Share of its variance that recordings of near speed have in common."""
+    """Share of this variance that recordings of similar speed have in common."""
     speeds: _Numbers = ()
     """Motor speeds of the recordings."""
     departures: _Numbers = ()
-    """Their mean torque beyond the law's."""
+    """Differences between measured and modelled mean torque of these recordings."""
     forwards: Annotated[Any, Part(RippleModel)] | None = None
     """Ripple and noise in positive motion."""
     backwards: Annotated[Any, Part(RippleModel)] | None = None
     """Ripple and noise in negative motion."""
     harmonics_forwards: Annotated[Any, Part(HarmonicsModel)] | None = None
-    """What of the ripple repeats with the motor's angle in positive motion."""
+    """Periodic part of the ripple in positive motion."""
     harmonics_backwards: Annotated[Any, Part(HarmonicsModel)] | None = None
-    """The same in negative motion."""
+    """Periodic part of the ripple in negative motion."""
     draws: dict[str, _Numbers] = PydanticField(min_length=1)
     """Equally likely values of each parameter."""
 
 
-class _DriveModel(Model):
+class _ThreadModel(Model):
     @field_validator("friction", mode="before", check_fields=False)
     @classmethod
     def _friction(cls, value: Any) -> Any:
         if isinstance(value, str):
             if value != TO_IDENTIFY:
-                raise wrong("not a friction", f"{TO_IDENTIFY}, or a mapping with mu, b_c, b_v …")
+                raise wrong("invalid friction", f"{TO_IDENTIFY}, or a mapping with mu, b_c, b_v …")
             return None
         return value
 
 
-def _part(model: Any) -> Any:
-    """A part that may be left out."""
-    return Annotated[Any, Part(model)] | None, None
-
-
 def _range(name: str, slides: bool) -> Any:
-    """What lubrication, temperature and wear may make of a parameter of the friction."""
+    """Return the optional range of a friction parameter due to lubrication, temperature and
+    wear.
+    """
     (of,) = (mark for mark in bare(hints(Friction)[name])[1] if isinstance(mark, Quantity))
     kind = of.kind(slides)
-    # the bounds of a bare number may be equal
-    return Annotated[Any, vector(kind, kind) if kind == "number" else interval(kind)] | None, None
-
-
-_OF_FRICTION = f"Of mesh and bearings; {TO_IDENTIFY!r} where the drive stands on a rig and it is still to be found."
-
-
-def _drive(kind: str) -> Any:
-    """What the file of a kind of drive may say."""
-    slides, has_nuts = kind != "worm", kind == "antibacklash_screw"
-    friction = {
-        "mu_static": (reading(Friction, "mu_static", figures=True) | None, None),
-        "covariance": (dict[str, dict[str, FiniteFloat]] | None, None),
-        "posterior": (PosteriorModel | None, None),
-    }
-    # of the output side, a length or shape of the screw alone
-    ratings = () if slides else ("free_length", "root_diameter", "ends")
-    ranges = {"source": (Text, ...), **{name: _range(name, slides) for name in RANGED}}
-    published = {name: reading(Friction, name, slides, figures=True) for name in PARAMETERS}
-    given = {name: (hint | None, None) for name, hint in published.items()}
-    given["preload"] = optional(reading(Drive, "preload", figures=True))
-    rig = {
-        "payload_direction": (Literal["positive", "negative"], "positive"),
-        "published": _part(model_from({**given, "source": SOURCE}, of=(Drive, Friction))),
-        "source": SOURCE,
-    }
-    if not slides:
-        rig["payload_arm"] = Annotated[Any, quantity("length", _POSITIVE)], ...
-    more = {
-        "kind": (Literal[kind], ...),
-        "source": SOURCE,
-        "geometry": (
-            ScrewDimensions if slides else WormDimensions,
-            PydanticField(description="Dimensions of the thread."),
-        ),
-        "self_locking": (Literal["required", "not required"], "required"),
-        "friction": (
-            Annotated[Any, Part(model_of(Friction, friction, slides=slides, figures=True))] | None,
-            PydanticField(None, description=_OF_FRICTION, json_schema_extra=_may_be_identified),
-        ),
-        "friction_ranges": _part(model_from(ranges, of=(Friction,))),
-        "ratings": _part(
-            model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)
-        ),
-        "rig": _part(model_of(Rig, rig, slides=slides, without=("payload_arm",))),
-    }
-    if has_nuts:
-        more["preload"] = Annotated[Figure, figure(quantity("force", _POSITIVE))], ...
-        more["second_nut_mass"] = (
-            Annotated[Figure, figure(quantity("mass", Bound(at_least=0.0)))],
-            ...,
-        )
-    without = () if has_nuts else ("preload", "second_nut_mass")
-    return model_of(Drive, more, slides=slides, figures=True, without=without, base=_DriveModel)
+    # the bounds of a dimensionless number may be equal
+    return optional(Annotated[Any, vector(kind, kind) if kind == "number" else interval(kind)])
 
 
 class RatioDimensions(Model):
-    """Of a gear, belt or cable whose output turns."""
+    """Dimensions of a gear, belt or cable with a rotary output."""
 
-    ratio: Annotated[Figure, figure(quantity("number", _POSITIVE))]
-    """Turns of the motor by those of the output."""
+    ratio: _Number
+    """Turns of the motor per turn of the output."""
 
 
 class LeadDimensions(Model):
-    """Of a ball screw."""
+    """Dimensions of a ball screw."""
 
-    lead: Annotated[Figure, figure(quantity("length", _POSITIVE))]
+    lead: _Length
     """Advance of the nut in one turn."""
 
 
 class PulleyDimensions(Model):
-    """Of a belt or cable that pulls a slide."""
+    """Dimensions of a belt or cable that pulls a slide."""
 
-    pulley_diameter: Annotated[Figure, figure(quantity("length", _POSITIVE))]
-    """At which the belt or cable runs."""
-    ratio: Annotated[Figure, figure(quantity("number", _POSITIVE))] | None = None
-    """Turns of the motor by those of the pulley; 1 unless given."""
+    pulley_diameter: _Length
+    """Diameter at which the belt or cable runs."""
+    ratio: _Number | None = None
+    """Turns of the motor per turn of the pulley. The default is 1."""
 
 
 _GEOMETRY: dict[str, type[Model]] = {
+    "worm": WormDimensions,
+    "lead_screw": ScrewDimensions,
+    "antibacklash_screw": ScrewDimensions,
     "gear": RatioDimensions,
     "belt": RatioDimensions,
     "cable": RatioDimensions,
     "ball_screw": LeadDimensions,
+    "cable_slide": PulleyDimensions,
 }
-_GEOMETRY |= {"cable_slide": PulleyDimensions}
-_SHARE = Annotated[Figure, figure(quantity("number", Bound(above=0.0, at_most=1.0)))]
-_MESH = (
+"""Dimensions by kind of drive. A direct drive has none."""
+THREADED: tuple[str, ...] = get_args(ThreadKind)
+KINDS = (*THREADED, *get_args(EfficientKind))
+"""Kinds of drive that a file may describe."""
+OF_SCREWS = ("free_length", "root_diameter", "ends")
+"""Ratings that only a drive with a linear output has."""
+OF_THREADS = ("self_locking", "friction_ranges", "rig")
+"""Fields that only a worm or screw has."""
+OF_TWO_NUTS = ("preload", "second_nut_mass")
+"""Fields that only an antibacklash screw has."""
+OF_MESH = (
     "mu",
     "mu_static",
     "law",
@@ -263,146 +229,178 @@ _MESH = (
     "covariance",
     "posterior",
 )
+"""Parameters of the friction in a thread."""
+_SHARE = Annotated[Figure, figure(quantity("number", Bound(above=0.0, at_most=1.0)))]
 
 
-def _efficient(kind: str) -> Any:
-    """What the file of a kind of drive that has efficiencies may say."""
-    slides = kind not in TURNING
-    ratings = () if slides else ("free_length", "root_diameter", "ends")
+@cache
+def drive_model(kind: str) -> Any:
+    """Return the model of the files for one of KINDS.
+
+    It is built on first use because this is slow.
+    """
+    slides, threaded = kind not in TURNING, kind in THREADED
+    only_of_screws = () if slides else OF_SCREWS
+    ratings = model_of(
+        Ratings, {"source": SOURCE}, slides=slides, figures=True, without=only_of_screws
+    )
+    keys = {
+        "kind": (Literal[kind], ...),
+        "source": SOURCE,
+        "ratings": optional(nested(ratings)),
+    }
+    if kind in _GEOMETRY:
+        what = "of the thread" if threaded else "from the motor to the output"
+        keys["geometry"] = required(_GEOMETRY[kind], f"Dimensions {what}.")
+    keys |= _keys_of_thread(slides) if threaded else _keys_of_efficiencies(kind, slides)
+    without: tuple[str, ...] = () if threaded else OF_THREADS
+    if kind == "antibacklash_screw":
+        keys["preload"] = Annotated[Figure, figure(quantity("force", POSITIVE))], ...
+        keys["second_nut_mass"] = reading(Drive, "second_nut_mass", slides, figures=True), ...
+    else:
+        without += OF_TWO_NUTS
+    base = _ThreadModel if threaded else Model
+    return model_of(Drive, keys, slides=slides, figures=True, without=without, base=base)
+
+
+def _keys_of_thread(slides: bool) -> dict[str, Any]:
+    """Return the keys of a drive with a thread that differ from the fields of Drive."""
+    friction = {
+        "mu_static": optional(reading(Friction, "mu_static", figures=True)),
+        "covariance": optional(dict[str, dict[str, FiniteFloat]]),
+        "posterior": optional(PosteriorModel),
+    }
+    ranges = {"source": (Text, ...), **{name: _range(name, slides) for name in RANGED}}
+    published = {
+        name: optional(reading(Friction, name, slides, figures=True)) for name in PARAMETERS
+    }
+    published["preload"] = optional(reading(Drive, "preload", figures=True))
+    rig = {
+        "payload_direction": (Literal["positive", "negative"], "positive"),
+        "published": optional(
+            nested(model_from({**published, "source": SOURCE}, of=(Drive, Friction)))
+        ),
+        "source": SOURCE,
+    }
+    if not slides:
+        rig["payload_arm"] = positive("length"), ...
+    friction_model = model_of(Friction, friction, slides=slides, figures=True)
+    return {
+        "self_locking": (Literal["required", "not required"], "required"),
+        "friction": (
+            nested(friction_model) | None,
+            PydanticField(None, description=_OF_FRICTION, json_schema_extra=_may_be_identified),
+        ),
+        "friction_ranges": optional(nested(model_from(ranges, of=(Friction,)))),
+        "rig": optional(nested(model_of(Rig, rig, slides=slides, without=("payload_arm",)))),
+    }
+
+
+_OF_FRICTION = f"Friction of mesh and bearings. {TO_IDENTIFY!r} is allowed for a drive on a rig."
+
+
+def _keys_of_efficiencies(kind: str, slides: bool) -> dict[str, Any]:
+    """Return the keys of a drive with efficiencies that differ from the fields of Drive."""
     friction = {
         name: optional(reading(Friction, name, slides, figures=True)) for name in ("b_c", "b_v")
     }
     if kind != "direct":
         friction["efficiency"] = optional(
-            _SHARE, "Output by input power while the motor drives; 1 unless given."
+            _SHARE, "Ratio of output to input power while the motor drives. The default is 1."
         )
         friction["backward_efficiency"] = optional(
-            _SHARE, "The same while the load drives; by default as forwards."
+            _SHARE, "Ratio of output to input power while the load drives. The default is forwards."
         )
-    model = model_of(Friction, friction, slides=slides, figures=True, without=_MESH)
-    more = {
-        "kind": (Literal[kind], ...),
-        "source": SOURCE,
-        "friction": (
-            Annotated[Any, Part(model)] | None,
-            PydanticField(None, description="None unless given."),
-        ),
-        "ratings": _part(
-            model_of(Ratings, {"source": SOURCE}, slides=slides, figures=True, without=ratings)
-        ),
-    }
-    if kind != "direct":
-        more["geometry"] = (
-            _GEOMETRY[kind],
-            PydanticField(description="From the motor to the output."),
-        )
-    without = ("preload", "second_nut_mass", "self_locking", "friction_ranges", "rig")
-    return model_of(Drive, more, slides=slides, figures=True, without=without)
-
-
-def _with_efficiencies(section: Section, model: Any) -> Drive:
-    """A drive that has efficiencies in the place of a thread. Raises ProblemError."""
-    geometry = getattr(model, "geometry", None)
-    dimensions = (
-        {} if geometry is None else {name: each.value for name, each in geometry.figures().items()}
-    )
-    ratio = dimensions.get("ratio", 1.0)
-    if "lead" in dimensions:
-        ratio = 2 * math.pi / dimensions["lead"]
-    elif "pulley_diameter" in dimensions:
-        ratio *= 2 / dimensions["pulley_diameter"]
-    given = {} if model.friction is None else model.friction.figures()
-    values: dict[str, Any] = {name: each.value for name, each in given.items()}
-    forwards = values.pop("efficiency", 1.0)
-    backwards = values.pop("backward_efficiency", forwards)
-    gamma, mu = of_efficiencies(ratio, forwards, backwards)
-    sources, placeholders = _origins(model)
-    with located(section.sub("ratings")):
-        ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
-    with located(section):
-        return Drive(
-            name=model.name,
-            kind=model.kind,
-            ratio=ratio,
-            gamma=gamma,
-            lead_angle=WEDGE,
-            pressure_angle=FLAT,
-            input_inertia=model.input_inertia.value,
-            output_inertia=model.output_inertia.value,
-            friction=Friction(**{"b_c": 0.0, "b_v": 0.0, **values, "mu": mu, "mu_static": mu}),
-            self_locking=False,
-            dimensions={**dimensions, "efficiency": forwards, "backward_efficiency": backwards},
-            sources=sources,
-            placeholders=placeholders,
-            file=section.file_name,
-            ratings=ratings,
-        )
+    model = model_of(Friction, friction, slides=slides, figures=True, without=OF_MESH)
+    return {"friction": optional(nested(model), "Friction, none by default.")}
 
 
 def _may_be_identified(schema: dict[str, Any]) -> None:
     schema["anyOf"].append({"const": TO_IDENTIFY})
 
 
-KINDS: tuple[str, ...] = (*get_args(ThreadKind), *get_args(EfficientKind))
-"""Of drives that a file may describe."""
-
-
-@cache
-def drive_model(kind: str) -> Any:
-    """The model of a drive file of one of KINDS: made when it is asked for, which takes a while."""
-    return _drive(kind) if kind in get_args(ThreadKind) else _efficient(kind)
-
-
 def drive_from(section: Section) -> Drive:
-    """The drive that a section describes. Raises ProblemError."""
+    """Return the drive that a section describes. Raises ProblemError."""
     kind = section.value.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
-        reason = (
-            "missing: this key is required" if kind is None else "not a kind of drive known here"
-        )
+        reason = "missing: this key is required" if kind is None else "unknown kind of drive"
         raise section.error(reason, "kind", allowed=", ".join(KINDS))
     model: Any = validated(section, drive_model(kind))
-    if kind in get_args(EfficientKind):
-        return _with_efficiencies(section, model)
-    dimensions = _dimensions(section, model)
-    lead_angle, thread_angle = dimensions["lead_angle"], dimensions["thread_angle"]
-    given = {name: figure.value for name, figure in model.figures().items()}
+    fields = _of_thread(section, model) if kind in THREADED else _of_efficiencies(section, model)
     sources, placeholders = _origins(model)
-    friction = (
-        None if model.friction is None else _friction(section.sub("friction"), model.friction)
-    )
     with located(section.sub("ratings")):
         ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
-    ranges = {} if model.friction_ranges is None else dict(model.friction_ranges)
     with located(section):
         drive = Drive(
             name=model.name,
             kind=model.kind,
-            ratio=dimensions["ratio"],
-            gamma=dimensions["diameter"] / 2
-            if kind != "worm"
-            else dimensions["worm_diameter"] / dimensions["wheel_diameter"],
-            lead_angle=lead_angle,
-            pressure_angle=math.atan(math.tan(thread_angle / 2) * math.cos(lead_angle)),
-            friction=friction,
-            self_locking=model.self_locking == "required",
-            dimensions=dimensions,
             sources=sources,
             placeholders=placeholders,
-            rig=None if model.rig is None else _rig(model.rig),
             file=section.file_name,
             ratings=ratings,
-            friction_ranges={
-                name: ends for name, ends in ranges.items() if name != "source" and ends is not None
-            },
-            **given,
+            **model.numbers(),
+            **fields,
         )
-        drive.check_locking()
+        if drive.threaded:
+            drive.check_locking()
     return drive
 
 
+def _of_thread(section: Section, model: Any) -> dict[str, Any]:
+    """Return the fields of a worm or screw that follow from its geometry and friction."""
+    dimensions = _dimensions(section, model)
+    lead_angle, thread_angle = dimensions["lead_angle"], dimensions["thread_angle"]
+    gamma = (
+        dimensions["worm_diameter"] / dimensions["wheel_diameter"]
+        if model.kind == "worm"
+        else dimensions["diameter"] / 2
+    )
+    friction = None
+    if model.friction is not None:
+        friction = _friction(section.sub("friction"), model.friction)
+    ranges = {} if model.friction_ranges is None else _values(model.friction_ranges)
+    ranges.pop("source", None)
+    return {
+        "ratio": dimensions["ratio"],
+        "gamma": gamma,
+        "lead_angle": lead_angle,
+        "pressure_angle": math.atan(math.tan(thread_angle / 2) * math.cos(lead_angle)),
+        "friction": friction,
+        "self_locking": model.self_locking == "required",
+        "dimensions": dimensions,
+        "rig": None if model.rig is None else _rig(model.rig),
+        "friction_ranges": ranges,
+    }
+
+
+def _of_efficiencies(section: Section, model: Any) -> dict[str, Any]:
+    """Return the fields of a drive with efficiencies, as those of a thread that has them."""
+    geometry = getattr(model, "geometry", None)
+    dimensions = {} if geometry is None else geometry.numbers()
+    ratio = dimensions.get("ratio", 1.0)
+    if "lead" in dimensions:
+        ratio = 2 * math.pi / dimensions["lead"]
+    elif "pulley_diameter" in dimensions:
+        ratio *= 2 / dimensions["pulley_diameter"]
+    bearings = {} if model.friction is None else model.friction.numbers()
+    forwards = bearings.pop("efficiency", 1.0)
+    backwards = bearings.pop("backward_efficiency", forwards)
+    gamma, mu = of_efficiencies(ratio, forwards, backwards)
+    with located(section):
+        friction = Friction(**{"b_c": 0.0, "b_v": 0.0, **bearings, "mu": mu, "mu_static": mu})
+    return {
+        "ratio": ratio,
+        "gamma": gamma,
+        "lead_angle": WEDGE,
+        "pressure_angle": FLAT,
+        "friction": friction,
+        "self_locking": False,
+        "dimensions": {**dimensions, "efficiency": forwards, "backward_efficiency": backwards},
+    }
+
+
 def _values(model: Model) -> dict[str, Any]:
-    """What a model of figures holds, by the fields of its value."""
+    """Return the figures of a model by the fields of its value."""
     given = {
         name: each.value if isinstance(each, Figure) else each
         for name, each in model
@@ -412,7 +410,7 @@ def _values(model: Model) -> dict[str, Any]:
 
 
 def _dimensions(section: Section, model: Any) -> dict[str, float]:
-    given = {name: figure.value for name, figure in model.geometry.figures().items()}
+    given = model.geometry.numbers()
     thread_angle = given.pop("thread_angle")
     outer = given.pop("outer_diameter", None)
     if not thread_angle < math.radians(120):
@@ -449,6 +447,15 @@ def _friction(section: Section, model: Any) -> Friction:
         return Friction(**values)
 
 
+OF_DIRECTIONS = {
+    "forwards": Ripple,
+    "backwards": Ripple,
+    "harmonics_forwards": Harmonics,
+    "harmonics_backwards": Harmonics,
+}
+"""Parts of a posterior for each direction of motion, or None."""
+
+
 def _posterior(model: PosteriorModel) -> Posterior:
     if len({len(column) for column in model.draws.values()}) != 1:
         raise ProblemError(
@@ -456,36 +463,29 @@ def _posterior(model: PosteriorModel) -> Posterior:
             key="posterior.draws",
             allowed="as many sets of each parameter",
         )
-    given = {"forwards": model.forwards, "backwards": model.backwards}
-    own: dict[str, Any] = {
-        way: Ripple(**dict(ripple)) for way, ripple in given.items() if ripple is not None
-    }
-    waves = {f"harmonics_{way}": getattr(model, f"harmonics_{way}") for way in given}
-    own |= {way: Harmonics(**dict(found)) for way, found in waves.items() if found is not None}
-    draws = np.column_stack(list(model.draws.values()))
-    own |= {name: getattr(model, name) for name in ("scatter", "common", "speeds", "departures")}
-    return Posterior(names=tuple(model.draws), draws=draws, **own)
+    fields: dict[str, Any] = dict(model)
+    for name, part_of in OF_DIRECTIONS.items():
+        if fields[name] is not None:
+            fields[name] = part_of(**dict(fields[name]))
+    fields["draws"] = np.column_stack(list(model.draws.values()))
+    return Posterior(names=tuple(model.draws), **fields)
 
 
 def _rig(model: Any) -> Rig:
-    published = (
-        {}
-        if model.published is None
-        else {name: f.value for name, f in model.published.figures().items()}
-    )
+    published = {} if model.published is None else model.published.numbers()
     direction = 1 if model.payload_direction == "positive" else -1
     return Rig(**{**_values(model), "payload_direction": direction, "published": published})
 
 
 def _origins(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
-    """Source of each figure, and the names of those that are placeholders."""
+    """Return the source of each figure, and the names of the placeholders."""
     figures: dict[str, Figure] = {}
     sources: dict[str, str] = {}
-    for part in (model, getattr(model, "geometry", None), model.friction, model.ratings):
-        if part is not None:
-            origin = getattr(part, "source", None) or model.source
-            figures |= part.figures()
-            sources |= {} if origin is None else dict.fromkeys(part.figures(), origin)
+    for submodel in (model, getattr(model, "geometry", None), model.friction, model.ratings):
+        if submodel is not None:
+            origin = getattr(submodel, "source", None) or model.source
+            figures |= submodel.figures()
+            sources |= {} if origin is None else dict.fromkeys(submodel.figures(), origin)
     if getattr(model, "friction_ranges", None) is not None:
         sources["friction_ranges"] = model.friction_ranges.source
     sources |= {

@@ -1,4 +1,4 @@
-"""Files as the user wrote them: found by path or by shipped name, read whole, followed where one names another."""
+"""Access to the user's files: search by path or shipped name, reading, and references."""
 
 from __future__ import annotations
 
@@ -14,29 +14,32 @@ from ssm_planner.loading.yaml_nodes import Node, Section, parse, plain_node
 Folder = Literal["problems", "robots", "drives", "motors", "motorisation", "controllers", "studies"]
 _PACKAGE = Path(__file__).parents[1]
 LARGEST_FILE = 10_000_000
-"""Bytes; no problem file written by hand comes near it."""
+"""Largest size of a file in bytes. Files written by hand are much smaller."""
 
 
 def shipped_folder() -> Path:
-    """Where the shipped files stand: within the installed package, or beside it in a checkout."""
+    """Return the folder of the shipped files, in the installed package or in a checkout."""
     within = _PACKAGE / "problems"
     return within if within.is_dir() else _PACKAGE.parent / "problems"
 
 
 def shipped_names(folder: Folder) -> dict[str, Path]:
-    """The shipped files of one kind by name, such as tilt_insert among the problems."""
-    place = shipped_folder() if folder == "problems" else shipped_folder() / folder
-    return {file.stem: file for file in sorted(place.glob("*.yaml"))}
+    """Return the shipped files of one kind by name, such as tilt_insert for problems."""
+    directory = shipped_folder() if folder == "problems" else shipped_folder() / folder
+    return {file.stem: file for file in sorted(directory.glob("*.yaml"))}
 
 
 def find(name: str | Path, folder: Folder) -> Path:
-    """The file of this path, or the shipped file of this name. Raises ProblemError where there is neither."""
+    """Return the file of this path, or the shipped file of this name.
+
+    Raises ProblemError if there is neither.
+    """
     path, names = Path(name), shipped_names(folder)
     try:
         if path.is_file() or (path.exists() and str(name) not in names):
             return path
     except (OSError, ValueError):
-        return path  # reading it says what is wrong
+        return path  # reading it raises the appropriate error
     if str(name) in names:
         return names[str(name)]
     beside = [file.name for file in path.parent.glob("*.yaml")] if path.parent.is_dir() else []
@@ -48,18 +51,21 @@ def find(name: str | Path, folder: Folder) -> Path:
 
 
 def read(path: str | Path) -> Section:
-    """The YAML mapping in a file. Raises ProblemError for everything that is not one readable mapping."""
+    """Return the YAML mapping in a file. Raises ProblemError for any other content."""
     file = Path(path)
     return _section(file, parse(file, text_of(file)))
 
 
 def of_text(text: str) -> Section:
-    """The YAML mapping in a text; files that it names are relative to the working directory. Raises ProblemError."""
+    """Return the YAML mapping in a text.
+
+    File names in it are relative to the working directory. Raises ProblemError.
+    """
     return _section(None, parse(None, text))
 
 
 def of_data(data: Mapping[str, Any]) -> Section:
-    """Data from Python in the place of a file; it has no lines. Raises ProblemError."""
+    """Return data from Python as the content of a file without lines. Raises ProblemError."""
     return _section(None, plain_node(data))
 
 
@@ -67,24 +73,29 @@ def _section(file: Path | None, root: Node) -> Section:
     if isinstance(root.value, dict):
         return Section(file, root)
     what = "the problem is" if file is None else "the file holds"
-    found = "a list" if isinstance(root.value, list) else f"only the text {str(root.value)[:40]!r}"
-    reason = f"{what} {'nothing' if root.value is None else found}"
+    content = (
+        "a list" if isinstance(root.value, list) else f"only the text {str(root.value)[:40]!r}"
+    )
+    reason = f"{what} {'nothing' if root.value is None else content}"
     raise ProblemError(reason, file=file, line=root.line, allowed="a mapping of key: value lines")
 
 
 def follow(section: Section, *path: str | int, kind: str | None = None) -> Section:
-    """The mapping that a key holds, or that the file named there holds: relative to the file that names it, or shipped.
+    """Return the mapping under a key, or the one in the file that the key names.
 
-    kind: robot, drive or motor; that of the key unless given.
+    The file is relative to the file that names it, or shipped. kind is robot, drive or motor, by
+    default the name of the key.
     """
-    here = section.sub(*path)
-    if isinstance(here.value, dict):
-        return here
+    reference = section.sub(*path)
+    if isinstance(reference.value, dict):
+        return reference
     target = Path(
-        os.path.normpath((Path() if section.file is None else section.file.parent) / here.value)
+        os.path.normpath(
+            (Path() if section.file is None else section.file.parent) / reference.value
+        )
     )
     try:
-        shipped = shipped_names(f"{kind or path[-1]}s").get(here.value)  # type: ignore[arg-type]  # robot, drive, motor
+        shipped = shipped_names(f"{kind or path[-1]}s").get(reference.value)  # type: ignore[arg-type]  # robot, drive, motor
         if shipped is not None and not target.exists():
             return read(shipped)
         problem = (
@@ -94,12 +105,12 @@ def follow(section: Section, *path: str | int, kind: str | None = None) -> Secti
         problem = f"cannot be read: {error}"
     if problem:
         allowed = "a file, named relative to this one, or a shipped name"
-        raise here.error(f"the file {target} {problem}", allowed=allowed)
+        raise reference.error(f"the file {target} {problem}", allowed=allowed)
     return read(target)
 
 
 def text_of(file: Path) -> str:
-    """What stands in a text file. Raises ProblemError where it is none that can be read."""
+    """Return the content of a text file. Raises ProblemError if it is unreadable."""
 
     def refused(reason: str, allowed: str | None = None, line: int | None = None) -> ProblemError:
         return ProblemError(reason, file=file, line=line, allowed=allowed)

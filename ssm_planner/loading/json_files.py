@@ -1,4 +1,7 @@
-"""JSON files, guarded: whatever their bytes are, there is data of finite numbers or one message that names the file."""
+"""Reader of JSON files.
+
+Any content gives either data with finite numbers or one message that names the file.
+"""
 
 from __future__ import annotations
 
@@ -13,45 +16,49 @@ from typing import IO, Any, NoReturn
 import numpy as np
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject
 
 IN_PARTS = 20 * 2**20
-"""Bytes of a file beyond which its longest list is read in parts."""
+"""File size in bytes above which the longest list is read in parts."""
 CHUNK = 2**22
-"""Bytes read at a time."""
+"""Number of bytes per read."""
 BATCH = 4096
-"""Entries of the longest list that are made numbers together."""
+"""Number of entries of the longest list that are converted together."""
 LARGEST_VALUE = 2**28
-"""Characters of one value outside the longest list."""
+"""Largest number of characters of a value outside the longest list."""
 _NUMBER = re.compile(r"[-+.eE0-9]*")
-"""What may follow where a number is cut."""
+"""Characters that may continue a number at the end of a chunk."""
 _SPACE = re.compile(r"[ \t\n\r]*")
 DEEPEST = 30
-"""Levels of nesting."""
+"""Largest number of nested levels."""
 LONGEST_INTEGER = 18
-"""Digits."""
+"""Largest number of digits of an integer."""
 
 
 def read_json(path: Path, largest: int) -> Any:
-    """What a JSON file of at most `largest` bytes holds. Raises TrajectoryError naming file and fault."""
+    """Return the content of a JSON file of at most `largest` bytes.
+
+    Raises TrajectoryError with file and fault.
+    """
     return parse_json(path, read_bytes(path, largest))
 
 
 def read_json_in_parts(path: Path, largest: int, longest: tuple[str, ...]) -> tuple[Any, str]:
-    """What a JSON file holds, and its SHA-256; of a large file the list under the keys `longest` as an array.
+    """Return the content of a JSON file and its SHA-256.
 
-    Its numbers then never are Python's, which take four times as much memory as an array, beside the text. Raises
-    TrajectoryError naming file and fault.
+    In a large file, the list under the keys `longest` becomes an array. Its numbers never become
+    Python objects, which need four times the memory of an array in addition to the text. Raises
+    TrajectoryError with file and fault.
     """
     if not path.is_file() or path.stat().st_size <= IN_PARTS:
         data = read_bytes(path, largest)
         return parse_json(path, data), hashlib.sha256(data).hexdigest()
     if path.stat().st_size > largest:
-        read_bytes(path, largest)  # says so
+        read_bytes(path, largest)  # raises the appropriate error
     with path.open("rb") as file:
         stream = _Stream(path, file)
         try:
-            found = stream.mapping(longest)
+            content = stream.mapping(longest)
             if stream.peek():
                 stream.refuse("more than one value")
         except UnicodeDecodeError as error:
@@ -62,12 +69,12 @@ def read_json_in_parts(path: Path, largest: int, longest: tuple[str, ...]) -> tu
             ) from error
         except OSError as error:
             raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
-    _check(path, found, 0)
-    return found, stream.digest.hexdigest()
+    _check(path, content, 0)
+    return content, stream.digest.hexdigest()
 
 
 class _Stream:
-    """The text of a JSON file as it comes, taken value by value."""
+    """Incremental parser of a JSON file."""
 
     def __init__(self, path: Path, file: IO[bytes]) -> None:
         self.path, self.file = path, file
@@ -76,7 +83,10 @@ class _Stream:
         self.digest, self.decoded = hashlib.sha256(), codecs.getincrementaldecoder("utf-8-sig")()
 
     def more(self) -> bool:
-        """Read on, as much again as there is, so that a long value is not begun too often; False at the end."""
+        """Double the buffered text, so that long values are rarely parsed twice.
+
+        Return False at the end.
+        """
         data = self.file.read(max(CHUNK, len(self.text) - self.at))
         self.digest.update(data)
         self.line += self.text.count("\n", 0, self.at)
@@ -84,31 +94,31 @@ class _Stream:
         return bool(data)
 
     def peek(self) -> str:
-        """The next character that is no space; empty at the end."""
+        """Return the next character that is not a space, or "" at the end."""
         while True:
             self.at = _SPACE.match(self.text, self.at).end()  # type: ignore[union-attr]
             if self.at < len(self.text) or not self.more():
                 return self.text[self.at : self.at + 1]
 
     def take(self, allowed: str) -> str:
-        """The next character, which must be one of these."""
-        found = self.peek()
-        if not found or found not in allowed:
+        """Consume and return the next character, which must be one of these."""
+        character = self.peek()
+        if not character or character not in allowed:
             self.refuse(
-                f"{found!r} where one of {allowed} is due"
-                if found
-                else "ends in the middle: truncated"
+                f"{character!r} instead of one of {allowed}"
+                if character
+                else "the file ends early: truncated"
             )
         self.at += 1
-        return found
+        return character
 
     def value(self) -> Any:
-        """The next value, whole."""
+        """Consume and return the next value."""
         self.peek()
         while True:
             fault = None
             try:
-                found, end = self.decoder.raw_decode(self.text, self.at)
+                value, end = self.decoder.raw_decode(self.text, self.at)
             except json.JSONDecodeError as error:
                 fault, end = error, len(self.text)
             if _NUMBER.match(self.text, end).end() < len(self.text):  # type: ignore[union-attr]
@@ -118,33 +128,33 @@ class _Stream:
         if fault is not None:
             self.refuse(fault.msg)
         self.at = end
-        return found
+        return value
 
-    def mapping(self, longest: tuple[str, ...]) -> dict[str, Any]:
-        """The next value, a mapping, with the list under the keys `longest` as an array."""
+    def mapping(self, longest: tuple[str, ...]) -> JsonObject:
+        """Consume the next mapping, and convert the list under the keys `longest` to an array."""
         self.take("{")
-        found: dict[str, Any] = {}
-        while self.peek() != "}" or found:
+        mapping: JsonObject = {}
+        while self.peek() != "}" or mapping:
             key = self.value()
             if not isinstance(key, str):
-                self.refuse("a key that is no text")
+                self.refuse("a key is not text")
             self.take(":")
             first = self.peek()
             if (key,) == longest and first == "[":
-                found[key] = self.array()
+                mapping[key] = self.array()
             elif key == longest[0] and len(longest) > 1 and first == "{":
-                found[key] = self.mapping(longest[1:])
+                mapping[key] = self.mapping(longest[1:])
             else:
-                found[key] = self.value()
+                mapping[key] = self.value()
             if self.take(",}") == "}":
-                return found
+                return mapping
         self.take("}")
-        return found
+        return mapping
 
     def array(self) -> Any:
-        """The next value, a list of numbers or of lists of equal shape."""
+        """Consume the next list of numbers or of lists of equal shape as an array."""
         self.take("[")
-        parts: list[Array] = []
+        batches: list[Array] = []
         entries: list[Any] = []
         going = True
         while going:
@@ -152,26 +162,26 @@ class _Stream:
             going = self.take(",]") == ","
             if len(entries) == BATCH or not going:
                 try:
-                    part = np.array(entries, dtype=float)
-                    if parts and part.shape[1:] != parts[0].shape[1:]:
-                        raise ValueError("entries of unequal shape")
+                    batch = np.array(entries, dtype=float)
+                    if batches and batch.shape[1:] != batches[0].shape[1:]:
+                        raise ValueError("entries have different shapes")
                 except (OverflowError, TypeError, ValueError) as error:
-                    self.refuse(f"no array of numbers: {error}")
-                if not np.isfinite(part).all():
+                    self.refuse(f"not an array of numbers: {error}")
+                if not np.isfinite(batch).all():
                     self.refuse(
-                        "holds a number beyond 1e308, or null; only finite numbers are allowed"
+                        "contains a number beyond 1e308, or null; only finite numbers are allowed"
                     )
-                parts.append(part)
+                batches.append(batch)
                 entries = []
-        return np.concatenate(parts)
+        return np.concatenate(batches)
 
     def refuse(self, fault: str) -> NoReturn:
         line = self.line + self.text.count("\n", 0, self.at)
-        raise TrajectoryError(f"{self.path}:{line}: not JSON as a plan has it ({fault})")
+        raise TrajectoryError(f"{self.path}:{line}: invalid JSON ({fault})")
 
 
 def read_bytes(path: Path, largest: int) -> bytes:
-    """A regular file of at most `largest` bytes. Raises TrajectoryError."""
+    """Return the content of a regular file of at most `largest` bytes. Raises TrajectoryError."""
     try:
         if path.is_dir():
             raise TrajectoryError(f"{path}: is a folder, not a file")
@@ -180,7 +190,7 @@ def read_bytes(path: Path, largest: int) -> bytes:
         size = path.stat().st_size
         if size > largest:
             raise TrajectoryError(
-                f"{path}: {size} bytes are too many for a file of this kind (allowed: {largest})"
+                f"{path}: {size} bytes are too many for this kind of file (allowed: {largest})"
             )
         return path.read_bytes()
     except (OSError, ValueError) as error:
@@ -189,7 +199,7 @@ def read_bytes(path: Path, largest: int) -> bytes:
 
 
 def parse_json(path: Path, data: bytes) -> Any:
-    """What JSON bytes hold; path: named in messages. Raises TrajectoryError."""
+    """Return the value in JSON bytes. path is named in messages. Raises TrajectoryError."""
 
     decoder = _decoder(path)
     try:
@@ -198,22 +208,22 @@ def parse_json(path: Path, data: bytes) -> Any:
         line = data.count(b"\n", 0, error.start) + 1
         raise TrajectoryError(f"{path}:{line}: not a text file in UTF-8") from error
     try:
-        found = decoder.decode(text)
+        content = decoder.decode(text)
     except json.JSONDecodeError as error:
         cut = error.pos >= len(text.rstrip())
-        what = "ends in the middle: truncated" if cut and text.strip() else "not JSON"
+        what = "the file ends early: truncated" if cut and text.strip() else "not JSON"
         raise TrajectoryError(f"{path}:{error.lineno}: {what} ({error.msg})") from error
     except RecursionError as error:
         raise TrajectoryError(f"{path}: nested too deeply (allowed: {DEEPEST} levels)") from error
-    _check(path, found, 0)
-    return found
+    _check(path, content, 0)
+    return content
 
 
 def _decoder(path: Path) -> json.JSONDecoder:
-    """Of finite numbers alone."""
+    """Return a decoder that accepts finite numbers only."""
 
     def refuse(constant: str) -> NoReturn:
-        raise TrajectoryError(f"{path}: holds {constant[:40]}; only finite numbers are allowed")
+        raise TrajectoryError(f"{path}: contains {constant[:40]}; only finite numbers are allowed")
 
     def whole(digits: str) -> int:
         return (
@@ -226,11 +236,11 @@ def _decoder(path: Path) -> json.JSONDecoder:
 
 
 def _check(path: Path, value: Any, depth: int) -> None:
-    """Raises TrajectoryError for what is nested too deeply, infinite (1e999), or text that no file can hold."""
+    """Raise TrajectoryError for deep nesting, infinite numbers (1e999) or invalid text."""
     if isinstance(value, float):
         if not math.isfinite(value):
             raise TrajectoryError(
-                f"{path}: holds a number beyond 1e308; only finite numbers are allowed"
+                f"{path}: contains a number beyond 1e308; only finite numbers are allowed"
             )
         return
     if depth > DEEPEST:
@@ -247,8 +257,10 @@ def _check(path: Path, value: Any, depth: int) -> None:
 
 
 def check_text(path: Path, text: str) -> None:
-    """Raises TrajectoryError for a text with half a surrogate pair or a NUL: no name or file can hold it."""
+    """Raise TrajectoryError for half a surrogate pair or a NUL, which no file or name can
+    contain.
+    """
     if any("\ud800" <= character <= "\udfff" or character == "\0" for character in text):
         raise TrajectoryError(
-            f"{path}: holds a text with a character that no file can hold: {text[:40]!a}"
+            f"{path}: contains text with a character that no file can contain: {text[:40]!a}"
         )

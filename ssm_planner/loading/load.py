@@ -1,4 +1,4 @@
-"""Files → values: the only way into the program."""
+"""Readers of problem, robot, drive, motor, controller and motorisation files."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from ssm_planner.loading.schema import (
     keys,
     located,
     model_of,
+    nested,
     reading,
     validated,
 )
@@ -36,12 +37,18 @@ from ssm_planner.problem.robot import Robot
 
 
 def load_problem(name: str | Path) -> Problem:
-    """The problem in a YAML file, or the shipped one of this name; every point inside its limits. Raises ProblemError."""
+    """Return the problem in a YAML file or the shipped problem of this name.
+
+    Every point is within its limits. Raises ProblemError.
+    """
     return problem_from(read(find(name, "problems")))
 
 
 def problem_from_dict(data: Mapping[str, Any]) -> Problem:
-    """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
+    """Return the problem that a mapping with the keys of a problem file describes.
+
+    Raises ProblemError with the key.
+    """
     return problem_from(of_data(data))
 
 
@@ -53,25 +60,28 @@ Problem.from_dict, Problem.from_yaml = problem_from_dict, _from_yaml
 
 
 def load_robot(name: str | Path) -> Robot:
-    """The robot in a YAML file, or the shipped one of this name, its drives and motors loaded. Raises ProblemError."""
+    """Return the robot in a YAML file or the shipped robot of this name, with drives and motors.
+
+    Raises ProblemError.
+    """
     return robot_from(read(find(name, "robots")))
 
 
 def load_drive(name: str | Path) -> Drive:
-    """The drive in a YAML file, or the shipped one of this name. Raises ProblemError.
+    """Return the drive in a YAML file or the shipped drive of this name.
 
-    Its friction is None where it is still to be identified.
+    Its friction is None if it must still be identified. Raises ProblemError.
     """
     return drive_from(read(find(name, "drives")))
 
 
 def load_motor(name: str | Path) -> Motor:
-    """The motor in a YAML file, or the shipped one of this name. Raises ProblemError."""
+    """Return the motor in a YAML file or the shipped motor of this name. Raises ProblemError."""
     return motor_from(read(find(name, "motors")))
 
 
 def _joint_parts(cls: Any) -> Any:
-    """By joint: a value of the controller."""
+    """Return the type of a mapping from joints to a controller value."""
     return by_joint(model_of(cls), model_of(cls, slides=True))
 
 
@@ -80,24 +90,27 @@ ControllerModel = model_of(
     Controller,
     {
         "source": SOURCE,
-        "joints": (Annotated[Any, Part(_Axes)], _Axes()),
-        "compliance": (Annotated[Any, Part(_Compliance)], _Compliance()),
+        "joints": (nested(_Axes), _Axes()),
+        "compliance": (nested(_Compliance), _Compliance()),
     },
 )
-"""What a controller file may say; all of it may be left out."""
+"""Model of a controller file. Every key is optional."""
 
 
 def load_controller(name: str | Path) -> Controller:
-    """The controller in a YAML file, or the shipped one of this name. Raises ProblemError."""
+    """Return the controller in a YAML file or the shipped controller of this name.
+
+    Raises ProblemError.
+    """
     section = read(find(name, "controllers"))
-    given = dict(validated(section, ControllerModel))
-    del given["source"]
+    fields = dict(validated(section, ControllerModel))
+    del fields["source"]
     with located(section):
         for key, cls in (("joints", AxisController), ("compliance", JointCompliance)):
-            given[key] = {
-                joint: cls(**dict(part)) for joint, part in given[key] if part is not None
+            fields[key] = {
+                joint: cls(**dict(axis)) for joint, axis in fields[key] if axis is not None
             }
-        return Controller(file=section.file_name, **given)
+        return Controller(file=section.file_name, **fields)
 
 
 def _stroke(slides: bool = False) -> Any:
@@ -109,39 +122,42 @@ _Run = by_joint(_stroke(), _stroke(slides=True))
 
 
 class MotorisationModel(Model):
-    """What a motorisation file may say."""
+    """Model of a motorisation file."""
 
     name: Text | None = None
-    """By default the file's name without its ending."""
+    """Name. The default is the file's name without its suffix."""
     source: Text | None = None
-    """Where the figures come from."""
+    """Source of the figures."""
     robot: Reference
-    """Whose joints move."""
+    """Robot whose joints move."""
     held: JointValues = (0.0, 0.0, 0.0, 0.0)
-    """Where the joints stand that do not move."""
+    """Positions of the joints that do not move."""
     back_and_forth: Annotated[list[Annotated[Any, Part(_Run)]], Field(min_length=1, max_length=100)]
-    """One joint in each entry."""
+    """Runs of one joint each."""
 
 
 def load_motorisation(name: str | Path) -> Motorisation:
-    """The motorisation runs in a YAML file, or the shipped ones of this name, their robot loaded. Raises ProblemError."""
+    """Return the motorisation runs in a YAML file or the shipped ones of this name.
+
+    Their robot is loaded as well. Raises ProblemError.
+    """
     section = read(find(name, "motorisation"))
     if section.holds("motion") and not section.holds("back_and_forth"):
         raise section.error(
-            "a problem to plan: plan it first, then size its plan.json", "motion", show=False
+            "this is a problem file: plan it first, then size its plan.json", "motion", show=False
         )
     model = validated(section, MotorisationModel)
     robot = robot_from(follow(section, "robot"))
     strokes: list[Stroke] = []
     for i, run in enumerate(model.back_and_forth):
-        given = list(run.model_fields_set)
-        if len(given) != 1:
-            here = section.sub("back_and_forth", i)
-            raise here.error(
-                f"{len(given)} joints in one run",
+        joints = list(run.model_fields_set)
+        if len(joints) != 1:
+            entry = section.sub("back_and_forth", i)
+            raise entry.error(
+                f"{len(joints)} joints in one run",
                 allowed="one joint per run: roll, tilt or insertion",
             )
-        strokes.append(Stroke(given[0], home=model.held, **dict(getattr(run, given[0]))))
+        strokes.append(Stroke(joints[0], home=model.held, **dict(getattr(run, joints[0]))))
     places = {
         f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint)
         for i, stroke in enumerate(strokes)
@@ -165,11 +181,11 @@ def _models(kind: Kind) -> tuple[Any, ...]:
 
 
 def json_schema(kind: Kind) -> dict[str, Any]:
-    """JSON schema of a kind of file, for editors that complete and check YAML."""
+    """Return the JSON schema of a kind of file, for editors that complete and check YAML."""
     every: Any = Union[_models(kind)]  # noqa: UP007 - of a tuple
     return TypeAdapter(every).json_schema()
 
 
 def file_keys(kind: Kind) -> tuple[Key, ...]:
-    """Every key of a kind of file with its unit, what is allowed, its default and what it means."""
+    """Return every key of a kind of file with unit, allowed values, default and meaning."""
     return tuple(dict.fromkeys(key for model in _models(kind) for key in keys(model)))

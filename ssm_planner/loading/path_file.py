@@ -1,4 +1,6 @@
-"""A table of points along a path: joints, task coordinates, or tip and spin, units in the headings."""
+"""Reader of path tables with joints, task coordinates, or tip and spin, and units in the
+headings.
+"""
 
 from __future__ import annotations
 
@@ -18,16 +20,19 @@ from ssm_planner.problem.motion import Follow, Joints, Motion, Point, Task, Tip
 from ssm_planner.units import ANGLES, LENGTHS, of_heading
 
 MOST = 20_000
-"""Points of one table."""
+"""Largest number of points in a table."""
 OF_JOINTS, OF_TIP = ("q1", "q2", "q3", "q4"), ("x", "y", "z")
 KNOWN = (*OF_JOINTS, *TASK, *OF_TIP)
 BESIDE = re.compile(r"t|time.*|qd+\d|motor\d_.*")
 """Columns of trajectories that a path does not need."""
-FORMS = "q1, q2, q3, q4; or some of roll, tilt, spin, depth; or x, y, z and spin: each with its unit, such as 'tilt [deg]'"
+FORMS = "q1, q2, q3, q4; or any of roll, tilt, spin, depth; or x, y, z and spin: each with its unit, such as 'tilt [deg]'"
 
 
 def path_from(section: Section, name: str, line: int | None) -> Follow:
-    """The path in the table that a key names, relative to the file that names it. Raises ProblemError."""
+    """Return the path in the table that a key names, relative to the file that names it.
+
+    Raises ProblemError.
+    """
     file = Path(section.value) if section.file is None else section.file.parent / section.value
     if not file.is_file():
         reason = "is not a file" if file.exists() else "does not exist"
@@ -48,21 +53,25 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
                     "too many points", file=file, line=rows.line_num, allowed=f"at most {MOST}"
                 )
     except csv.Error as error:
-        raise ProblemError(f"not a table: {error}", file=file, line=rows.line_num) from None
+        raise ProblemError(f"invalid table: {error}", file=file, line=rows.line_num) from None
     if len(points) < 2:
         raise ProblemError(
-            "a single point is no path" if points else "no point", file=file, allowed="at least two"
+            "a path needs more than one point" if points else "no point",
+            file=file,
+            allowed="at least two",
         )
     return Follow(points[-1], tuple(points[:-1]), name, curve="samples", file=str(file), line=line)
 
 
 def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
-    """Column and factor to SI of every coordinate of one form, in the form's order."""
+    """Return the column and the factor to SI of every coordinate of one form, in the form's
+    order.
+    """
 
     def refused(reason: str, key: str | None = None, allowed: str = FORMS) -> ProblemError:
         return ProblemError(reason, file=file, line=1, key=key, allowed=allowed)
 
-    found: dict[str, tuple[int, float]] = {}
+    columns: dict[str, tuple[int, float]] = {}
     for column, name in enumerate(names):
         label, unit = of_heading(name)
         label = re.sub(
@@ -74,37 +83,37 @@ def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
         if BESIDE.fullmatch(label):
             continue
         if label not in KNOWN:
-            raise refused("not a coordinate known here", name.strip())
+            raise refused("unknown coordinate", name.strip())
         units = LENGTHS if label in ("depth", "q4", *OF_TIP) else ANGLES
         if unit not in units:
             raise refused(
-                f"unit {unit!r} is not known here" if unit else "no unit",
+                f"unknown unit {unit!r}" if unit else "no unit",
                 name.strip(),
                 ", ".join(units),
             )
-        if label in found:
-            raise refused(f"{label} stands twice", name.strip())
-        found[label] = column, units[unit]
-    given = set(found)
-    if given & set(OF_JOINTS):
+        if label in columns:
+            raise refused(f"{label} occurs twice", name.strip())
+        columns[label] = column, units[unit]
+    names_found = set(columns)
+    if names_found & set(OF_JOINTS):
         form: tuple[str, ...] = OF_JOINTS
-    elif given & set(OF_TIP) and not set(TASK) <= given:
+    elif names_found & set(OF_TIP) and not set(TASK) <= names_found:
         form = (*OF_TIP, "spin")
-        if more := sorted(given - set(form)):
-            raise refused("given besides the tip, which fixes it", more[0])
+        if more := sorted(names_found - set(form)):
+            raise refused("redundant: the tip determines it", more[0])
     else:
-        form = tuple(name for name in TASK if name in given)
-    if missing := [name for name in form if name not in given]:
-        raise refused(f"no column of {', '.join(missing)}")
+        form = tuple(name for name in TASK if name in names_found)
+    if missing := [name for name in form if name not in names_found]:
+        raise refused(f"missing column {', '.join(missing)}")
     if not form:
         raise refused("no coordinates")
-    return {name: found[name] for name in form}
+    return {name: columns[name] for name in form}
 
 
 def _numbers(
     cells: list[str], columns: Mapping[str, tuple[int, float]], place: tuple[Path, int]
 ) -> Mapping[str, float]:
-    """SI values of one row."""
+    """Return the SI values of one row."""
     values: dict[str, float] = {}
     for name, (column, factor) in columns.items():
         cell = cells[column] if column < len(cells) else ""
@@ -134,7 +143,7 @@ def _point(values: Mapping[str, float], line: int) -> Point:
 
 @contextmanager
 def in_tables(motion: tuple[Motion, ...]) -> Iterator[None]:
-    """Errors of a problem at points that come from tables name file, line and column of these."""
+    """Add file, line and column to errors at points from tables."""
     try:
         yield
     except ProblemError as error:

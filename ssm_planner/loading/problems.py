@@ -1,4 +1,4 @@
-"""A problem file → Problem: what the file may say, and where each field of the value stands in it."""
+"""Reader of problem files, which maps the fields of a Problem to their keys in the file."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from ssm_planner.loading.missions import LONGEST_MOTION, written_out
 from ssm_planner.loading.path_file import in_tables, path_from
 from ssm_planner.loading.robots import RANGES, Rotations, ranges_from, robot_from, rotation
 from ssm_planner.loading.schema import (
+    POSITIVE,
+    UNBOUND,
     Axis,
     Model,
     Part,
@@ -26,9 +28,12 @@ from ssm_planner.loading.schema import (
     located,
     model_from,
     model_of,
+    nested,
     optional,
+    positive,
     quantity,
     reading,
+    required,
     validated,
     vector,
     wrong,
@@ -57,7 +62,7 @@ from ssm_planner.units import KINDS
 
 
 def share(value: object) -> float:
-    """A percentage as a text, or a share as a number."""
+    """Return a share that is given as a percentage or a number."""
     text = (
         value.strip().removesuffix("%").strip()
         if isinstance(value, str) and value.strip().endswith("%")
@@ -67,7 +72,7 @@ def share(value: object) -> float:
         return units.number(value) if text is None else float(text) / 100
     except (units.BadQuantity, ValueError):
         raise units.BadQuantity(
-            f"{units.describe(value)} where a share is needed", "a share such as 95 %"
+            f"{units.describe(value)} instead of a share", "a share such as 95 %"
         ) from None
 
 
@@ -75,13 +80,13 @@ JointValues = Annotated[
     tuple[float, float, float, float], vector("angle", "angle", "angle", "length")
 ]
 MOST_POINTS = 200
-"""Points that one motion passes without stopping."""
+"""Largest number of points that one motion passes without stopping."""
 ONCE = "once"
-"""The duty of a motion that does not repeat."""
+"""Duty of a motion that does not repeat."""
 PATTERNS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
-"""What each pattern of a scan has beside the common keys."""
+"""Keys of each pattern of a scan in addition to the common ones."""
 SQUARE = math.radians(0.5)
-"""How far the axes of a lens may be from a right angle; the first is then turned into it."""
+"""Largest deviation of the lens axes from a right angle. The first axis is then corrected."""
 Place = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the file."""
 _FORMS = "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] with spin"
@@ -101,22 +106,22 @@ class _PointModel(_NamedModel):
         if not isinstance(data, dict):
             return data
         if not data:
-            raise wrong("no point is given", _FORMS)
+            raise wrong("the point is empty", _FORMS)
         if "joints" in data and len(data) > 1:
             other = next(key for key in data if key != "joints")
-            raise wrong("given besides joints, which say everything", _FORMS, other)
+            raise wrong("redundant: joints determine the point", _FORMS, other)
         if "tip" in data:
             for key in ("roll", "tilt", "depth"):
                 if key in data:
-                    raise wrong("given besides tip, which fixes roll, tilt and depth", _FORMS, key)
+                    raise wrong("redundant: tip determines roll, tilt and depth", _FORMS, key)
             if "spin" not in data:
-                raise wrong("missing: a tip position does not fix the spin", _FORMS, "spin")
+                raise wrong("missing: a tip position does not determine the spin", _FORMS, "spin")
         return data
 
 
 class _ScanModel(Model):
     pattern: Literal["raster", "ring", "triple ring"]
-    """A grid, or one or three circles of spots."""
+    """Grid, or one or three circles of spots."""
 
     @model_validator(mode="before")
     @classmethod
@@ -127,7 +132,7 @@ class _ScanModel(Model):
         for key in (key for other, keys in PATTERNS.items() if other != pattern for key in keys):
             if key in data:
                 raise wrong(
-                    f"not for the pattern {pattern!r}",
+                    f"not allowed for the pattern {pattern!r}",
                     f"for it: {', '.join(PATTERNS[pattern])}",
                     key,
                 )
@@ -138,7 +143,7 @@ class _ScanModel(Model):
 
 
 def or_word(of: Reader, word: str, allowed: str) -> Reader:
-    """What a field reads, or one word in its place."""
+    """Return a reader that also accepts one word."""
 
     def read(value: object) -> object:
         try:
@@ -151,41 +156,35 @@ def or_word(of: Reader, word: str, allowed: str) -> Reader:
     )
 
 
-def _part(model: Any) -> Any:
-    return Annotated[Any, Part(model)]
-
-
-def _rate(name: str, bound: Bound | None = None) -> Any:
-    """Of a task coordinate."""
-    return Annotated[
-        Any, quantity("velocity" if name == "depth" else "angular_velocity", bound or Bound())
-    ]
+def _rate(name: str, bound: Bound = UNBOUND) -> Any:
+    """Return the type of the rate of a task coordinate."""
+    return Annotated[Any, quantity("velocity" if name == "depth" else "angular_velocity", bound)]
 
 
 def _largest(kind: type[ToolLimit]) -> Any:
-    """The largest value of a limit of the tool, in its unit."""
-    (of, *_) = (name for name, each in KINDS.items() if each.unit == kind.unit)
-    return Annotated[Any, quantity(of, Bound(above=0.0))]
+    """Return the largest value of a limit on the tool, in its unit."""
+    (kind_name, *_) = (name for name, candidate in KINDS.items() if candidate.unit == kind.unit)
+    return positive(kind_name)
 
 
 TaskModel = model_of(Task, base=_NamedModel)
-_TIP = Annotated[Any, vector("length", "length", "length")]
+_LENGTHS = Annotated[Any, vector("length", "length", "length")]
 _FORMS_OF_POINT = {
-    "joints": optional(JointValues, "Values of the four joints, in place of everything else."),
+    "joints": optional(JointValues, "Positions of the four joints, instead of all other keys."),
     "tip": optional(
-        _TIP, "Position of the tool's tip in the base frame, in place of roll, tilt and depth."
+        _LENGTHS, "Position of the tool tip in the base frame, instead of roll, tilt and depth."
     ),
 }
 PointModel = model_of(Task, _FORMS_OF_POINT, base=_PointModel)
 FREE = "free"
-"""The spin of a target that the planner chooses."""
-_ANY_SPIN = or_word(
-    quantity("angle"), FREE, "an angle, or free: the one with which the motion is fastest"
-)
+"""Spin of a target that the planner chooses."""
+_ANY_SPIN = or_word(quantity("angle"), FREE, "an angle, or free to choose the fastest one")
 FreeTargetModel = model_of(
     Task,
     {
-        "spin": optional(Annotated[Any, _ANY_SPIN], "Turn of the tool about itself, or free."),
+        "spin": optional(
+            Annotated[Any, _ANY_SPIN], "Rotation of the tool about its own axis, or free."
+        ),
         **_FORMS_OF_POINT,
     },
     base=_PointModel,
@@ -194,9 +193,9 @@ _COUNT = Annotated[Any, quantity("number", Bound(at_least=1, at_most=LARGEST_GRI
 ScanModel = model_of(
     Scan,
     {
-        "at": (_part(TaskModel), ...),
-        "diameter": optional(Annotated[Any, quantity("length", Bound(above=0.0))], "Of a ring."),
-        "diameters": (Annotated[Any, vector("length", "length", "length")], (1e-3, 2e-3, 3e-3)),
+        "at": (nested(TaskModel), ...),
+        "diameter": optional(positive("length"), "Diameter of a ring."),
+        "diameters": (_LENGTHS, (1e-3, 2e-3, 3e-3)),
         "rows": optional(_COUNT),
         "columns": optional(_COUNT),
     },
@@ -206,22 +205,22 @@ ScanModel = model_of(
 LensModel = model_of(
     Lens,
     {
-        "axis": (Axis, Field(description="Direction of the third semi-axis; its length is free.")),
+        "axis": required(Axis, "Direction of the third semi-axis, of any length."),
         "first_axis": optional(
-            Axis, "Direction of the first semi-axis, where it differs from the second."
+            Axis, "Direction of the first semi-axis, required if it differs from the second."
         ),
     },
 )
-EyeModel = model_of(Eye, {"lens": optional(_part(LensModel))})
+EyeModel = model_of(Eye, {"lens": optional(nested(LensModel))})
 
 
 class RepeatModel(Model):
-    """Motions done several times."""
+    """Motions to repeat."""
 
     times: Annotated[Any, quantity("number", Bound(at_least=1, at_most=LONGEST_MOTION), whole=True)]
-    """How often."""
+    """Number of repetitions."""
     motion: list[Any]
-    """What is done."""
+    """Motions to repeat, in order."""
 
 
 class _EntryModel(Model):
@@ -230,84 +229,82 @@ class _EntryModel(Model):
     def _one_key(cls, data: Any) -> Any:
         if isinstance(data, dict) and len(data) != 1:
             several = f"{len(data)} motions in one entry ({', '.join(map(str, data))})"
-            found = several if data else "no motion is given"
-            raise wrong(found, f"one motion per list entry: {', '.join(cls.model_fields)}")
+            reason = several if data else "the entry has no motion"
+            raise wrong(reason, f"one motion per list entry: {', '.join(cls.model_fields)}")
         return data
 
 
 def _motion_to(
     to: Any, description: str, more: Mapping[str, Any] | None = None, without: tuple[str, ...] = ()
 ) -> Any:
-    to_key = to, Field(description="Where it ends.")
-    without = (*TASK, "name", *without)
-    model = model_of(Straight, {"to": to_key, **(more or {})}, without=without)
-    return optional(_part(model), description)
+    keys = {"to": required(to, "End point."), **(more or {})}
+    model = model_of(Straight, keys, without=(*TASK, "name", *without))
+    return optional(nested(model), description)
 
 
-_THROUGH = Annotated[tuple[Annotated[Any, Part(PointModel)], ...], Field(max_length=MOST_POINTS)]
-_PASSED = {
-    "through": (_THROUGH, Field((), description="Points passed without stopping, in order."))
-}
-_ROUNDED = {
-    "through": (_THROUGH, Field((), description="Corners on its way, rounded as `blend` says."))
-}
-_BY_TASKS = {
-    "through": (
-        Annotated[tuple[Annotated[Any, Part(TaskModel)], ...], Field(max_length=MOST_POINTS)],
-        _ROUNDED["through"][1],
-    )
-}
+def _through(model: Any, description: str) -> dict[str, Any]:
+    """Return the optional key of the points between the start and the end."""
+    points = Annotated[tuple[Annotated[Any, Part(model)], ...], Field(max_length=MOST_POINTS)]
+    return {"through": (points, Field((), description=description))}
+
+
+_PASSED = _through(PointModel, "Points passed without stopping, in order.")
+_CORNERS = "Corners of the path, rounded according to `blend`."
 _CONSTANT = {
     "constant_speed": optional(
-        reading(Follow, "constant_speed"), "Of the tip all along, but for the ramps."
+        reading(Follow, "constant_speed"), "Speed of the tip outside the ramps."
     )
 }
-_FROM_RETINA = Annotated[Any, quantity("length", Bound(above=0.0))]
 _OVER = _CONSTANT | {
-    "distance": (_FROM_RETINA, Field(description="Of the tip from the retina, m."))
+    "distance": required(positive("length"), "Distance of the tip from the retina.")
 }
-_BY = {"through": (_part(PointModel), Field(description="Point that the arc passes."))}
+_BY = {"through": required(nested(PointModel), "Point that the arc passes.")}
+_OF_ONE_COORDINATE = {"tilt": "tilt", "roll": "roll", "spin": "spin", "insert": "depth"}
+"""Task coordinates that change, by the key of the motion."""
 EntryModel = model_from(
     {
-        "tilt": _motion_to(reading(Task, "tilt"), "To a tilt, the other task coordinates held."),
-        "roll": _motion_to(reading(Task, "roll"), "To a roll, the other task coordinates held."),
-        "spin": _motion_to(reading(Task, "spin"), "To a spin, the other task coordinates held."),
-        "insert": _motion_to(
-            reading(Task, "depth"), "To a depth, the other task coordinates held."
-        ),
+        **{
+            key: _motion_to(
+                reading(Task, coordinate),
+                f"Motion to a {coordinate}. The other task coordinates stay constant.",
+            )
+            for key, coordinate in _OF_ONE_COORDINATE.items()
+        },
         "straight": _motion_to(
-            _part(TaskModel), "Straight in task coordinates; those left out are held.", _BY_TASKS
+            nested(TaskModel),
+            "Straight motion in task coordinates. Missing ones stay constant.",
+            _through(TaskModel, _CORNERS),
         ),
         "free": _motion_to(
-            _part(FreeTargetModel),
-            "On whatever way the planner finds fastest.",
+            nested(FreeTargetModel),
+            "Motion along the fastest path that the planner finds.",
             _PASSED,
             ("blend",),
         ),
         "line": _motion_to(
-            _part(PointModel),
-            "The tip on the straight line to a point, spin in proportion.",
-            _ROUNDED | _CONSTANT,
+            nested(PointModel),
+            "Straight line of the tip, with proportional spin.",
+            _through(PointModel, _CORNERS) | _CONSTANT,
         ),
         "arc": _motion_to(
-            _part(PointModel),
-            "The tip on a circle, spin in proportion to the way.",
+            nested(PointModel),
+            "Circular arc of the tip, with proportional spin.",
             _BY | _CONSTANT,
         ),
         "retina": _motion_to(
-            _part(TaskModel), "Along the retina, the tip at a distance from it.", _OVER, ("blend",)
+            nested(TaskModel), "Motion along the retina at a constant distance.", _OVER, ("blend",)
         ),
         "spline": _motion_to(
-            _part(PointModel), "The joints on a smooth curve through points.", _PASSED, ("blend",)
+            nested(PointModel), "Smooth curve of the joints through points.", _PASSED, ("blend",)
         ),
         "path": optional(
-            Text, "CSV of joints, task coordinates or tip and spin, units in the headings."
+            Text, "CSV with joints, task coordinates, or tip and spin, and units in the headings."
         ),
-        "dwell": optional(reading(Dwell, "duration"), "At rest for a while."),
-        "scan": optional(_part(ScanModel), "Spots on the retina."),
-        "repeat": optional(_part(RepeatModel), "Motions done several times."),
+        "dwell": optional(reading(Dwell, "duration"), "Pause at rest."),
+        "scan": optional(nested(ScanModel), "Spots on the retina."),
+        "repeat": optional(nested(RepeatModel), "Motions to repeat."),
         "include": optional(
-            Text, "Problem file whose motions come here; its names of points are its own."
+            Text, "Problem file whose motions are inserted. It has separate names of points."
         ),
     },
     base=_EntryModel,
@@ -315,22 +312,22 @@ EntryModel = model_from(
 _SHARE = Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
 _OF_TOOL = {kind.field: optional(_largest(kind), kind.__doc__ or "") for kind in ToolLimit.kinds()}
 _RATES = {
-    TaskRate.field_of(name): optional(_rate(name, Bound(above=0.0)), "Largest, by magnitude.")
+    TaskRate.field_of(name): optional(_rate(name, POSITIVE), "Largest, by magnitude.")
     for name in TASK
 }
 _WITHIN = {
     "friction": optional(
         Annotated[Any, _SHARE],
-        "Share of what is known of the drives' friction for which motor torques hold.",
+        "Confidence level of the drives' friction for which motor torques hold.",
     ),
     "payload": optional(
         Annotated[Any, interval("mass")], "Point masses at the tip for which motor torques hold."
     ),
 }
 LimitsModel = model_from({**RANGES, **_OF_TOOL, **_RATES, **_WITHIN})
-RatesModel = model_from({name: optional(_rate(name), f"Of the {name}.") for name in TASK})
+RatesModel = model_from({name: optional(_rate(name), f"Rate of the {name}.") for name in TASK})
 _PAUSE = quantity("time", Bound(at_least=0.0))
-_DUTY = Annotated[Any, or_word(_PAUSE, ONCE, f"a pause before it repeats, or {ONCE}")]
+_DUTY = Annotated[Any, or_word(_PAUSE, ONCE, f"a pause before the motion repeats, or {ONCE}")]
 _MOTION = Annotated[
     list[Annotated[Any, Part(EntryModel)]], Field(min_length=1, max_length=LONGEST_MOTION)
 ]
@@ -343,47 +340,51 @@ _NAMED = Annotated[
 def _overrides(slides: bool = False) -> Any:
     given = ("velocity", "acceleration", "jerk")
     keys = {
-        name: optional(reading(Joint, name, slides), "In the place of the robot's.")
+        name: optional(reading(Joint, name, slides), "Value instead of the robot's.")
         for name in given
     }
     return model_from(keys)
 
 
 OverridesModel = by_joint(_overrides(), _overrides(slides=True))
-_PAYLOAD = Annotated[Any, quantity("mass", Bound(above=0.0))]
-_START = "Where all of the tool is: four task coordinates, or joints, or tip with spin."
+_START = "Start point: four task coordinates, or joints, or tip with spin."
 ProblemModel = model_of(
     Problem,
     {
-        "name": optional(Text, "By default the file's name without its ending."),
+        "name": optional(Text, "Name. The default is the file's name without its suffix."),
         "robot": (Reference, ...),
-        "start": (_part(PointModel), Field(description=_START)),
+        "start": required(nested(PointModel), _START),
         "motion": (_MOTION, ...),
-        "limits": (_part(LimitsModel), LimitsModel()),
-        "eye": optional(_part(EyeModel)),
-        "start_rate": (_part(RatesModel), RatesModel()),
-        "end_rate": (_part(RatesModel), RatesModel()),
+        "limits": (nested(LimitsModel), LimitsModel()),
+        "eye": optional(nested(EyeModel)),
+        "start_rate": (nested(RatesModel), RatesModel()),
+        "end_rate": (nested(RatesModel), RatesModel()),
         "duty": (_DUTY, 0.0),
-        "points": optional(
-            _NAMED, "Points by names, under which `start`, `to`, `through` and `at` may give them."
-        ),
-        "joints": optional(_part(OverridesModel), "Limits of joints in the place of the robot's."),
+        "points": optional(_NAMED, "Named points that `start`, `to`, `through` and `at` may use."),
+        "joints": optional(nested(OverridesModel), "Limits of joints instead of the robot's."),
         "speed": optional(
-            Annotated[Any, _SHARE], "Share of the joints' largest velocities, such as 30 %."
+            Annotated[Any, _SHARE], "Share of the largest joint velocities, such as 30 %."
         ),
         "mounting": optional(
-            Rotations, "How the robot's base is turned, from how its file states gravity."
+            Rotations,
+            "Rotation of the robot's base relative to the pose for which its file states gravity.",
         ),
-        "tip_payload": optional(_PAYLOAD, "Point mass at the tip, beside the robot's bodies."),
+        "tip_payload": optional(
+            positive("mass"), "Point mass at the tip in addition to the robot's bodies."
+        ),
     },
     without=("friction", "payload", "start_acceleration", "wider"),
 )
-"""What a problem file may say."""
+"""Model of a problem file."""
 
 
 def problem_from(section: Section) -> Problem:
-    """The problem that a section describes, its robot loaded. Raises ProblemError."""
+    """Return the problem that a section describes, with its robot. Raises ProblemError."""
     section = written_out(section)
+    if "geometry" in section.value:
+        raise section.error(
+            "a robot file instead of a problem file", allowed="a file with start and motion"
+        )
     model: Any = validated(section, ProblemModel)
     robot = _robot(section, model)
     if (
@@ -392,7 +393,7 @@ def problem_from(section: Section) -> Problem:
         and (missing := set(TASK) - set(_given(model.start)))
     ):
         first = next(name for name in TASK if name in missing)
-        reason = "missing: a start says where all of the tool is"
+        reason = "missing: a start needs all four coordinates"
         raise section.error(reason, "start", first, allowed=", ".join(TASK))
     motion = tuple(_motion(section.sub("motion", i), entry) for i, entry in enumerate(model.motion))
     with located(section, _places(model)), in_tables(motion):
@@ -418,20 +419,22 @@ def problem_from(section: Section) -> Problem:
 
 
 def _robot(section: Section, model: Any) -> Robot:
-    """The robot with what the problem says of it."""
+    """Return the robot with the changes that the problem states."""
     robot = robot_from(follow(section, "robot"))
     if model.speed is not None and not 0 < model.speed <= 1:
-        raise section.error("not a share of the speed", "speed", allowed="above 0 and up to 100 %")
+        raise section.error(
+            "invalid share of the speed", "speed", allowed="above 0 and at most 100 %"
+        )
     joints = []
     for joint in robot.joints:
         stated = None if model.joints is None else getattr(model.joints, joint.name)
-        given = (
+        overrides = (
             {} if stated is None else {name: value for name, value in stated if value is not None}
         )
-        velocity = given.get("velocity", joint.velocity) * (
+        velocity = overrides.get("velocity", joint.velocity) * (
             1.0 if model.speed is None else model.speed
         )
-        joints.append(replace(joint, **{**given, "velocity": velocity}))
+        joints.append(replace(joint, **{**overrides, "velocity": velocity}))
     gravity = robot.gravity
     if model.mounting is not None:
         if named := next((angle for _, angle in model.mounting if isinstance(angle, str)), None):
@@ -451,7 +454,7 @@ def _robot(section: Section, model: Any) -> Robot:
 
 
 def _places(model: Any) -> dict[str, Place]:
-    """Where fields of a Problem stand in the file, by the names that its messages use."""
+    """Return the keys in the file of the fields of a Problem, by the names in its messages."""
     places: dict[str, Place] = {
         "start.values": ("start", "joints"),
         "start.position": ("start", "tip"),
@@ -465,27 +468,27 @@ def _places(model: Any) -> dict[str, Place]:
             for key in ("blend", "duration", "constant_speed", "distance")
         }
         points: dict[str, Place] = {f"{here}.to": (*there, "to")}
-        if (along := entry.free or entry.spline) is not None:
-            passed = range(len(along.through))
+        if (path_entry := entry.free or entry.spline) is not None:
+            passed = range(len(path_entry.through))
             points |= {f"{here}.through[{k}]": (*there, "through", k) for k in passed}
         if entry.arc is not None:
             points[f"{here}.through[0]"] = (*there, "through")
-        for field, place in points.items():
+        for field, location in points.items():
             places |= {
-                f"{field}.values": (*place, "joints"),
-                f"{field}.position": (*place, "tip"),
-                field: place,
+                f"{field}.values": (*location, "joints"),
+                f"{field}.position": (*location, "tip"),
+                field: location,
             }
         if entry.scan is not None and entry.scan.pattern == "ring":
             places[f"{here}.diameters"] = (*there, "diameter")
-        if name in ("tilt", "roll", "spin", "insert"):
-            places[f"{here}.{'depth' if name == 'insert' else name}"] = (*there, "to")
+        if name in _OF_ONE_COORDINATE:
+            places[f"{here}.{_OF_ONE_COORDINATE[name]}"] = (*there, "to")
         places[here] = (*there, "to") if entry.straight is not None else there
     return places
 
 
 def _speeds(model: Any) -> Iterable[Limit]:
-    """Limits on the rates of task coordinates and of the tool."""
+    """Return the limits on the rates of task coordinates and of the tool."""
     for name in TASK:
         if (largest := getattr(model, TaskRate.field_of(name))) is not None:
             yield TaskRate(name, largest)
@@ -496,51 +499,52 @@ def _speeds(model: Any) -> Iterable[Limit]:
 
 def _motion(section: Section, entry: Any) -> Motion:
     (name,) = entry.model_fields_set
-    model, line, here = getattr(entry, name), section.line(name), section.sub(name)
-    with located(here):
+    model, line, motion_section = getattr(entry, name), section.line(name), section.sub(name)
+    with located(motion_section):
         if entry.dwell is not None:
             return Dwell(entry.dwell, name, line)
         if entry.scan is not None:
-            return _scan(here, model)
+            return _scan(motion_section, model)
         if entry.path is not None:
-            return path_from(here, name, line)
+            return path_from(motion_section, name, line)
         if name in ("free", "spline"):
             through = tuple(
-                _point(here.sub("through", k), point) for k, point in enumerate(model.through)
+                _point(motion_section.sub("through", k), point)
+                for k, point in enumerate(model.through)
             )
-            end = _point(here.sub("to"), model.to)
+            end = _point(motion_section.sub("to"), model.to)
             return (
                 Follow(end, through, name, line=line, duration=model.duration)
                 if name == "spline"
                 else Free(end, through, model.duration, name, line, spin_free=model.to.spin == FREE)
             )
         if entry.retina is not None:
-            end = Task(**_given(model.to), line=here.line("to"))
+            end = Task(**_given(model.to), line=motion_section.line("to"))
             own = {
                 "duration": model.duration,
                 "constant_speed": model.constant_speed,
                 "distance": model.distance,
             }
             if model.to.depth is not None:
-                raise here.error(
-                    "how deep the tip goes is what distance says",
+                raise motion_section.error(
+                    "do not give depth: distance already determines it",
                     "to",
                     "depth",
                     allowed="roll, tilt, spin",
                 )
             return Follow(end, (), name, name, line=line, **own)
         if name in ("line", "arc"):
-            by = () if name == "line" else (_point(here.sub("through"), model.through),)
+            by = () if name == "line" else (_point(motion_section.sub("through"), model.through),)
             timing = {
                 "duration": model.duration,
                 "blend": model.blend,
                 "constant_speed": model.constant_speed,
             }
-            return Follow(_point(here.sub("to"), model.to), by, name, name, line=line, **timing)
+            return Follow(
+                _point(motion_section.sub("to"), model.to), by, name, name, line=line, **timing
+            )
         to = (
-            _given(model.to)
-            if entry.straight is not None
-            else {"depth" if name == "insert" else name: model.to}
+            {_OF_ONE_COORDINATE[name]: model.to} if name in _OF_ONE_COORDINATE else _given(model.to)
         )
         return Straight(**to, duration=model.duration, name=name, line=line, blend=model.blend)
 
@@ -548,8 +552,8 @@ def _motion(section: Section, entry: Any) -> Motion:
 def _scan(section: Section, model: Any) -> Scan:
     low, middle, high = model.diameters
     if not 0 < low < middle < high:
-        reason = "not three rings one around the other"
-        raise section.error(reason, "diameters", allowed="three growing lengths")
+        reason = "rings must be concentric"
+        raise section.error(reason, "diameters", allowed="three increasing lengths")
     diameters = {"raster": (), "ring": (model.diameter,), "triple ring": model.diameters}[
         model.pattern
     ]
@@ -568,7 +572,7 @@ def _scan(section: Section, model: Any) -> Scan:
 
 
 def _given(model: Any) -> dict[str, float]:
-    """What is given of task coordinates, or of their rates."""
+    """Return the stated task coordinates or rates."""
     return {name: value for name in TASK if (value := getattr(model, name)) not in (None, FREE)}
 
 
@@ -593,13 +597,13 @@ def _eye(section: Section, model: Any) -> Eye:
 
 
 def _frame(section: Section, model: Any) -> Array:
-    """Columns: the directions of the semi-axes, right-handed; (3, 3)."""
+    """Return the directions of the semi-axes as columns, right-handed, (3, 3)."""
 
     def direction(name: str) -> Array:
         vector = np.array(getattr(model, name))
         length = float(np.linalg.norm(vector))
         if not 1e-9 < length < np.inf:
-            allowed = "three numbers that are not all zero; the length is free"
+            allowed = "three numbers that are not all zero"
             raise section.error("no direction", name, allowed=allowed)
         return vector / length
 
@@ -609,9 +613,11 @@ def _frame(section: Section, model: Any) -> Array:
         if min(first, second) > 0 and not math.isclose(first, second, rel_tol=1e-9):
             allowed = "the direction of the first semi-axis"
             raise section.error(
-                "missing: the first two semi-axes differ", "first_axis", allowed=allowed
+                "missing: required because the first two semi-axes differ",
+                "first_axis",
+                allowed=allowed,
             )
-        # any direction will do: the base axis that is farthest from the third
+        # the direction is arbitrary, so the base axis farthest from the third one is used
         along = np.eye(3)[int(np.argmin(np.abs(third)))]
     else:
         along = direction("first_axis")

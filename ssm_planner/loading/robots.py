@@ -1,10 +1,12 @@
-"""A robot file → Robot with its drives and motors: axes as vectors or angles, inertias in either sign convention."""
+"""Reader of robot files with drives and motors.
+
+Axes may be vectors or angles, and inertias may have either sign convention.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -17,6 +19,7 @@ from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import follow
 from ssm_planner.loading.motors import motor_from
 from ssm_planner.loading.schema import (
+    POSITIVE,
     SOURCE,
     Axis,
     Field,
@@ -28,8 +31,10 @@ from ssm_planner.loading.schema import (
     located,
     model_from,
     model_of,
+    nested,
     optional,
     quantity,
+    required,
     validated,
     vector,
     wrong,
@@ -48,16 +53,16 @@ from ssm_planner.problem.robot import (
     unit_vector,
 )
 from ssm_planner.problem.value import Bound, frozen
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 FOLLOWED = ("alpha", "home_tilt", "home_roll")
-"""Angles of the geometry that a frame may name, so that the bodies follow it."""
+"""Angles of the geometry that a frame may name, so that the bodies depend on them."""
 
 
 def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
     allowed = "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 deg] or [y alpha]"
     if not isinstance(value, list):
-        raise wrong("not a chain of rotations", allowed)
+        raise wrong("invalid chain of rotations", allowed)
     chain: list[tuple[str, float | str]] = []
     for part in value:
         axis, _, angle = part.strip().partition(" ") if isinstance(part, str) else ("", "", "")
@@ -76,11 +81,12 @@ _ROTATIONS = Field(
 )
 Rotations = Annotated[tuple[tuple[str, float | str], ...], _ROTATIONS]
 _Angle = Annotated[float, quantity("angle")] | None
-_PositiveAngle = Annotated[float, quantity("angle", Bound(above=0.0))] | None
+_PositiveAngle = Annotated[float, quantity("angle", POSITIVE)] | None
 _Place = Annotated[tuple[float, float, float], vector("length", "length", "length")]
-_Size = Annotated[float, quantity("length", Bound(above=0.0))]
+"""Position of a point, or lengths along the axes."""
+_Size = Annotated[float, quantity("length", POSITIVE)]
 _Mass = Annotated[float, quantity("mass", Bound(at_least=0.0))]
-_Density = Annotated[float, quantity("density", Bound(above=0.0))]
+_Density = Annotated[float, quantity("density", POSITIVE)]
 _Side = Literal["positive", "negative"]
 _MOTORS = tuple(f"motor {name}" for name in JOINTS)
 _MASS_OF = Field(
@@ -97,107 +103,114 @@ class AxesModel(Model):
     """Unit vectors in the base frame at q = 0."""
 
     joint1: Axis
-    """Turns everything; roll of the tool is about it."""
+    """First axis, about which the whole mechanism turns. It is the axis of roll."""
     joint2: Axis
-    """At alpha to joint 1."""
+    """Second axis, at the angle alpha to joint 1."""
     joint3: Axis
-    """At beta to joint 2: the tool's axis."""
+    """Axis of the tool, at the angle beta to joint 2."""
 
 
 class GeometryModel(Model):
-    """Axes, or angles."""
+    """Geometry as axes or as angles."""
 
     axes: AxesModel | None = None
-    """Of joints 1 to 3 as unit vectors in the base frame at q = 0; or alpha and home_tilt."""
+    """Unit vectors of joints 1 to 3 in the base frame at q = 0.
+
+    The alternative is alpha and home_tilt.
+    """
     alpha: _PositiveAngle = None
-    """Between the axes of joints 1 and 2."""
+    """Angle between the axes of joints 1 and 2."""
     beta: _PositiveAngle = None
-    """Between the axes of joints 2 and 3."""
+    """Angle between the axes of joints 2 and 3."""
     home_tilt: _Angle = None
-    """Of the tool at q = 0."""
+    """Tilt of the tool at q = 0."""
     home_roll: _Angle = None
-    """Of the tool at q = 0; by default what beta asks for, or 0."""
+    """Roll of the tool at q = 0. The default follows from beta, or is 0."""
     insertion: Literal["negative", "positive"]
     """Direction of joint 4 that moves the tool inwards."""
     tool_home: Rotations | None = None
-    """Base to tool at q = 0; by default the last body's frame."""
+    """Rotation from base to tool at q = 0. The default is the frame of the last body."""
 
 
 class InertiaModel(Model):
-    """About the origin of the body frame."""
+    """Inertia about the origin of the body frame."""
 
     xx: _Moment
-    """Moment."""
+    """Moment of inertia about x."""
     yy: _Moment
-    """Moment."""
+    """Moment of inertia about y."""
     zz: _Moment
-    """Moment."""
+    """Moment of inertia about z."""
     yz: _Product = 0.0
-    """Product; its sign as products_of_inertia says."""
+    """Product of inertia. Its sign follows products_of_inertia."""
     xz: _Product = 0.0
-    """Product; its sign as products_of_inertia says."""
+    """Product of inertia. Its sign follows products_of_inertia."""
     xy: _Product = 0.0
-    """Product; its sign as products_of_inertia says."""
+    """Product of inertia. Its sign follows products_of_inertia."""
 
 
 class _Solid(Model):
     frame: Literal["own", "next"] = "own"
-    """In whose coordinates it is placed: the body's own, or those of the next body at q = 0, which follow the geometry."""
+    """Frame of the coordinates: the body's own, or that of the next body at q = 0.
+
+    The frame of the next body depends on the geometry.
+    """
 
 
 class _Weighed(_Solid):
     at: _Place
-    """Where its centre is."""
+    """Position of the centre."""
     mass: Annotated[float | str, _MASS_OF]
-    """A quantity, or whose it is: motor roll, motor tilt …"""
+    """Mass as a quantity, or the motor that has it: motor roll, motor tilt …"""
 
 
 class ArcModel(Model):
-    """A curved bar about the remote centre, from the joint's own axis to the next joint's."""
+    """Curved bar about the remote centre, from the joint's own axis to the next joint's axis."""
 
     shape: Literal["arc"]
-    """A bar of rectangular section, bent to a circle about the remote centre."""
+    """Bar of rectangular section, bent to a circle about the remote centre."""
     radius: _Size
-    """Of its middle line."""
+    """Radius of the centre line."""
     width: _Size
-    """Of its section, in the plane of the arc."""
+    """Width of the section in the plane of the arc."""
     height: _Size
-    """Of its section, across that plane."""
+    """Height of the section across that plane."""
     density: _Density
-    """Of its material."""
+    """Density of the material."""
     sides: tuple[_Side, _Side] = ("positive", "positive")
-    """On which side of the remote centre it starts on the own axis and ends on the next one."""
+    """Sides of the remote centre on which the bar starts on its own axis and ends on the next axis.
+    """
 
 
 class RodModel(_Solid):
-    """A straight round bar."""
+    """Straight round bar."""
 
     shape: Literal["rod"]
-    """A straight round bar between two places."""
+    """Straight round bar between two points."""
     start: _Place
-    """One end."""
+    """First end."""
     end: _Place
-    """The other end."""
+    """Second end."""
     diameter: _Size
-    """Of its section."""
+    """Diameter of the section."""
     density: _Density
-    """Of its material."""
+    """Density of the material."""
 
 
 class BoxModel(_Weighed):
-    """A box along the axes of its frame."""
+    """Box along the axes of its frame."""
 
     shape: Literal["box"]
-    """A block along the axes of the frame."""
-    size: Annotated[tuple[float, float, float], vector("length", "length", "length")]
-    """Along the axes."""
+    """Box along the axes of the frame."""
+    size: _Place
+    """Lengths along the axes."""
 
 
 class PointModel(_Weighed):
-    """A point mass."""
+    """Point mass."""
 
     shape: Literal["point"]
-    """A mass at one place, such as a motor."""
+    """Mass at one point, such as a motor."""
 
 
 class _BodyModel(Model):
@@ -209,18 +222,14 @@ class _BodyModel(Model):
         ]
         | None
     ) = None
-    """What it is made of, in the place of mass, com and inertia, which follow from them."""
-    com: Annotated[tuple[float, float, float], vector("length", "length", "length")] = (
-        0.0,
-        0.0,
-        0.0,
-    )
+    """Parts of the body. They replace mass, com and inertia."""
+    com: _Place = (0.0, 0.0, 0.0)
     inertia: InertiaModel | None = None
-    """About the origin of the body frame; of a body without mass none."""
+    """Inertia about the origin of the body frame. A body without mass has none."""
     products_of_inertia: Literal["cad", "tensor"] | None = None
-    """Their sign: cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)."""
+    """Sign of the products: cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)."""
     frame: Rotations
-    """Relative to the previous body at q = 0."""
+    """Rotation relative to the previous body at q = 0."""
 
 
 BodyModel = model_of(
@@ -237,7 +246,7 @@ def _joint_model(slides: bool = False) -> Any:
     return model_of(Joint, _ACTUATION, slides=slides, without=("name", "kind"))
 
 
-JointsModel = by_joint(_joint_model(), _joint_model(slides=True), required=True)
+JointsModel = by_joint(_joint_model(), _joint_model(slides=True), every=True)
 RANGES = {
     name: optional(
         Annotated[Any, interval("length" if name == "depth" else "angle")], f"Range of the {name}."
@@ -247,33 +256,27 @@ RANGES = {
 """Keys of the ranges of the task coordinates."""
 RangesModel = model_from(RANGES)
 _BODIES = PydanticField(
-    min_length=4, max_length=4, description="What joints 1 to 4 move, in this order."
+    min_length=4, max_length=4, description="Bodies that joints 1 to 4 move, in this order."
 )
 RobotModel = model_of(
     Robot,
     {
         "source": SOURCE,
-        "geometry": (
-            GeometryModel,
-            PydanticField(description="Axes of joints 1 to 3, as vectors or as angles."),
-        ),
+        "geometry": required(GeometryModel, "Axes of joints 1 to 3, as vectors or as angles."),
         "bodies": (list[Annotated[Any, Part(BodyModel)]], _BODIES),
-        "joints": (
-            Annotated[Any, Part(JointsModel)],
-            PydanticField(description="Ranges, limits and actuation."),
-        ),
-        "limits": (Annotated[Any, Part(RangesModel)], RangesModel()),
+        "joints": required(nested(JointsModel), "Ranges, limits and actuation."),
+        "limits": (nested(RangesModel), RangesModel()),
     },
 )
-"""What a robot file may say."""
+"""Model of a robot file."""
 
 BETA_TOLERANCE = math.radians(0.5)
 LARGEST_GYRATION = 1.0
-"""m; a link of a surgical tool is smaller."""
+"""Largest plausible radius of gyration of a link, m."""
 
 
 def robot_from(section: Section) -> Robot:
-    """The robot that a section describes. Raises ProblemError."""
+    """Return the robot that a section describes. Raises ProblemError."""
     model: Any = validated(section, RobotModel)
     omegas = _axes(section.sub("geometry"), model.geometry)
     frames: list[Array] = []
@@ -301,7 +304,7 @@ def robot_from(section: Section) -> Robot:
 
 
 def ranges_from(model: Any) -> tuple[TaskRange, ...]:
-    """The ranges of task coordinates that are given."""
+    """Return the stated ranges of task coordinates."""
     given = ((name, getattr(model, name)) for name in TASK)
     return tuple(TaskRange(name, *ends) for name, ends in given if ends is not None)
 
@@ -322,7 +325,10 @@ def _joint(section: Section, name: str, model: Any) -> Joint:
 def _frame(
     section: Section, chain: tuple[tuple[str, float | str], ...], geometry: GeometryModel
 ) -> Array:
-    """The rotation (3, 3) of a chain, the geometry's angles in the place of their names. Raises ProblemError."""
+    """Return the rotation (3, 3) of a chain that may name angles of the geometry.
+
+    Raises ProblemError.
+    """
     angles = []
     for axis, angle in chain:
         if isinstance(angle, str):
@@ -339,7 +345,10 @@ def _frame(
 
 
 def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
-    """Product of elementary rotations (axis letter, angle), each about the axes of the frame turned so far; (3, 3)."""
+    """Return the product (3, 3) of elementary rotations (axis letter, angle).
+
+    Each rotation is about the axes of the frame that the previous ones have turned.
+    """
     result = np.eye(3)
     for axis, angle in chain:
         i = "xyz".index(axis)
@@ -353,7 +362,7 @@ def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
 
 
 def _axes(section: Section, model: GeometryModel) -> list[Array]:
-    """Of joints 1 to 3 in the base frame at q = 0, (3,) each."""
+    """Return the axes of joints 1 to 3 in the base frame at q = 0, (3,) each."""
     angles = [
         name
         for name in ("alpha", "beta", "home_tilt", "home_roll")
@@ -363,7 +372,7 @@ def _axes(section: Section, model: GeometryModel) -> list[Array]:
         return _from_angles(section, model)
     if angles:
         raise section.error(
-            "axes are given as well", angles[0], allowed="either axes, or alpha with home_tilt"
+            "redundant: axes are given", angles[0], allowed="either axes, or alpha with home_tilt"
         )
     with located(section.sub("axes")):
         return [unit_vector(np.array(axis), f"axes.{name}") for name, axis in model.axes]
@@ -372,7 +381,7 @@ def _axes(section: Section, model: GeometryModel) -> list[Array]:
 def _geometry(
     section: Section, model: GeometryModel, omegas: Sequence[Array], last_frame: Array
 ) -> Geometry:
-    """last_frame: base ← last body at q = 0, (3, 3)."""
+    """Return the geometry. last_frame is the rotation base ← last body at q = 0, (3, 3)."""
     places: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
     if model.axes is None:
         places = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
@@ -384,7 +393,10 @@ def _geometry(
 
 
 def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
-    """ω1 = x, ω2 = (cos α, sin α, 0), ω3 = Rx(home_roll) Ry(home_tilt) x; the tilt axis is y."""
+    """Return ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(home_roll) Ry(home_tilt) x.
+
+    The tilt axis is y.
+    """
     for name in ("alpha", "home_tilt"):
         if getattr(model, name) is None:
             allowed = "axes, or alpha and home_tilt with beta or home_roll"
@@ -401,7 +413,7 @@ def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
 
 
 def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float) -> float:
-    """As given (0 by default) where that agrees with beta; otherwise the one that beta asks for.
+    """Return the stated home_roll (default 0), or the one that beta requires if they disagree.
 
     cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h.
     """
@@ -425,9 +437,12 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
     return math.asin(wanted / across)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Setting:
-    """Where a body is: its place in the chain, all frames base ← body at q = 0 (3, 3), axes and joints."""
+    """Position of a body in the chain.
+
+    It contains all frames base ← body at q = 0 (3, 3), the axes and the joints.
+    """
 
     place: int
     frames: Sequence[Array]
@@ -439,14 +454,11 @@ class _Setting:
         return self.frames[self.place]
 
     def axis(self, beyond: int) -> Array:
-        """Of the joint that moves the body, or the one beyond it, in the body's frame, (3,)."""
-        omegas = (
-            self.geometry.omega1,
-            self.geometry.omega2,
-            self.geometry.omega3,
-            self.geometry.omega3,
-        )
-        return np.asarray(self.frame.T @ omegas[self.place + beyond])
+        """Return an axis in the body's frame, (3,).
+
+        It is the axis of the joint that moves the body, or of the joint `beyond` it.
+        """
+        return np.asarray(self.frame.T @ self.geometry.axes[self.place + beyond])
 
 
 def _body(section: Section, model: Any, setting: _Setting) -> Body:
@@ -473,7 +485,7 @@ def _plausible(section: Section, body: Body) -> Body:
         else 0.0
     )
     if gyration > LARGEST_GYRATION:
-        reason = f"implausible: a radius of gyration of {gyration:.3g} m; are mass and inertia in the right unit?"
+        reason = f"implausible: a radius of gyration of {gyration:.3g} m; check the units of mass and inertia"
         raise section.error(
             reason, "inertia", allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m"
         )
@@ -484,7 +496,9 @@ def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
     for key in ("mass", "com", "inertia", "products_of_inertia"):
         if section.holds(key):
             raise section.error(
-                "follows from the parts", key, allowed="either parts, or mass, com and inertia"
+                "redundant: it follows from the parts",
+                key,
+                allowed="either parts, or mass, com and inertia",
             )
     parts = [_solid(section.sub("parts", i), part, setting) for i, part in enumerate(model.parts)]
     total = sum(parts, shapes.point(0.0, np.zeros(3)))
@@ -494,12 +508,12 @@ def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
 
 
 def _solid(section: Section, part: Any, setting: _Setting) -> shapes.Moments:
-    """A part in the body's frame."""
+    """Return a part in the body's frame."""
     last = setting.place == len(setting.frames) - 1
     if isinstance(part, ArcModel):
         if setting.place > 1:
             raise section.error(
-                "no other axis follows on this body's", "shape", allowed="rod, box, point"
+                "no axis follows that of this body", "shape", allowed="rod, box, point"
             )
         if part.width >= 2 * part.radius:
             raise section.error(
@@ -512,12 +526,14 @@ def _solid(section: Section, part: Any, setting: _Setting) -> shapes.Moments:
             start, end, part.radius, section=(part.width, part.height), density=part.density
         )
     if part.frame == "next" and last:
-        raise section.error("this is the last body", "frame", allowed="own")
+        raise section.error("the last body has no next frame", "frame", allowed="own")
     turn = np.eye(3) if part.frame == "own" else setting.frame.T @ setting.frames[setting.place + 1]
     if isinstance(part, RodModel):
         start, end = np.array(part.start), np.array(part.end)
         if not np.any(end - start):
-            raise section.error("the rod has no length", "end", allowed="another place than start")
+            raise section.error(
+                "the rod has no length", "end", allowed="a different point than start"
+            )
         return shapes.rod(start, end, part.diameter, part.density).turned(turn)
     mass = _mass_of(section, part, setting.joints)
     size = np.array(part.size) if isinstance(part, BoxModel) else np.zeros(3)
@@ -527,27 +543,28 @@ def _solid(section: Section, part: Any, setting: _Setting) -> shapes.Moments:
 def _mass_of(section: Section, part: Any, joints: Sequence[Joint]) -> float:
     if not isinstance(part.mass, str):
         if part.mass < 0:
-            raise section.error("not a mass", "mass", allowed="0 kg or more")
+            raise section.error("a mass cannot be negative", "mass", allowed="0 kg or more")
         return float(part.mass)
     motor = joints[_MOTORS.index(part.mass)].motor
     if motor is None or motor.mass is None:
         reason = (
-            "this joint has no motor"
-            if motor is None
-            else f"the file of {motor.name} gives no mass"
+            "this joint has no motor" if motor is None else f"the file of {motor.name} has no mass"
         )
         raise section.error(
-            reason, "mass", allowed="a quantity, or the motor of a joint, whose file gives its mass"
+            reason, "mass", allowed="a quantity, or the motor of a joint with a mass in its file"
         )
     return motor.mass
 
 
 def _inertia(section: Section, model: Any) -> Array:
-    """The tensor about the frame's origin (3, 3): products −∫xy dm, whatever sign the file uses."""
+    """Return the tensor about the frame's origin (3, 3) with products −∫xy dm.
+
+    The sign in the file may be different.
+    """
     inertia, convention = model.inertia, model.products_of_inertia
     if inertia is None:
         if model.mass > 0:
-            raise section.error("missing: a body with mass has an inertia", "inertia")
+            raise section.error("missing: a body with mass needs an inertia", "inertia")
         return np.zeros((3, 3))
     sign = -1.0 if convention == "cad" else 1.0
     xy, xz, yz = sign * inertia.xy, sign * inertia.xz, sign * inertia.yz
@@ -559,16 +576,16 @@ def _inertia(section: Section, model: Any) -> Array:
 
 
 def _sign_hint(model: Any, tensor: Array) -> str:
-    """What to try where no body can have the tensor."""
+    """Return a suggestion for an impossible inertia tensor."""
     convention = model.products_of_inertia
     if convention is None:
         return ""
     other = "tensor" if convention == "cad" else "cad"
-    hint = f"; the usual cause is the sign of the products of inertia: here products_of_inertia is {convention}"
+    hint = f"; the usual cause is the sign of the products of inertia (now {convention})"
     flipped = principal_moments(
         model.mass, frozen(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor
     )
     if possible(flipped):
         listed = ", ".join(f"{moment:.4g}" for moment in flipped)
-        return f"{hint}, and with {other} the moments are ({listed}) kg*m^2, which a body can have: try it"
-    return f"{hint}, but {other} would not do either; check that it is about the origin of the body frame, and its unit"
+        return f"{hint}, and {other} gives possible moments, ({listed}) kg*m^2"
+    return f"{hint}, but {other} fails as well; check unit and reference point"

@@ -1,7 +1,8 @@
-"""What a file may say: strict pydantic models made from the values they describe; everything wrong is one ProblemError.
+"""Strict pydantic models of files, built from the values that the files describe.
 
-A field of a value that is a key of a file carries its kind of quantity (`value.Quantity`), its bounds and its default;
-`model_of` reads them there. What a file says in another way is declared beside what reads it.
+Every fault of a file becomes one ProblemError. A field of a value that is a key of a file carries
+its kind of quantity (`value.Quantity`), its bounds and its default, and `model_of` reads them. Keys
+with another form are declared next to their readers.
 """
 
 from __future__ import annotations
@@ -23,16 +24,19 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.problem.value import Ascending, Bound, Quantity, Shape, bare, descriptions, hints
+from ssm_planner.typing import JsonObject
 from ssm_planner.units import KINDS, NUMBER
 
 M = TypeVar("M", bound="Model")
-UNBOUND = Bound()
+UNBOUND, POSITIVE = Bound(), Bound(above=0.0)
+UNIT_IN_MEMORY = re.compile(r", (rad|m|s|kg|N|V|A|K|Ω)\b[^ ,.]*( or [^ .]+)?(?=\.(\s|$)|$)")
+"""SI unit at the end of a sentence of a docstring."""
 SHOWN = 10
-"""Faults of one file."""
+"""Largest number of faults of one file in a message."""
 
 
 class Figure(NamedTuple):
-    """A number with its origin."""
+    """Number with its source."""
 
     value: float
     source: str | None = None
@@ -40,19 +44,19 @@ class Figure(NamedTuple):
 
 
 class Model(BaseModel):
-    """Frozen; unknown keys are errors that suggest the known ones."""
+    """Frozen model. Unknown keys are errors that suggest known ones."""
 
-    # most models are not used by one command: each is built when it first is
+    # models are built on first use because one command needs few of them
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
     of: ClassVar[tuple[Any, ...]] = ()
-    """The values that it describes; the last one's word counts."""
+    """Values that the model describes. If several describe a key, the last one applies."""
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             raise wrong(
-                f"{units.describe(data)} where a mapping is needed",
+                f"{units.describe(data)} instead of a mapping",
                 "the keys " + ", ".join(cls.model_fields),
             )
         check_keys(data, list(cls.model_fields))
@@ -60,20 +64,21 @@ class Model(BaseModel):
 
     @classmethod
     def about(cls) -> dict[str, str]:
-        """What each key means, where that is said."""
+        """Return the meaning of each documented key."""
         named = {
             name: info.description for name, info in cls.model_fields.items() if info.description
         }
         of_value = {name: text for each in cls.of for name, text in descriptions(each).items()}
-        # shapes and None are Python's
-        in_files = {
-            name: re.sub(r",? ?\(3,\)", "", text).replace("None:", "left out:")
-            for name, text in of_value.items()
+        # descriptions of files have no shapes, no None and no units, because each value states its own
+        return {
+            name: UNIT_IN_MEMORY.sub("", re.sub(r",? ?\(3,\)", "", text)).replace(
+                "None:", "left out:"
+            )
+            for name, text in {**of_value, **descriptions(cls), **named}.items()
         }
-        return {**in_files, **descriptions(cls), **named}
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: Any) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: Any) -> JsonObject:
         schema = handler(core)
         keys_of = handler.resolve_ref_schema(schema).get("properties", {})
         about = cls.about()
@@ -86,23 +91,30 @@ class Model(BaseModel):
         return schema
 
     def figures(self) -> dict[str, Figure]:
-        """The fields that hold a figure."""
+        """Return the fields that contain a figure."""
         return {name: value for name, value in self if isinstance(value, Figure)}
+
+    def numbers(self) -> dict[str, float]:
+        """Return the values of the figures."""
+        return {name: figure.value for name, figure in self.figures().items()}
 
 
 def check_keys(data: dict[Any, Any], known: list[str]) -> None:
-    """Raises for the first key that is not among the known ones, with the one probably meant."""
+    """Raise an error for the first unknown key, and suggest the most similar one."""
     for key in data:
         if key not in known:
             close = difflib.get_close_matches(str(key), known, n=1)
             reason = "unknown key" + (f"; did you mean {close[0]!r}?" if close else "")
             raise wrong(reason, ", ".join(known), key)
         if data[key] is None:
-            raise wrong("nothing is given; leave the key out if there is nothing to say", None, key)
+            raise wrong("empty value: omit the key or give a value", None, key)
 
 
 def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> PydanticCustomError:
-    """An error that the loader turns into a ProblemError; key: a key below the value being validated."""
+    """Return an error that the loader turns into a ProblemError.
+
+    key is a key below the value being validated.
+    """
     return PydanticCustomError(
         "problem", "see the context", {"reason": reason, "allowed": allowed, "key": key}
     )
@@ -110,24 +122,24 @@ def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> Py
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Field:
-    """Metadata of an Annotated type: how its value is read, and how a JSON schema and a table describe it."""
+    """Metadata of an Annotated type: reader, JSON schema and description of a value."""
 
     read: Callable[[Any], Any]
-    json_schema: dict[str, Any]
+    json_schema: JsonObject
     kinds: tuple[str, ...] = ()
-    """In units.KINDS."""
+    """Keys of units.KINDS."""
     allowed: str = ""
-    """Beside the unit."""
+    """Allowed values in addition to the unit."""
 
     @property
     def unit(self) -> str:
-        """Such as it may be written."""
+        """Unit in a form that files accept."""
         return ", ".join(
             dict.fromkeys(KINDS.get(kind, NUMBER).example.partition(" ")[2] for kind in self.kinds)
         )
 
     def written(self, value: Any) -> str:
-        """A default as a file would say it."""
+        """Return a default as a file would state it."""
         if not self.unit or not isinstance(value, float):
             return str(value)
         return f"{value / units.quantity(f'1 {self.unit}', self.kinds[0]):.6g} {self.unit}"
@@ -135,13 +147,13 @@ class Field:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(_guarded(self.read))
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> JsonObject:
         return copy.deepcopy(self.json_schema)  # pydantic writes defaults into it
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Part:
-    """Metadata of an Annotated type that a model describes which is made when the program runs."""
+    """Metadata of an Annotated type whose model is built at run time."""
 
     model: Any
 
@@ -150,8 +162,16 @@ class Part:
         return schema
 
 
+def nested(model: Any) -> Any:
+    """Return the type of a nested mapping whose model is built at run time."""
+    return Annotated[Any, Part(model)]
+
+
 def quantity(kind: str, bound: Bound = UNBOUND, whole: bool = False) -> Field:
-    """One quantity of a kind in units.KINDS, SI; whole: an int where it is one."""
+    """Return the type of one quantity of a kind in units.KINDS, in SI.
+
+    whole requires an integer.
+    """
 
     def read(value: object) -> float:
         result = units.quantity(value, kind)
@@ -167,14 +187,19 @@ def quantity(kind: str, bound: Bound = UNBOUND, whole: bool = False) -> Field:
     return Field(read, _json_schema(kind), (kind,), allowed)
 
 
+def positive(kind: str) -> Any:
+    """Return the type of a quantity above zero."""
+    return Annotated[Any, quantity(kind, POSITIVE)]
+
+
 def interval(kind: str) -> Field:
-    """`[lower, upper]`."""
+    """Return the type of `[lower, upper]`."""
     schema = {"type": "array", "items": _json_schema(kind), "minItems": 2, "maxItems": 2}
     return Field(lambda value: units.interval(value, kind), schema, (kind,), "[lower, upper]")
 
 
 def vector(*kinds: str) -> Field:
-    """`[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`, one kind per component."""
+    """Return the type of `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`, with one kind per component."""
     items = {
         "type": "array",
         "items": _json_schema(kinds[0]),
@@ -188,19 +213,19 @@ def vector(*kinds: str) -> Field:
 
 
 def figure(of: Field) -> Field:
-    """A Figure: a quantity, or `{value: quantity, source: text, placeholder: true}`."""
+    """Return the type of a Figure: a quantity, or a mapping with value, source and placeholder."""
 
     def read(value: object) -> Figure:
         if not isinstance(value, dict):
             return Figure(of.read(value))
         check_keys(value, ["value", "source", "placeholder"])
         if "value" not in value:
-            raise wrong("missing", "value: the figure itself", "value")
+            raise wrong("missing", "value: the figure", "value")
         source, placeholder = value.get("source"), value.get("placeholder", False)
         if source is not None and not (isinstance(source, str) and source.strip()):
             raise wrong(
-                f"{units.describe(source)} where a text is needed",
-                "where the figure comes from",
+                f"{units.describe(source)} instead of text",
+                "the source of the figure",
                 "source",
             )
         return Figure(
@@ -222,9 +247,9 @@ def figure(of: Field) -> Field:
 
 
 def reading(cls: Any, name: str, slides: bool = False, figures: bool = False) -> Any:
-    """How a file says what a field of a value holds; None where its type does not say it.
+    """Return the type that reads a field of a value, or None if its annotation does not define it.
 
-    slides: of a joint that slides. figures: a quantity may have a source.
+    slides selects the units of a prismatic joint. figures allows a source for the quantity.
     """
     kind, marks = bare(hints(cls)[name])
     if get_origin(kind) is Literal:
@@ -250,10 +275,21 @@ def model_of(
     without: tuple[str, ...] = (),
     base: type[Model] = Model,
 ) -> Any:
-    """The model of a value: kinds, bounds and defaults are those of its fields.
+    """Build the model of a value. Kinds, bounds and defaults are those of its fields.
 
-    more: keys that are read otherwise, as pydantic's (type, default). slides: of a joint that slides. figures: quantities
-    may have sources; those left out are None, whatever the value's default. without: fields that are no keys.
+    Parameters
+    ----------
+    cls : type
+    more : Mapping, optional
+        Further or different keys, as pydantic's (type, default).
+    slides : bool
+        Use the units of a prismatic joint.
+    figures : bool
+        Allow sources for quantities. Missing figures are then None instead of the default.
+    without : tuple of str
+        Fields that are not keys.
+    base : type
+        Base class of the model.
     """
     own = {field.name: field for field in dataclasses.fields(cls)}
     given = dict(more or {})
@@ -278,36 +314,41 @@ def model_of(
 def model_from(
     fields: Mapping[str, Any], base: type[Model] = Model, of: tuple[Any, ...] = ()
 ) -> Any:
-    """The model with these keys, each as pydantic's (type, default); of: values whose fields say what
-    they mean; the last one's word counts."""
+    """Build the model with these keys, each given as pydantic's (type, default).
+
+    of contains values whose fields document the keys. If several do, the last one applies.
+    """
     made: Any = create_model
     model = made("KeysModel", __base__=base, **fields)
     model.of = of
     return model
 
 
+def required(hint: Any, description: str) -> Any:
+    """Return a key that must be given."""
+    return hint, PydanticField(description=description)
+
+
 def optional(hint: Any, description: str = "") -> Any:
-    """A key that may be left out."""
+    """Return a key that may be missing."""
     return hint | None, PydanticField(None, description=description)
 
 
-def by_joint(turning: Any, sliding: Any, required: bool = False) -> Any:
-    """The model of a mapping from joints to what a model says of one of them."""
+def by_joint(turning: Any, sliding: Any, every: bool = False) -> Any:
+    """Return the model of a mapping from joints to a type for revolute or prismatic joints.
+
+    every requires an entry for every joint.
+    """
     fields: dict[str, Any] = {}
     for i, name in enumerate(JOINTS, 1):
-        part, text = (
-            Annotated[Any, Part(sliding if name == "insertion" else turning)],
-            f"Of joint {i}.",
-        )
-        fields[name] = (part, PydanticField(description=text)) if required else optional(part, text)
+        hint = nested(sliding if name == "insertion" else turning)
+        fields[name] = (required if every else optional)(hint, f"Joint {i}.")
     return model_from(fields)
 
 
 def _text(value: object) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise wrong(
-            f"{units.describe(value)} where a text is needed", "a text of at least one character"
-        )
+        raise wrong(f"{units.describe(value)} instead of text", "a text of at least one character")
     return value
 
 
@@ -316,13 +357,13 @@ _TRUTH = {True: True, False: False, "yes": True, "no": False, "on": True, "off":
 
 def _truth(value: object, key: str | None = None) -> bool:
     if not isinstance(value, (bool, str)) or value not in _TRUTH:
-        raise wrong(f"{units.describe(value)} where true or false is needed", "true or false", key)
+        raise wrong(f"{units.describe(value)} instead of true or false", "true or false", key)
     return _TRUTH[value]
 
 
 def _axis(value: object) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != 3:
-        raise wrong("not an axis", "three numbers such as [1, 0, 0]")
+        raise wrong("invalid axis", "three numbers such as [1, 0, 0]")
     return tuple(units.number(part) for part in value)
 
 
@@ -346,10 +387,10 @@ Reference = Annotated[
     Field(
         _reference,
         {"anyOf": [{"type": "string", "description": _FILE}, {"type": "object"}]},
-        allowed=f"{_FILE}, a shipped name, or what the file would hold",
+        allowed=f"{_FILE}, a shipped name, or the content of a file",
     ),
 ]
-SOURCE: Any = optional(Text, "Where the figures come from.")
+SOURCE: Any = optional(Text, "Source of the figures.")
 
 
 def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[Any], Any]:
@@ -362,7 +403,7 @@ def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[
     return read
 
 
-def _json_schema(kind: str) -> dict[str, Any]:
+def _json_schema(kind: str) -> JsonObject:
     if kind == "number":
         return {"type": "number"}
     return {
@@ -373,20 +414,20 @@ def _json_schema(kind: str) -> dict[str, Any]:
 
 
 class Key(NamedTuple):
-    """A key of a file, with what a table of keys says of it."""
+    """Key of a file with its description for a table of keys."""
 
     path: str
-    """Such as joints.roll.velocity; `[]` stands for each entry of a list."""
+    """Path such as joints.roll.velocity. `[]` represents each entry of a list."""
     unit: str
-    """Such as it may be written."""
+    """Unit in a form that files accept."""
     allowed: str
     default: str
-    """Empty where there is none; "required" where the key may not be left out."""
+    """Default, "" if there is none, or "required"."""
     description: str
 
 
 def keys(model: Any, path: str = "") -> Iterator[Key]:
-    """Every key that a model knows, those of its parts below their own."""
+    """Return every key of a model, followed by the keys of its parts."""
     about = model.about()
     for name, info in model.model_fields.items():
         parts, field = list(_parts((info.annotation, *info.metadata))), field_of(info)
@@ -413,13 +454,13 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
 
 
 def field_of(info: Any) -> Field:
-    """How a key's value is read, of pydantic's description of the key."""
+    """Return the reader of a key from pydantic's description of the key."""
     parts = _parts((info.annotation, *info.metadata))
     return next((part for part in parts if isinstance(part, Field)), Field(str, {}))
 
 
 def _parts(hint: Any) -> Iterator[Any]:
-    """A type and everything it is made of."""
+    """Yield a type and all types that it contains."""
     yield hint.model if isinstance(hint, Part) else hint
     for part in (
         hint
@@ -432,7 +473,10 @@ def _parts(hint: Any) -> Iterator[Any]:
 
 
 def validated(section: Section, model: type[M]) -> M:
-    """The section's value as an instance of the model. Raises ProblemError: the first fault, with the others in it."""
+    """Return the section's value as an instance of the model.
+
+    Raises ProblemError with the first fault, which lists the others.
+    """
     try:
         return model.model_validate(section.value)
     except ValidationError as error:
@@ -447,7 +491,10 @@ def validated(section: Section, model: type[M]) -> M:
 def located(
     section: Section, places: Mapping[str, tuple[str | int, ...]] | None = None
 ) -> Iterator[None]:
-    """Completes errors of values made within by file and line; places: of fields that the file calls otherwise."""
+    """Add file and line to errors of values that the block builds.
+
+    places maps fields to keys if their names differ in the file.
+    """
     try:
         yield
     except ProblemError as error:
@@ -466,7 +513,7 @@ def located(
 def _fault(section: Section, details: Any) -> ProblemError:
     context = details.get("ctx", {})
     path: tuple[str | int, ...] = ()
-    for part in details["loc"]:  # of a pydantic location what names keys of the file
+    for part in details["loc"]:  # the parts of a pydantic location that are keys of the file
         if section.sub(*path).holds(part):
             path = (*path, part)
     kind = details["type"]
@@ -478,7 +525,7 @@ def _fault(section: Section, details: Any) -> ProblemError:
     if kind == "missing":
         return section.error("missing: this key is required", *path, details["loc"][-1])
     if kind == "literal_error":
-        return section.error("not one of the values known here", *path, allowed=context["expected"])
+        return section.error("unknown value", *path, allowed=context["expected"])
     if kind in ("too_short", "too_long"):
         side, bound = ("min", "at least") if kind == "too_short" else ("max", "at most")
         reason = f"{context['actual_length'] or 'no'} entries"

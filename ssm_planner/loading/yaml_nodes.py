@@ -1,4 +1,4 @@
-"""YAML text → a tree of plain data in which every value and key knows its line, and sections of it."""
+"""YAML parser that records the line of every value and key, and sections of the resulting tree."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import yaml
 from ssm_planner.errors import ProblemError
 
 LARGEST_TREE = 300_000
-"""Values after aliases are expanded."""
+"""Largest number of values after expansion of aliases."""
 DEEPEST = 30
 
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
@@ -37,7 +37,7 @@ _STRING_TAGS = (
 
 @dataclass(frozen=True)
 class Node:
-    """One value of a file: plain data, its line, and the nodes and key lines below it."""
+    """Value of a file: plain data, its line, and the nodes and key lines below it."""
 
     value: Any
     line: int | None
@@ -53,10 +53,24 @@ def parse(
     trailing: bool = False,
     tree: bool = True,
 ) -> Node:
-    """The one document in a YAML text; file is for messages. Raises ProblemError for anything else.
+    """Return the single document in a YAML text.
 
-    largest: values after aliases are expanded. trailing: empty documents may follow, as `ros2 topic echo` writes them.
-    tree: whether the nodes below are wanted; long files need a third of the memory without them.
+    Parameters
+    ----------
+    file : Path or None
+        File for messages.
+    text : str
+    largest : int
+        Largest number of values after expansion of aliases.
+    trailing : bool
+        Allow empty documents at the end, as `ros2 topic echo` writes them.
+    tree : bool
+        Keep the nodes below the root. Without them, long files need a third of the memory.
+
+    Raises
+    ------
+    ProblemError
+        If the text is not one valid document.
     """
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
@@ -81,7 +95,7 @@ def parse(
 
 
 class _Builder:
-    """Builds the tree from YAML events, so that depth, size and aliases stay under control."""
+    """Builder of the tree from YAML events, which limits depth, size and aliases."""
 
     def __init__(self, file: Path | None, events: Iterator[Any], largest: int, tree: bool) -> None:
         self.file = file
@@ -111,12 +125,10 @@ class _Builder:
             raise self.error("nested too deeply", event, f"at most {DEEPEST} levels")
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:
-                raise self.error(f"*{event.anchor} refers to nothing above it", event)
+                raise self.error(f"*{event.anchor} has no anchor above it", event)
             return self.anchors[event.anchor]
         if event.tag not in _STRING_TAGS:
-            raise self.error(
-                f"the tag {event.tag} is not used in these files", event, "plain values"
-            )
+            raise self.error(f"the tag {event.tag} is not allowed", event, "plain values")
         if isinstance(event, yaml.ScalarEvent):
             node = Node(_scalar(event), _line(event))
         elif isinstance(event, yaml.SequenceStartEvent):
@@ -154,7 +166,7 @@ class _Builder:
             key = event.value
             if key in children:
                 raise ProblemError(
-                    f"this key is given twice (first on line {key_lines[key]})",
+                    f"duplicate key (first on line {key_lines[key]})",
                     file=self.file,
                     line=_line(event),
                     key=key,
@@ -171,7 +183,10 @@ class _Builder:
 
 
 def _scalar(event: Any) -> object:
-    """Numbers and words as YAML 1.2 reads them: 1e-5 is a number; yes, no, on, off and 1:30 are text."""
+    """Return a number or word as YAML 1.2 reads it.
+
+    1e-5 is a number. yes, no, on, off and 1:30 are text.
+    """
     text: str = event.value
     if event.style or event.tag == "tag:yaml.org,2002:str":
         return text
@@ -190,21 +205,21 @@ def _line(event: Any) -> int:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a file, by the path of keys and list positions that leads to it."""
+    """Part of a file at a path of keys and list positions."""
 
     file: Path | None
-    """None: the data came from Python."""
+    """File, or None for data from Python."""
     root: Node
     path: tuple[str | int, ...] = ()
 
     @property
     def name(self) -> str:
-        """The file's name without its ending."""
+        """Name of the file without its suffix."""
         return "problem" if self.file is None else self.file.stem
 
     @property
     def file_name(self) -> str | None:
-        """Of the file; None where the data came from Python."""
+        """Name of the file, or None for data from Python."""
         return None if self.file is None else str(self.file)
 
     @property
@@ -212,22 +227,27 @@ class Section:
         return self._locate(())[1].value
 
     def sub(self, *path: str | int) -> Section:
-        """The part below; the path need not exist (messages then point at the deepest part that does)."""
+        """Return the part below.
+
+        If the path does not exist, messages refer to its deepest existing part.
+        """
         return Section(self.file, self.root, (*self.path, *path))
 
     def holds(self, part: str | int) -> bool:
-        """Whether there is a value under this key or list position."""
+        """Return True if there is a value under this key or list position."""
         _, node, complete = self._locate(())
         return complete and part in node.children
 
     def line(self, *path: str | int) -> int | None:
-        """Line of the key that holds the value, or of the value itself in a list; counted from 1."""
+        """Return the line of a key, or of the value itself in a list, counted from 1."""
         return self._locate(path)[0]
 
     def error(
         self, reason: str, *path: str | int, allowed: str | None = None, show: bool = True
     ) -> ProblemError:
-        """A ProblemError that names file, line, key path and (unless show is false) the value found there."""
+        """Return a ProblemError with file, line and key path, and with the value if show is
+        True.
+        """
         line, node, complete = self._locate(path)
         value = _written(node.value) if complete and show else None
         key = key_text((*self.path, *path)) or None
@@ -246,7 +266,10 @@ class Section:
 
 
 def key_text(path: tuple[str | int, ...]) -> str:
-    """`motion[2].tilt.to` for ("motion", 2, "tilt", "to"); list positions count from 0."""
+    """Return the text for a path, such as `motion[2].tilt.to` for ("motion", 2, "tilt", "to").
+
+    List positions count from 0.
+    """
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else ("." if text else "") + part
@@ -254,7 +277,10 @@ def key_text(path: tuple[str | int, ...]) -> str:
 
 
 def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
-    """Data from Python as a tree, all of it in one line or in none. Raises ProblemError where it is nested too deeply."""
+    """Return data from Python as a tree in which all values have the same line, or none.
+
+    Raises ProblemError for deep nesting.
+    """
     if depth > DEEPEST:
         raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
     if isinstance(data, Mapping):
@@ -274,7 +300,10 @@ def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
 
 
 def _written(value: object) -> str | None:
-    """A value as the user wrote it; None for a mapping, unless it is a figure with its value."""
+    """Return a value as the user wrote it.
+
+    A mapping gives None unless it is a figure with a value.
+    """
     if isinstance(value, dict):
         return _written(value["value"]) if "value" in value else None
     if isinstance(value, list):

@@ -1,7 +1,8 @@
-"""Compiles the C of this folder into libraries: once when the package is built, where there is a compiler.
+"""Compile the C sources in this folder into libraries if there is a compiler.
 
-Run by the build (.hatch_build.py), and by hand: python -m ssm_planner.native.compiling. It needs the standard library
-alone, for then nothing else is installed. A library carries the key of what it was made from (`library.load`).
+The build of the package runs this module (.hatch_build.py). Run it manually with
+`python -m ssm_planner.native.compiling`. It needs only the standard library, because the build has
+no other packages. Each library contains the key of its sources, which `library.load` compares.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ FLAGS = (
     *("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
     *("-fPIC", "-shared", "-fvisibility=hidden"),
 )
-"""No optimisation that changes rounding: every variant gives the same bits."""
+"""Compiler flags without optimisations that change rounding, so all variants give the same bits."""
 VARIANTS = {"portable": (), "avx2": ("-mavx2",)}
-"""Flags by name; avx2 where the processor is of that kind."""
+"""Additional flags by variant. The variant avx2 runs only on processors with AVX2."""
 
 
 def key() -> str:
-    """Of the sources, as they are."""
+    """Return a key that identifies the current sources and flags."""
     digest = hashlib.sha256("\n".join([*FLAGS, str(VARIANTS)]).encode())
     for path in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h")]):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
@@ -36,26 +37,30 @@ def key() -> str:
 
 
 def path_of(variant: str) -> Path:
-    """Where the library of a variant lies."""
+    """Return the path of the library of a variant."""
     return FOLDER / "libraries" / f"{variant}.so"
 
 
 def build() -> list[Path]:
-    """Make the libraries that are not of these sources already; which there are then: none without a compiler that can."""
+    """Compile the libraries that do not match the current sources; return the paths of all that
+    match.
+
+    The result is empty without a working C compiler.
+    """
     compiler = _compiler()
     if compiler is None:
         return []
     x86 = platform.machine().lower() in ("x86_64", "amd64")
-    chosen = {name: flags for name, flags in VARIANTS.items() if x86 or not flags}
-    with ThreadPoolExecutor() as threads:  # each waits for its compiler
-        made = threads.map(
-            lambda name: _is_made(name) or _make(compiler, name, chosen[name]), chosen
+    variants = {name: flags for name, flags in VARIANTS.items() if x86 or not flags}
+    with ThreadPoolExecutor() as threads:  # Each thread waits for its compiler.
+        results = threads.map(
+            lambda name: _is_made(name) or _make(compiler, name, variants[name]), variants
         )
-        return [path_of(name) for name, done in zip(chosen, made, strict=True) if done]
+        return [path_of(name) for name, success in zip(variants, results, strict=True) if success]
 
 
 def _is_made(variant: str) -> bool:
-    """Of the sources as they are, for this system."""
+    """Return True if the library matches the current sources and loads on this system."""
     path = path_of(variant)
     try:
         return key().encode() in path.read_bytes() and ctypes.CDLL(str(path)) is not None
@@ -64,9 +69,12 @@ def _is_made(variant: str) -> bool:
 
 
 def _make(compiler: str, variant: str, flags: tuple[str, ...]) -> bool:
-    """Whole or not at all."""
+    """Compile a variant and return True on success.
+
+    The library is written atomically.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "library"
+        output = Path(folder) / "library"
         sources = [str(path) for path in sorted(FOLDER.glob("*.c"))]
         command = [
             compiler,
@@ -74,26 +82,31 @@ def _make(compiler: str, variant: str, flags: tuple[str, ...]) -> bool:
             *flags,
             f'-DSSM_KEY="{key()}"',
             "-o",
-            str(made),
+            str(output),
             *sources,
             "-lm",
         ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
+        process = subprocess.run(command, capture_output=True, text=True, check=False)
+        if process.returncode != 0:
             print(
-                f"ssm_planner is built without its compiled part ({variant}): {done.stderr.strip()}",
+                f"ssm_planner is built without its compiled library ({variant}): "
+                f"{process.stderr.strip()}",
                 file=sys.stderr,
             )
             return False
-        beside = path_of(variant).with_suffix(f".{os.getpid()}")
-        beside.parent.mkdir(exist_ok=True)
-        shutil.copyfile(made, beside)
-        os.replace(beside, path_of(variant))
+        temporary = path_of(variant).with_suffix(f".{os.getpid()}")
+        temporary.parent.mkdir(exist_ok=True)
+        shutil.copyfile(output, temporary)
+        os.replace(temporary, path_of(variant))
     return True
 
 
 def _compiler() -> str | None:
-    """CC or cc; not that of macOS without its developer tools, which only opens a window that offers them."""
+    """Return the path of the compiler `CC` or cc, or None if there is none.
+
+    macOS without its developer tools has a cc that only opens an installation window. It is not
+    used.
+    """
     if os.name != "posix":
         return None
     tools = ["xcode-select", "-p"]
@@ -106,7 +119,7 @@ def _compiler() -> str | None:
 
 
 if __name__ == "__main__":
-    made = build()
+    paths = build()
     print(
-        "\n".join(map(str, made)) or "nothing was compiled: no C compiler was found, or it failed"
+        "\n".join(map(str, paths)) or "nothing was compiled: there is no C compiler, or it failed"
     )

@@ -1,4 +1,7 @@
-"""The compiled part of the package; whatever has it in C has it in Python too, or does without."""
+"""Load the compiled part of the package.
+
+Every function in it has an equivalent in Python or is optional.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,17 @@ from ssm_planner.native import compiling
 
 
 def load() -> ctypes.CDLL | None:
-    """The library for this processor; None where there is none, and where SSM_PLANNER_NATIVE=0 asks for none."""
+    """Return the library for this processor.
+
+    Return None if no library matches the sources, or if SSM_PLANNER_NATIVE=0 disables the library.
+    """
     return None if os.environ.get("SSM_PLANNER_NATIVE") == "0" else _loaded()
+
+
+def has_avx2() -> bool:
+    """Return True if the library is in use and the processor has AVX2."""
+    library = load()
+    return library is not None and bool(library.ssm_has_avx2())
 
 
 @cache
@@ -23,7 +35,10 @@ def _loaded() -> ctypes.CDLL | None:
 
 
 def _open(variant: str) -> ctypes.CDLL | None:
-    """A library made from the sources as they are: another would follow laws that were changed since."""
+    """Return a library, or None unless it was compiled from the current sources.
+
+    Other libraries may contain outdated equations.
+    """
     try:
         library = ctypes.CDLL(str(compiling.path_of(variant)))
         library.ssm_key.restype = ctypes.c_char_p

@@ -1,4 +1,4 @@
-"""Where the published package departs from its own equations, with numbers: first the section, then what it computes."""
+"""Quantify where the published package departs from its own equations."""
 
 from __future__ import annotations
 
@@ -34,10 +34,14 @@ FORMS = ("exp(−2x)", "exp(−x²)")
 def departures_section(
     inputs: Inputs, runs: Sequence[SpeedRun], rigs: Sequence[RigResult]
 ) -> Section:
-    """Products of inertia, Stribeck's exponent, velocity product, torque at standstill, bounds of identification."""
+    """Return the section about the departures.
+
+    They concern products of inertia, Stribeck's exponent, the velocity product, the torque at
+    standstill, and the bounds of the identification.
+    """
     solved = [run for run in runs if run.loads]
     single = {f"payload curves, {RUNS[name]}": run for name, run in inputs.motorisations.items()}
-    alone = [
+    payload_signs = [
         (label, velocity_sign(DutyCycle.of_motorisation(run).loads()))
         for label, run in single.items()
     ]
@@ -53,45 +57,57 @@ def departures_section(
         "FORMS": FORMS,
         "STRIBECK_SPEEDS": STRIBECK_SPEEDS,
         "forms": [form for form in forms if form is not None],
-        "velocity": [*((run.row.label, velocity_sign(run.loads)) for run in solved), *alone],
-        "payload_change": max((max(sign.torque.values()) for _, sign in alone), default=0.0),
+        "velocity": [
+            *((run.row.label, velocity_sign(run.loads)) for run in solved),
+            *payload_signs,
+        ],
+        "payload_change": max(
+            (max(sign.torque.values()) for _, sign in payload_signs), default=0.0
+        ),
         "standstill": [
             (run.row.label, [_largest_start(run.load(joint)) for joint in DRIVEN]) for run in solved
         ],
         "outside": [
-            each for name, drive in inputs.rigs.items() for each in outside_bounds(name, drive)
+            parameter
+            for name, drive in inputs.rigs.items()
+            for parameter in outside_bounds(name, drive)
         ],
     }
     return Section("departures", values, {"stribeck_forms": _stribeck_figure()})
 
 
 def _change_of_motion(run: SpeedRun) -> tuple[str, dict[str, float], dict[str, float]]:
-    """(motion, largest change of motor torque through the flipped sign, peak torque), N·m by driven joint."""
+    """Return (motion, largest change of motor torque by the flipped sign, peak torque) of a run.
+
+    Torques are in N·m by driven joint.
+    """
     assert run.plan.trajectory is not None
-    after = joint_loads(run.plan.trajectory, flipped(run.plan.problem.robot))
+    flipped_loads = joint_loads(run.plan.trajectory, flipped(run.plan.problem.robot))
     peaks = {joint: max(abs(end) for end in run.envelope(joint)) for joint in DRIVEN}
-    return run.row.label, largest_change(run.loads, after), peaks
+    return run.row.label, largest_change(run.loads, flipped_loads), peaks
 
 
 def _change_of_payload(
     label: str, run: Motorisation
 ) -> tuple[str, dict[str, float], dict[str, float]]:
-    before = DutyCycle.of_motorisation(run).loads()
-    after = DutyCycle.of_motorisation(replace(run, robot=flipped(run.robot))).loads()
+    """Return the values of `_change_of_motion` for a payload curve."""
+    loads = DutyCycle.of_motorisation(run).loads()
+    flipped_loads = DutyCycle.of_motorisation(replace(run, robot=flipped(run.robot))).loads()
     return (
         label,
-        largest_change(before, after),
-        {load.joint: float(np.abs(load.torque()).max()) for load in before},
+        largest_change(loads, flipped_loads),
+        {load.joint: float(np.abs(load.torque()).max()) for load in loads},
     )
 
 
 def _largest_start(load: JointLoad) -> float | None:
-    """Largest |motor torque| at a start, N·m; None where the joint never starts."""
+    """Return the largest |motor torque| at a start, N·m, or None if the joint never starts."""
     torque = np.abs(load.torque()[load.breakaway > 0])
     return float(torque.max()) if len(torque) else None
 
 
 def _stribeck_figure() -> Figure:
+    """Draw both forms of the Stribeck term."""
     figure = new_figure(4.8, 3.2)
     axes = figure.subplots()
     x = np.linspace(0.0, 3.0, 301)
@@ -117,7 +133,7 @@ class Outside:
 
 
 def outside_bounds(name: str, drive: Drive) -> tuple[Outside, ...]:
-    """Published parameters of a rig outside the package's bounds."""
+    """Return the published parameters of a rig outside the package's bounds."""
     published = {} if drive.rig is None else drive.rig.published
     return tuple(
         Outside(drive.name, parameter, published[parameter], bounds)
@@ -132,24 +148,24 @@ class BodyMoments:
 
     name: str
     as_tensor: Array
-    """The published products taken as entries of the tensor, as the toolbox takes them."""
+    """Moments if the published products are tensor entries, as in the toolbox."""
     as_cad: Array
-    """Taken with the CAD program's sign, as the robot file does."""
+    """Moments if the products have the sign of CAD programs, as in the robot file."""
 
     @property
     def possible(self) -> tuple[bool, bool]:
-        """Whether a body can have them."""
+        """Return for both readings whether a body can have these moments."""
         return possible(self.as_tensor), possible(self.as_cad)
 
 
 def flipped(robot: Robot) -> Robot:
-    """The robot with all products of inertia negated: the package's reading of its own figures."""
-    first, second, third, fourth = (_flipped(body) for body in robot.bodies)
-    return replace(robot, bodies=(first, second, third, fourth))
+    """Return the robot with negated products of inertia, as the package reads its figures."""
+    body1, body2, body3, body4 = (_flipped(body) for body in robot.bodies)
+    return replace(robot, bodies=(body1, body2, body3, body4))
 
 
 def body_moments(robot: Robot) -> tuple[BodyMoments, ...]:
-    """Of every body with mass."""
+    """Return the principal moments of every body with mass."""
     return tuple(
         BodyMoments(
             body.name,
@@ -162,47 +178,53 @@ def body_moments(robot: Robot) -> tuple[BodyMoments, ...]:
 
 
 def joint_inertia(robot: Robot) -> Array:
-    """Diagonal of the mass matrix at home, (4,), kg·m² and kg."""
+    """Return the diagonal of the mass matrix at home, (4,), kg·m² and kg."""
     return np.diagonal(RigidBody.from_robot(robot).mass_matrix(np.zeros((1, 4)))[0]).copy()
 
 
-def largest_change(before: Sequence[JointLoad], after: Sequence[JointLoad]) -> dict[str, float]:
-    """Largest change of motor torque between loads of the same instants, N·m, by joint; 0 for joints without one."""
+def largest_change(
+    first_loads: Sequence[JointLoad], second_loads: Sequence[JointLoad]
+) -> dict[str, float]:
+    """Return the largest change of motor torque between loads at the same instants, N·m, by joint.
+
+    Joints without a load have 0.
+    """
     change = dict.fromkeys(DRIVEN, 0.0)
-    for a, b in zip(before, after, strict=True):
+    for a, b in zip(first_loads, second_loads, strict=True):
         change[a.joint] = max(change[a.joint], float(np.abs(b.torque() - a.torque()).max()))
     return change
 
 
 def _flipped(body: Body) -> Body:
+    """Return a body with negated products of inertia."""
     diagonal = np.diag(np.diag(body.inertia))
     return unchecked(body, inertia=frozen(2 * diagonal - body.inertia, (3, 3)))
 
 
 STRIBECK_SPEEDS = (0.25, 0.5, 1.0, 2.0)
-"""Motor speed by Stribeck speed at which μ is shown."""
+"""Ratios of motor speed to Stribeck speed at which μ is shown."""
 
 
 @dataclass(frozen=True, eq=False)
 class StribeckForms:
-    """Of one rig with a published Stribeck term. Each pair: the package's form, the Gaussian."""
+    """Both Stribeck forms for one rig. Each pair: the package's form, the Gaussian form."""
 
     title: str
     mu: tuple[tuple[float, float], ...]
-    """At STRIBECK_SPEEDS."""
+    """Friction coefficients at STRIBECK_SPEEDS."""
     largest: tuple[float, float, float]
-    """|w|/w_s at which the coefficients lie farthest apart, and both there."""
+    """|w|/w_s with the largest difference of the coefficients, and both coefficients."""
     published_nrmsd: tuple[float, float]
-    """Of the map, with the published parameters."""
+    """NRMSD of the map with the published parameters."""
     fitted_nrmsd: tuple[float, float]
     fitted_speed: tuple[float, float]
-    """w_s, rad/s."""
+    """Fitted Stribeck speeds w_s, rad/s."""
     criterion: tuple[float, float]
-    """RMS error of the two fits on recordings left out, N·m."""
+    """RMS error of both fits on recordings outside the fit, N·m."""
 
 
 def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
-    """Both forms on one rig; None where its authors give no Stribeck speed."""
+    """Compare both forms on one rig. Returns None if its authors give no Stribeck speed."""
     pair = tuple(
         published_drive(drive, law) for law in ("stribeck_exponential", "stribeck_gaussian")
     )
@@ -213,14 +235,14 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
     x = np.linspace(0.0, 4.0, 4001)
     gap = np.abs(stribeck_shape("stribeck_gaussian", x) - stribeck_shape("stribeck_exponential", x))
     widest = float(x[int(np.argmax(gap))])
-    other = fit_map(
+    gaussian_fit = fit_map(
         drive,
         result.data,
         result.rig.F_payload,
         law="stribeck_gaussian",
         reference=result.rig.published,
     )
-    fits = (result.fits["stribeck_exponential"], other)
+    fits = (result.fits["stribeck_exponential"], gaussian_fit)
     return StribeckForms(
         title=result.title,
         mu=tuple((_mu(exponential, s * speed), _mu(gaussian, s * speed)) for s in STRIBECK_SPEEDS),
@@ -239,28 +261,29 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
 
 
 def _mu(drive: Drive, w: float) -> float:
+    """Return the friction coefficient at a motor speed in rad/s."""
     return float(friction_coefficient(friction_of(drive), w))
 
 
 @dataclass(frozen=True)
 class VelocitySign:
-    """Over one motion, by driven joint: N·m or N for effort, N·m for torque."""
+    """Influence of the sign of the velocity product over one motion, by driven joint."""
 
     effort: dict[str, float]
-    """Largest |C q̇|."""
+    """Largest |C q̇|, N·m or N."""
     gravity: dict[str, float]
-    """Largest effort of gravity, for comparison."""
+    """Largest effort of gravity for comparison, N·m or N."""
     torque: dict[str, float]
-    """Largest change of motor torque where the velocity product is subtracted instead of added."""
+    """Largest change of motor torque after subtracting the velocity product, N·m."""
 
 
 def subtracted(load: JointLoad) -> JointLoad:
-    """The load with M q̈ − C q̇ + g instead of M q̈ + C q̇ + g."""
+    """Return the load with M q̈ − C q̇ + g instead of M q̈ + C q̇ + g."""
     return replace(load, velocity=-load.velocity)
 
 
 def velocity_sign(loads: Sequence[JointLoad]) -> VelocitySign:
-    """What the sign changes over a motion."""
+    """Compute the influence of the sign of the velocity product over a motion."""
     effort, gravity = dict.fromkeys(DRIVEN, 0.0), dict.fromkeys(DRIVEN, 0.0)
     for load in loads:
         effort[load.joint] = max(effort[load.joint], float(np.abs(load.velocity).max()))

@@ -1,4 +1,4 @@
-"""The whole document: every section in order, written with its pictures as one folder."""
+"""Compute all sections of the document and write it with its pictures into one folder."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FILE = "README.md"
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """The sections, and the results that a program may want as values."""
+    """The sections, and the results as values."""
 
     sections: tuple[Section, ...]
     runs: tuple[SpeedRun, ...]
@@ -35,52 +35,55 @@ class Document:
 
     @property
     def passed(self) -> bool:
-        """Every motion was planned and passed the independent check."""
+        """Return whether every motion was planned and passed the independent check."""
         return all(run.plan.passed for run in self.runs)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What is missing because its data is not here."""
+        """Return descriptions of the parts that are missing because their data are missing."""
         return tuple(f"{rig.title}: {rig.left_out}" for rig in self.rigs if rig.left_out)
 
     def markdown(self) -> str:
-        """The same for the same inputs: no time, no date, no folder of this machine."""
+        """Return the text, which depends on the inputs only, not on time or folders."""
         return render("document", sections=self.sections)
 
 
 def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) -> Document:
-    """Every section, computed. Raises RecordingError where the rigs' table of figures cannot be read."""
+    """Compute every section. Raises RecordingError if the table of the rigs cannot be read."""
     number, steps = itertools.count(1), 4 + len(RIGS) + len(TABLE_III)
 
-    def begin(step: str) -> None:
+    def report_step(step: str) -> None:
         progress(f"{step} ({next(number)} of {steps})")
 
-    begin("Table I, workspace, choice of the axes")
+    report_step("Table I, workspace, choice of the axes")
     sections = [workspace_section(inputs.robot), design_section(inputs.robot, inputs.eye)]
-    begin("Table II and its maps")
+    report_step("Table II and its maps")
     sections.append(friction_section(inputs.robot))
     rigs = []
     for name in RIGS:
-        begin(f"identifying {name}")
+        report_step(f"identifying {name}")
         rigs.append(rig_result(inputs, name))
-    begin("payload curves")
+    report_step("payload curves")
     payload = payload_section(payloads(inputs))
-    runs = speed_runs(inputs.problem, begin)
-    begin("departures of the package")
-    found = tuple(rigs)
+    runs = speed_runs(inputs.problem, report_step)
+    report_step("departures of the package")
+    rig_results = tuple(rigs)
     sections += [
-        rigs_section(found),
+        rigs_section(rig_results),
         payload,
         motions_section(inputs.problem, runs),
-        departures_section(inputs, runs, found),
+        departures_section(inputs, runs, rig_results),
     ]
-    return Document(tuple(sections), runs, found)
+    return Document(tuple(sections), runs, rig_results)
 
 
 def write(
     document: Document, folder: Path, progress: Callable[[str], None] = lambda _: None
 ) -> dict[str, Path]:
-    """README.md and every picture as PNG and PDF, whole or not at all; paths by name. Raises ExportError."""
+    """Write README.md and every picture as PNG and PDF, all or nothing; return the paths by name.
+
+    Raises ExportError.
+    """
     with publishing(folder) as temporary:
         for k, section in enumerate(document.sections, 1):
             progress(f"drawing section {k} of {len(document.sections)}")

@@ -1,5 +1,7 @@
-"""Friction: Table II as torque–velocity maps, and the three rigs: parameters identified from the shipped figures beside
-the authors', predicted against measured torque.
+"""Compare friction with the paper: Table II as torque–velocity maps, and the three rigs.
+
+For the rigs, the section shows parameters identified from the shipped figures beside the authors',
+and predicted beside measured torque.
 """
 
 from __future__ import annotations
@@ -58,61 +60,65 @@ MAP_SPEEDS = {
     "tilt": published.ROTARY_SPEED,
     "insertion": published.LINEAR_SPEED,
 }
-"""Joint speed up to which a map is drawn: the one that the application requires."""
+"""Top joint speed of a map, as the application requires, rad/s and m/s."""
 POINTS = 121
 LOADS = 81
-"""Samples of the range of gravity loads."""
+"""Number of samples in the range of gravity loads."""
 CURVES = ("under the arm's weight", "Table II, no load", "package, no load", "breakaway, no load")
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionMap:
-    """Model curve of one joint: motor speed (n,) rad/s, > 0 only; torques N·m."""
+    """Torque–velocity map of one joint: motor speeds (n,) above 0, rad/s; torques, N·m."""
 
     joint: str
     drive: Drive
     w: Array
     unloaded: tuple[Array, Array]
-    """Without load on the joint: forwards and backwards (at −w)."""
+    """Torque without load, forwards and backwards (at −w)."""
     package: tuple[Array, Array]
-    """The same with the package's parameters."""
+    """Torque without load, with the package's parameters."""
     loaded: tuple[tuple[Array, Array], tuple[Array, Array]]
-    """Least and largest torque under the arm's weight, forwards and backwards."""
+    """Smallest and largest torque under the arm's weight, forwards and backwards."""
     gravity: tuple[float, float]
-    """Range of the effort of gravity in the working range, N·m or N."""
+    """Range of the effort of gravity, N·m or N."""
     start: float
-    """Breakaway torque without load."""
+    """Breakaway torque without load, N·m."""
 
     @property
     def mesh(self) -> float:
-        """Torque of the mesh without load, at the top speed."""
+        """Return the torque of the mesh without load at the top speed, N·m."""
         row = TABLE_II[self.joint]
         return float(self.unloaded[0][-1] - row.b_c - row.b_v * self.w[-1])
 
     @property
     def largest(self) -> float:
-        """Largest |torque| under the arm's weight, either way."""
+        """Return the largest |torque| under the arm's weight in both directions, N·m."""
         forwards, backwards = self.loaded
         return float(max(forwards[1].max(), -backwards[0].min()))
 
 
 def driven(robot: Robot, joint: str) -> Drive:
-    """The drive of a joint that has one."""
+    """Return the drive of a driven joint."""
     drive = robot.joints[JOINTS.index(joint)].drive
     assert drive is not None, joint
     return drive
 
 
 def with_friction(drive: Drive, row: FrictionRow) -> Drive:
-    """The drive with Coulomb friction of a published row; its output side stays."""
-    old = drive.friction or Friction(row.mu, row.mu_static, row.b_c, row.b_v)
+    """Return the drive with Coulomb friction of a published row; its output side stays."""
+    current = drive.friction or Friction(row.mu, row.mu_static, row.b_c, row.b_v)
     return replace(
-        drive, friction=replace(old, mu=row.mu, mu_static=row.mu_static, b_c=row.b_c, b_v=row.b_v)
+        drive,
+        friction=replace(current, mu=row.mu, mu_static=row.mu_static, b_c=row.b_c, b_v=row.b_v),
     )
 
 
 def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
-    """Least and largest joint effort of gravity over the robot's tilt range, ±30° of roll and its travel, (4,) each."""
+    """Return the smallest and the largest effort of gravity, (4,) each, N·m and N.
+
+    The range covers the robot's tilt range, ±30° of roll and its travel.
+    """
     mechanism = Mechanism.from_geometry(robot.geometry)
     low, high = robot.ranges["tilt"]
     half = published.REQUIRED_ROLL / 2
@@ -130,7 +136,7 @@ def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
 
 
 def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
-    """The maps of joints 1, 2 and 4."""
+    """Compute the maps of joints 1, 2 and 4."""
     low, high = gravity_ranges(robot)
     maps = []
     for joint in DRIVEN:
@@ -162,7 +168,7 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
 
 
 def friction_section(robot: Robot) -> Section:
-    """Table II with the maps."""
+    """Return the section about Table II with the maps."""
     maps, (low, high) = friction_maps(robot), robot.ranges["tilt"]
     rows = [TABLE_II[joint] for joint in DRIVEN]
     torques = (
@@ -204,16 +210,18 @@ def friction_section(robot: Robot) -> Section:
 
 
 def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str, ...]:
-    printed, package = (
+    """Return a table row: symbol, printed values, ours, differences, the package's values."""
+    paper, package = (
         [getattr(rows[joint], name) for joint in DRIVEN] for rows in (TABLE_II, PACKAGE_FRICTION)
     )
     ours = [float(getattr(driven(robot, joint).friction, name)) for joint in DRIVEN]
-    difference = [mine - theirs for mine, theirs in zip(ours, printed, strict=True)]
-    columns = (printed, ours, difference, package)
+    difference = [mine - theirs for mine, theirs in zip(ours, paper, strict=True)]
+    columns = (paper, ours, difference, package)
     return (symbol, *(" / ".join(number(scale * value) for value in values) for values in columns))
 
 
 def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
+    """Draw the maps."""
     figure = new_figure(9.6, 3.6)
     panels = figure.subplots(1, len(maps))
     for axes, m in zip(panels, maps, strict=True):
@@ -234,9 +242,9 @@ def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
 
 
 def with_rows(robot: Robot, rows: Mapping[str, FrictionRow]) -> Robot:
-    """The robot with published friction in its drives, by joint name."""
+    """Return the robot with published friction in its drives, by joint name."""
 
-    def changed(joint: Joint) -> Joint:
+    def with_published(joint: Joint) -> Joint:
         row = rows.get(joint.name)
         return (
             joint
@@ -244,17 +252,17 @@ def with_rows(robot: Robot, rows: Mapping[str, FrictionRow]) -> Robot:
             else replace(joint, drive=with_friction(joint.drive, row))
         )
 
-    first, second, third, fourth = (changed(joint) for joint in robot.joints)
-    return replace(robot, joints=(first, second, third, fourth))
+    joint1, joint2, joint3, joint4 = (with_published(joint) for joint in robot.joints)
+    return replace(robot, joints=(joint1, joint2, joint3, joint4))
 
 
 LAWS = ("coulomb", "stribeck_exponential")
-"""The two that the package fits."""
+"""Laws that the package fits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tested:
-    """One recording of a moving rig: NRMSD with the authors' parameters and with ours."""
+    """NRMSD of one recording of a moving rig, with the authors' parameters and with ours."""
 
     recording: str
     published: float
@@ -264,30 +272,35 @@ class Tested:
 
 @dataclass(frozen=True, eq=False)
 class RigResult:
-    """name: stem of the drive file. published: the drive with the authors' parameters and their Stribeck form."""
+    """Results for one rig.
+
+    name: stem of the drive file. published: the drive with the authors' parameters and Stribeck
+    form.
+    """
 
     name: str
     rig: Rig
     data: TorqueMap
     published: Drive
     fits: Mapping[str, MapFit]
-    """By law."""
+    """Fits by law."""
     chosen: str
-    """The law with the smaller error on recordings left out."""
+    """Law with the smaller error on recordings outside the fit."""
     tested: tuple[Tested, ...] = ()
     left_out: str = ""
-    """Why no recording of a moving rig is predicted; empty where one is."""
+    """Reason for missing predictions; empty if there are some."""
 
     @property
     def title(self) -> str:
-        """The drive's name, such as `rig 3, worm gear`."""
+        """Return the drive's name, such as `rig 3, worm gear`."""
         return self.published.name
 
     def map_nrmsd(self, drive: Drive) -> float:
+        """Return the NRMSD of a drive on the map."""
         return nrmsd(map_torque(drive, self.data.w, _rig(drive).load), self.data.tau)
 
     def parameters(self) -> Iterator[list[str]]:
-        """Rows: a parameter, its published value, and for every law its estimate and the difference."""
+        """Generate rows: symbol, published value, and for each law estimate and difference."""
         for name, (symbol, scale) in SHOWN.items():
             value = self.rig.published.get(name)
             estimates = (
@@ -296,28 +309,31 @@ class RigResult:
             yield [symbol, NOTHING if value is None else number(scale * value), *estimates]
 
     def reasons(self) -> list[str]:
-        """What of the fits explains that parameters differ."""
+        """Return properties of the fits that explain differences of the parameters."""
         return [reason for law, fit in self.fits.items() for reason in _reasons(fit, NAMES[law])]
 
 
 def published_drive(drive: Drive, law: FrictionLawName = "stribeck_exponential") -> Drive:
-    """A rig's drive with the authors' parameters; Coulomb friction where they give no Stribeck speed."""
+    """Return a rig's drive with the authors' parameters.
+
+    Without a Stribeck speed, the drive has Coulomb friction.
+    """
     values = dict(_rig(drive).published)
-    chosen = law if values.get("stribeck_speed") else "coulomb"
-    made = with_parameters(drive, chosen, values)
+    form = law if values.get("stribeck_speed") else "coulomb"
+    result = with_parameters(drive, form, values)
     friction = replace(
-        friction_of(made),
+        friction_of(result),
         mu_static=values["mu"] + values.get("mu_stribeck", 0.0),
         dwell_constant=values.get("dwell_constant"),
         memory=values.get("memory", 0.0),
     )
-    return replace(made, friction=friction)
+    return replace(result, friction=friction)
 
 
 def rig_result(inputs: Inputs, name: str) -> RigResult:
-    """Identification of one rig from the table of figures, and its start–stop recordings predicted where they exist.
+    """Identify one rig from the table of figures; predict its start–stop recordings, if any.
 
-    Raises RecordingError where the table cannot be read.
+    Raises RecordingError if the table cannot be read.
     """
     drive = inputs.rigs[name]
     rig = _rig(drive)
@@ -326,8 +342,10 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
         law: fit_map(drive, data, rig.F_payload, law=law, reference=rig.published) for law in LAWS
     }
     criterion = {law: fit.criterion[law] for law, fit in fits.items()}
-    chosen = min(criterion, key=lambda law: criterion[law])
-    result = RigResult(name, rig, data, published=published_drive(drive), fits=fits, chosen=chosen)
+    best_law = min(criterion, key=lambda law: criterion[law])
+    result = RigResult(
+        name, rig, data, published=published_drive(drive), fits=fits, chosen=best_law
+    )
     folder = inputs.recordings / RIGS[name] / "start_stop"
     if not folder.is_dir():
         return replace(
@@ -340,8 +358,9 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
 
 
 def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
+    """Predict all recordings in a folder. Raises RecordingError."""
     rig, fit = result.rig, result.fits[result.chosen]
-    found = read_recordings(
+    recordings = read_recordings(
         [folder], nominal_torque=rig.motor_nominal_torque, direction=rig.direction
     )
     load, inertia = rig.F_payload, rig.payload_inertia
@@ -352,16 +371,17 @@ def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
             predict_recording(fit.drive, recording, fit.load, inertia).nrmsd,
             recording.repairs,
         )
-        for recording in found
+        for recording in recordings
     )
 
 
 def _plain(error: RecordingError, folder: Path) -> str:
-    """The message without the reader's own folders, so that the document is the same for everyone."""
+    """Return an error message without local folders, on which the document must not depend."""
     return str(error).replace(f"{folder}/", "").replace(str(folder), folder.name).replace("|", "/")
 
 
 def _rig(drive: Drive) -> Rig:
+    """Return the rig data of a drive file."""
     assert drive.rig is not None, drive.name
     return drive.rig
 
@@ -386,23 +406,25 @@ NAMES = dict(zip(LAWS, ("Coulomb", "Stribeck"), strict=True))
 
 
 def rigs_section(results: tuple[RigResult, ...]) -> Section:
-    """Parameters, maps and predictions of the three rigs."""
+    """Return the section about parameters, maps and predictions of the three rigs."""
     return Section("rigs", {"rigs": results, "NAMES": NAMES}, {"rig_maps": _rigs_figure(results)})
 
 
 def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> tuple[str, str]:
+    """Return the cells with an estimate and its relative difference from the published value."""
     estimate = fit.estimates.get(name)
     if estimate is None:
         return NOTHING, NOTHING
     low, high = (number(scale * end) for end in (estimate.low, estimate.high))
-    shown = f"{number(scale * estimate.value)} ({low} … {high})"
+    text = f"{number(scale * estimate.value)} ({low} … {high})"
     if published is None:
-        return shown, NOTHING
-    where = "inside" if estimate.low <= published <= estimate.high else "outside"
-    return shown, f"{percent(estimate.value / published - 1.0, 0)}, {where}"
+        return text, NOTHING
+    position = "inside" if estimate.low <= published <= estimate.high else "outside"
+    return text, f"{percent(estimate.value / published - 1.0, 0)}, {position}"
 
 
 def _reasons(fit: MapFit, law: str) -> list[str]:
+    """Return properties of one fit that explain differences of the parameters."""
     reasons = []
     if fit.inseparable:
         groups = " and ".join(
@@ -419,6 +441,7 @@ def _reasons(fit: MapFit, law: str) -> list[str]:
 
 
 def _rigs_figure(results: tuple[RigResult, ...]) -> Figure:
+    """Draw the maps of the rigs with the published and the fitted laws."""
     figure = new_figure(9.6, 3.6)
     for axes, result in zip(figure.subplots(1, len(results)), results, strict=True):
         data = result.data

@@ -1,4 +1,4 @@
-"""Motor torques of whole motions: Table III (tilt and insertion at the printed speeds), and the payload curves."""
+"""Compute motor torques of whole motions: Table III (tilt and insertion) and the payload curves."""
 
 from __future__ import annotations
 
@@ -52,27 +52,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SpeedRun:
-    """One row of Table III, planned; loads are those of the driven joints, empty without a plan."""
+    """One row of Table III after planning. loads: of the driven joints; empty without a plan."""
 
     row: SpeedRow
     plan: Plan
     loads: tuple[JointLoad, ...]
 
     def envelope(self, joint: str) -> tuple[float, float]:
-        """Least and largest motor torque while the joint moves, N·m."""
+        """Return the smallest and the largest motor torque while the joint moves, N·m."""
         load = self.load(joint)
         torque = load.torque()[load.direction != 0]
         return float(torque.min()), float(torque.max())
 
     def load(self, joint: str) -> JointLoad:
+        """Return the load of a joint."""
         return next(load for load in self.loads if load.joint == joint)
 
     def top_speed(self, joint: str) -> float:
-        """Of the joint's motor, rpm."""
+        """Return the largest motor speed, rpm."""
         return RPM * float(np.abs(self.load(joint).speed()).max())
 
+    def tilt_rate(self, robot: Robot) -> float:
+        """Return the largest tilt rate, rad/s."""
+        if self.plan.trajectory is None:
+            return math.nan
+        samples = self.plan.trajectory.uniform(1000.0)
+        rates = task_rates(Mechanism.from_geometry(robot.geometry), samples.q, samples.qd)
+        return float(np.abs(rates[:, TASK.index("tilt")]).max())
+
     def reaches(self) -> bool:
-        """Whether a rotary joint and the translation both come up to the printed speeds."""
+        """Return whether a rotary joint and the translation both reach the printed speeds."""
         trajectory = self.plan.trajectory
         if trajectory is None:
             return False
@@ -81,52 +90,44 @@ class SpeedRun:
             fastest[:3].max() > 0.999 * self.row.tilt and fastest[3] > 0.999 * self.row.insertion
         )
 
-    def tilt_rate(self, robot: Robot) -> float:
-        """Largest tilt rate, rad/s."""
-        trajectory = self.plan.trajectory
-        if trajectory is None:
-            return math.nan
-        samples = trajectory.uniform(1000.0)
-        rates = task_rates(Mechanism.from_geometry(robot.geometry), samples.q, samples.qd)
-        return float(np.abs(rates[:, TASK.index("tilt")]).max())
-
 
 def at_speeds(problem: Problem, row: SpeedRow) -> Problem:
-    """The problem with every rotary joint limited to the printed rotary speed and joint 4 to the printed translation."""
+    """Return the problem with its joint velocities limited to the printed speeds."""
     speed = {"revolute": row.tilt, "prismatic": row.insertion}
-    first, second, third, fourth = (
+    joint1, joint2, joint3, joint4 = (
         replace(joint, velocity=speed[joint.kind]) for joint in problem.robot.joints
     )
-    robot = replace(problem.robot, joints=(first, second, third, fourth))
+    robot = replace(problem.robot, joints=(joint1, joint2, joint3, joint4))
     return replace(problem, name=f"Table III, {row.label}", robot=robot)
 
 
 def speed_runs(
     problem: Problem, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[SpeedRun, ...]:
-    """All rows of Table III, planned within the published accelerations."""
+    """Plan all rows of Table III within the published accelerations."""
     runs = []
     for row in TABLE_III:
         progress(f"Table III: {row.label}")
-        here = at_speeds(problem, row)
-        outcome = plan(here)
-        loads = () if outcome.trajectory is None else joint_loads(outcome.trajectory, here.robot)
+        limited = at_speeds(problem, row)
+        outcome = plan(limited)
+        loads = () if outcome.trajectory is None else joint_loads(outcome.trajectory, limited.robot)
         runs.append(SpeedRun(row, outcome, loads))
     return tuple(runs)
 
 
 def tilts_of(problem: Problem) -> tuple[float, float]:
-    """Lower and upper tilt that the problem names, rad."""
+    """Return the lowest and the highest tilt in the problem, rad."""
     values = _values(problem, "tilt")
     return min(values), max(values)
 
 
 def depth_of(problem: Problem) -> float:
-    """Largest depth that the problem names, m."""
+    """Return the largest depth in the problem, m."""
     return max(_values(problem, "depth"))
 
 
 def _values(problem: Problem, name: str) -> list[float]:
+    """Return the values of a task coordinate in the problem's start and targets."""
     points = [
         problem.start,
         *(motion.to for motion in problem.motion if isinstance(motion, (Straight, Free))),
@@ -137,7 +138,7 @@ def _values(problem: Problem, name: str) -> list[float]:
 
 
 def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
-    """Table III."""
+    """Return the section about Table III."""
     mechanism, allowed = (
         Mechanism.from_geometry(problem.robot.geometry),
         problem.robot.ranges["tilt"],
@@ -164,6 +165,7 @@ def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
 
 
 def _figure(runs: tuple[SpeedRun, ...]) -> Figure:
+    """Draw the motor torques of all runs."""
     figure = new_figure(9.6, 5.6)
     panels = figure.subplots(len(DRIVEN), len(runs), sharex="col", sharey="row", squeeze=False)
     for column, run in enumerate(runs):
@@ -182,19 +184,19 @@ def _figure(runs: tuple[SpeedRun, ...]) -> Figure:
 
 
 RUNS = {"paper": "the paper's speeds", "package": "the package's speeds"}
-"""What the runs are called, by file name."""
+"""Names of the runs by file name."""
 
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """One run at the friction of Table II and at the package's."""
+    """One motorisation run with the friction of Table II and with the package's."""
 
     run: Motorisation
     identified: Sizing
     package: Sizing
 
     def rows(self) -> Iterator[tuple[str, MotorRequirement, MotorRequirement]]:
-        """Every stroke: its name, what it requires at the friction of Table II and at the package's."""
+        """Generate the name of every stroke and its requirements with both frictions."""
         for stroke, ours, theirs in zip(
             self.run.strokes, self.identified.joints, self.package.joints, strict=True
         ):
@@ -202,7 +204,7 @@ class Payload:
 
 
 def payloads(inputs: Inputs) -> tuple[Payload, ...]:
-    """Both motorisation runs with both sets of friction."""
+    """Compute both motorisation runs with both frictions."""
     return tuple(
         Payload(run, _sized(run, TABLE_II), _sized(run, PACKAGE_FRICTION))
         for run in inputs.motorisations.values()
@@ -210,7 +212,7 @@ def payloads(inputs: Inputs) -> tuple[Payload, ...]:
 
 
 def payload_section(results: tuple[Payload, ...]) -> Section:
-    """Peaks of the payload curves, and the curves at the paper's speeds."""
+    """Return the section about the payload curves."""
     figures = {
         "payload_curves_package": payload_curves(results[0].package),
         "payload_curves_table_ii": payload_curves(results[0].identified),
@@ -219,11 +221,12 @@ def payload_section(results: tuple[Payload, ...]) -> Section:
 
 
 def _label(stroke: Stroke) -> str:
-    """Such as `joint 1, 65°/s, 200°/s²`."""
+    """Return the name of a stroke, such as `joint 1, 65°/s, 200°/s²`."""
     scale, unit = (1e3, " mm") if stroke.joint == "insertion" else (180.0 / math.pi, "°")
     speed, bend = (f"{scale * value:.4g}{unit}" for value in (stroke.velocity, stroke.acceleration))
     return f"joint {NUMBER[stroke.joint]}, {speed}/s, {bend}/s²"
 
 
 def _sized(run: Motorisation, rows: Mapping[str, FrictionRow]) -> Sizing:
+    """Size a motorisation run with published friction."""
     return size(DutyCycle.of_motorisation(replace(run, robot=with_rows(run.robot, rows))))

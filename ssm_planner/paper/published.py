@@ -1,10 +1,11 @@
-"""What the document starts from: figures that the paper and its software package print (SI), and the project's files.
+"""Collect the published figures of paper and software package (SI), and the project's files.
 
-The published parameters of the rigs are in their drive files.
+The drive files contain the published parameters of the rigs.
 """
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,13 +40,17 @@ TABLE_I = (math.radians(-140.0), math.radians(-80.0))
 """The theoretical interval as the paper prints it, with β rounded to 110°."""
 
 ROTARY_SPEED, ROTARY_ACCELERATION = math.radians(65.0), math.radians(200.0)
-"""§IV-C, about."""
+"""§IV-C, approximate values."""
 LINEAR_SPEED, LINEAR_ACCELERATION = 0.020, 0.100
 
 
 @dataclass(frozen=True)
 class FrictionRow:
-    """Friction of one joint: mesh coefficients, bearing Coulomb torque N·m, bearing viscous coefficient N·m·s/rad."""
+    """Friction of one joint.
+
+    Mesh coefficients, Coulomb torque of the bearings in N·m, and their viscous coefficient in
+    N·m·s/rad.
+    """
 
     mu: float
     mu_static: float
@@ -65,12 +70,12 @@ PACKAGE_FRICTION: Mapping[str, FrictionRow] = {
     "tilt": FrictionRow(0.12, 0.12, 5.5e-4, 1.15e-5),
     "insertion": FrictionRow(0.14, 0.14, 5.5e-4, 3.5e-6),
 }
-"""With which the package simulates the arm (sd_ssm.m), no Stribeck term: what the motors were chosen with."""
+"""Friction in the package's simulation of the arm (sd_ssm.m), used for the choice of motors."""
 
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """One row of Table III: speeds as printed, rad/s and m/s, and NRMSD by joint."""
+    """One row of Table III: printed speeds, rad/s and m/s, and NRMSD by joint."""
 
     tilt: float
     insertion: float
@@ -78,10 +83,12 @@ class SpeedRow:
 
     @property
     def label(self) -> str:
+        """Return the speeds in words."""
         return f"{math.degrees(self.tilt):.0f}°/s, {1e3 * self.insertion:.0f} mm/s"
 
 
 def _row(tilt: float, insertion: float, *nrmsd: float) -> SpeedRow:
+    """Return a row from a tilt speed in °/s, an insertion speed in mm/s, and NRMSDs."""
     return SpeedRow(math.radians(tilt), 1e-3 * insertion, dict(zip(DRIVEN, nrmsd, strict=True)))
 
 
@@ -102,7 +109,7 @@ RIGS: Mapping[str, str] = {
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """Problem of Table III's motions with its robot, the eye, motorisation runs by name, rigs by name."""
+    """Problem of Table III with its robot, the eye, motorisation runs and rigs by name."""
 
     folder: Path
     problem: Problem
@@ -113,11 +120,12 @@ class Inputs:
 
     @property
     def robot(self) -> Robot:
+        """Return the robot of the problem."""
         return self.problem.robot
 
 
 def read_inputs(problems: Path, recordings: Path) -> Inputs:
-    """The shipped files below `problems`; `recordings` need not exist. Raises ProblemError."""
+    """Read the shipped files below `problems`; `recordings` may be missing. Raises ProblemError."""
     if not problems.is_dir():
         raise ProblemError(
             "no such folder: the document is computed from the project's problem files",
@@ -146,7 +154,10 @@ def read_inputs(problems: Path, recordings: Path) -> Inputs:
 
 
 def _check(problem: Problem) -> None:
-    """The tables speak of the paper's robot: joints 1, 2 and 4 driven, a tilt range declared."""
+    """Check that joints 1, 2 and 4 have drives and that a tilt range exists.
+
+    Raises ProblemError.
+    """
     robot = problem.robot
     for joint in robot.joints:
         if joint.name in DRIVEN and joint.drive is None:
@@ -165,40 +176,8 @@ def _check(problem: Problem) -> None:
         )
 
 
-_COMMON = {
-    "b_v": (1e-5, 1e-3),
-    "b_ov": (0.0, 1e-5),
-    "preload": (0.0, 0.0),
-    "dwell_constant": (0.0, 0.0),
-    "memory": (0.0, 0.0),
-}
-
-BOUNDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
-    "rig1_lead_screw": {
-        **_COMMON,
-        "b_c": (1e-3, 1e-2),
-        "b_oc": (1e-3, 5e-2),
-        "mu": (0.20, 0.21),
-        "mu_stribeck": (0.0, 0.08),
-        "stribeck_speed": (0.0, 15.0),
-    },
-    "rig2_antibacklash_screw": {
-        **_COMMON,
-        "preload": (0.5, 1.5),
-        "b_c": (1e-5, 1e-2),
-        "b_oc": (1e-5, 5e-2),
-        "mu": (0.15, 0.27),
-        "mu_stribeck": (0.0, 0.2),
-        "stribeck_speed": (0.0, 15.0),
-    },
-    "rig3_worm": {
-        **_COMMON,
-        "b_c": (1e-4, 1e-3),
-        "b_oc": (1e-5, 1e-2),
-        "mu": (0.12, 0.16),
-        "mu_stribeck": (0.0, 0.1),
-        "stribeck_speed": (0.0, 1.0),
-        "memory": (0.0, 0.25),
-    },
-}
+BOUNDS: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in RIGS}
 """Lower and upper bound by rig and parameter, SI (sd_1dof.m of the package)."""
+with Path(__file__).with_name("bounds.csv").open(encoding="utf-8") as _table:
+    for _rig, _parameter, *_ends in list(csv.reader(_table))[1:]:
+        BOUNDS[_rig][_parameter] = float(_ends[0]), float(_ends[1])

@@ -1,4 +1,4 @@
-"""A section of the document: a Markdown template of paper/templates, the values it shows and its figures."""
+"""Render a section of the document from its template in paper/templates, values and figures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ WIDTH = 120
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """name: of the template. figures: by file name without its ending; the template shows them by `picture`."""
+    """A section of the document.
+
+    name: of the template. figures: by file name without its ending; the template shows them by
+    `picture`.
+    """
 
     name: str
     values: Mapping[str, Any]
@@ -32,7 +36,10 @@ class Section:
 
     @cached_property
     def text(self) -> str:
-        """Markdown that starts with the heading; paragraphs in lines of WIDTH, tables and pictures as they are."""
+        """Return the Markdown, starting with the heading.
+
+        Paragraphs are wrapped to WIDTH; tables and pictures stay unchanged.
+        """
         blocks = render(self.name, **self.values).rstrip().split("\n\n")
         return (
             "\n\n".join(
@@ -43,21 +50,22 @@ class Section:
 
     @property
     def title(self) -> str:
+        """Return the heading without its marks."""
         return self.text.splitlines()[0].removeprefix("## ")
 
     @property
     def anchor(self) -> str:
-        """As GitHub makes it of a heading."""
+        """Return the anchor that GitHub derives from the heading."""
         return re.sub(r"[^\w -]", "", self.title.lower()).replace(" ", "-")
 
 
 def render(name: str, **values: Any) -> str:
-    """A template filled in, with one empty line between its blocks."""
+    """Fill in a template; leave one empty line between blocks."""
     return re.sub(r"\n{2,}", "\n\n", filled(_templates(), f"{name}.md", **values).lstrip())
 
 
 def wrapped(paragraph: str) -> str:
-    """A paragraph in lines of WIDTH, commands unbroken."""
+    """Wrap a paragraph to WIDTH without breaking commands."""
     joined = re.sub(
         "`[^`]*`", lambda code: code.group().replace(" ", "\0"), " ".join(paragraph.split())
     )
@@ -68,8 +76,8 @@ def wrapped(paragraph: str) -> str:
 
 @cache
 def _templates() -> Environment:
-    """The document's templates."""
-    made = environment(
+    """Return the environment of the document's templates."""
+    templates = environment(
         "ssm_planner.paper",
         escape=False,
         milli=lambda value: number(1e3 * value),
@@ -77,7 +85,7 @@ def _templates() -> Environment:
         degrees=lambda angle, decimals=3: fixed(math.degrees(angle), decimals) + "°",
         degrees_more=lambda angle, decimals: signed(math.degrees(angle), decimals) + "°",
     )
-    made.globals.update(
+    templates.globals.update(
         published=published, DRIVEN=published.DRIVEN, NUMBER=published.NUMBER, RPM=RPM, zip=zip
     )
-    return made
+    return templates

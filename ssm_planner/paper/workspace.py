@@ -1,4 +1,4 @@
-"""Table I (tilt range), the tilt disks and the reachable set, and the choice of α and β in §IV."""
+"""Compare the workspace with the paper: Table I, reachable set, choice of α and β (§IV)."""
 
 from __future__ import annotations
 
@@ -51,18 +51,21 @@ class TiltRow:
     theoretical: float
     measured: float
     paper: float
-    """The theoretical value that the paper prints."""
+    """Theoretical value in the paper."""
 
     @property
     def agreement(self) -> float:
-        """1 − |theoretical − measured| / |theoretical|."""
+        """Return 1 − |theoretical − measured| / |theoretical|."""
         return 1.0 - abs(self.theoretical - self.measured) / abs(self.theoretical)
 
 
 def tilt_table(
     mechanism: Mechanism, measured: tuple[float, float] = TABLE_I_MEASURED
 ) -> tuple[TiltRow, TiltRow, TiltRow]:
-    """Rows of extent, lower and upper end of the tilt range of a mechanism beside a measured interval, rad."""
+    """Return extent, lower end and upper end of a mechanism's tilt range as rows, rad.
+
+    measured: measured interval to compare with.
+    """
     low, high = tilt_interval(mechanism)
     return (
         TiltRow("tilt range", high - low, measured[1] - measured[0], TABLE_I[1] - TABLE_I[0]),
@@ -72,7 +75,7 @@ def tilt_table(
 
 
 def tilt_disks(mechanism: Mechanism) -> Figure:
-    """Both sectors, 2α each, symmetric about ω₁; the home side darker, the measured limits dashed."""
+    """Draw both reachable sectors, 2α each, symmetric about ω₁, and the measured limits."""
     from matplotlib.patches import Wedge
 
     figure = new_figure(5.2, 4.4)
@@ -89,27 +92,28 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
                 (0.0, 0.0), 1.0, *ends, facecolor=grey, edgecolor="0.3", linewidth=0.8, label=label
             )
         )
-        inside = sign * (0.28 * interval[0] + 0.72 * interval[1])  # beside the line of home
+        # away from the line of the home position
+        label_angle = sign * (0.28 * interval[0] + 0.72 * interval[1])
         axes.text(
-            0.75 * math.cos(inside),
-            0.75 * math.sin(inside),
+            0.75 * math.cos(label_angle),
+            0.75 * math.sin(label_angle),
             "2α",
             ha="center",
             va="center",
             fontsize=SIZE,
         )
-    around = np.linspace(0.0, 2.0 * math.pi, 361)
-    axes.plot(np.cos(around), np.sin(around), color="0.8", linewidth=0.8, zorder=0)
+    angles = np.linspace(0.0, 2.0 * math.pi, 361)
+    axes.plot(np.cos(angles), np.sin(angles), color="0.8", linewidth=0.8, zorder=0)
     for k, tilt in enumerate(TABLE_I_MEASURED):
         _ray(axes, tilt, 1.08, label=None if k else "measured (Table I)", **LIMIT)
     _ray(axes, mechanism.home_tilt, 1.0, color="black", linewidth=1.2, linestyle="-.", label="home")
     for tilt, measured in zip(interval, TABLE_I_MEASURED, strict=True):
-        shown = minus(f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)")
+        text = minus(f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)")
         side = "right" if math.cos(tilt) < 0 else "left"
         axes.text(
             1.14 * math.cos(tilt),
             -1.14 * math.sin(tilt),
-            shown,
+            text,
             ha=side,
             va="center",
             fontsize=SIZE - 1,
@@ -124,12 +128,13 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
 
 
 def _ray(axes: Axes, tilt: float, length: float, **style: Any) -> None:
+    """Draw a line from the centre in the direction of a tilt (rad)."""
     axes.plot([0.0, length * math.cos(tilt)], [0.0, -length * math.sin(tilt)], **style)
 
 
 @dataclass(frozen=True, eq=False)
 class TiltRange:
-    """Table I with β as printed and with the β that follows from the tool's first position."""
+    """Table I with β as printed, and with the β that follows from the tool's first position."""
 
     printed: tuple[TiltRow, TiltRow, TiltRow]
     exact: tuple[TiltRow, TiltRow, TiltRow]
@@ -137,14 +142,14 @@ class TiltRange:
 
 
 def tilt_range(robot: Robot) -> TiltRange:
-    """Rows of extent, lower end, upper end, rad."""
+    """Compute both versions of Table I; rad."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     rounded = Mechanism.from_angles(published.ALPHA, published.BETA, published.FIRST_TILT)
     return TiltRange(tilt_table(rounded), tilt_table(mechanism), mechanism.beta)
 
 
 def workspace_section(robot: Robot) -> Section:
-    """Table I, why it differs, and the pictures."""
+    """Return the section about Table I, the reason for its differences, and the figures."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     figures = {
         "axes": axes_figure(mechanism),
@@ -156,46 +161,48 @@ def workspace_section(robot: Robot) -> Section:
 
 @dataclass(frozen=True, eq=False)
 class DesignChoice:
-    """The (α, β) of smallest α that hold a tilt range; rad."""
+    """The (α, β) with the smallest α that reach a tilt range; rad."""
 
     region: DesignRegion
-    """For the tilt range that the paper prints."""
+    """Region for the printed tilt range."""
     least: tuple[float, float]
-    """(α, β) for the required tilt alone, in the middle of the printed range."""
+    """(α, β) for the required tilt in the middle of the printed range."""
     spare: float
-    """Tilt beyond either end of the required one, with the published α and β."""
+    """Additional tilt at both ends of the required range, with the published α and β."""
     speed: tuple[float, float]
-    """Joint 2 per tilt speed with the published α and β: at the worse end of the required tilt, and in its middle."""
+    """Speed of joint 2 per tilt speed: at the worse end of the required tilt, and in its middle."""
 
 
 def design_choice() -> DesignChoice:
-    """From the required ranges to the axes."""
+    """Compute the axes from the required ranges."""
     middle = (TABLE_I[0] + TABLE_I[1]) / 2
-    need = (middle - published.REQUIRED_TILT / 2, middle + published.REQUIRED_TILT / 2)
-    chosen = Mechanism.from_angles(published.ALPHA, published.BETA)
-    low, high = tilt_interval(chosen)
+    required = (middle - published.REQUIRED_TILT / 2, middle + published.REQUIRED_TILT / 2)
+    mechanism = Mechanism.from_angles(published.ALPHA, published.BETA)
+    low, high = tilt_interval(mechanism)
     rates = np.abs(
-        joint_speed_per_tilt_speed(chosen, np.array([*need, middle]), chosen.home_branch)[:, 1]
+        joint_speed_per_tilt_speed(mechanism, np.array([*required, middle]), mechanism.home_branch)[
+            :, 1
+        ]
     )
     return DesignChoice(
         design_region(*TABLE_I),
-        design_region(*need).smallest_alpha,
-        min(need[0] - low, high - need[1]),
+        design_region(*required).smallest_alpha,
+        min(required[0] - low, high - required[1]),
         (float(rates[:2].max()), float(rates[2])),
     )
 
 
 def design_section(robot: Robot, eye: Eye) -> Section:
-    """The axes, the other required ranges, the eye that they are for, and what of the separation can be said."""
+    """Return the section about the axes, the other required ranges, the eye and the offset."""
     choice, mechanism = design_choice(), Mechanism.from_geometry(robot.geometry)
     low, high = robot.joints[3].position
-    across, beside, along = robot.bodies[3].com
+    across, offset, axial = robot.bodies[3].com
     values = {
         "choice": choice,
         "built_beta": mechanism.beta,
         "travel": high - low,
-        "along": along,
-        "beside": math.hypot(across, beside),
+        "along": axial,
+        "beside": math.hypot(across, offset),
     }
     figure = design_region_figure(choice.region, (mechanism.alpha, mechanism.beta), size=(4.6, 4.6))
     return Section(
@@ -204,7 +211,10 @@ def design_section(robot: Robot, eye: Eye) -> Section:
 
 
 def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
-    """The eye with the required ranges of tilt (roll 0) and of roll (tilt in the middle), from the port to the retina; mm."""
+    """Draw the eye with the required ranges of tilt and roll, from the port to the retina, in mm.
+
+    The tilt range is shown at roll 0, and the roll range at the middle tilt.
+    """
     from matplotlib.patches import Circle, Ellipse, Polygon
 
     figure = new_figure(7.2, 4.2)
@@ -224,17 +234,22 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
         ),
         (1, about_roll, "roll", published.REQUIRED_ROLL, "seen along ω₁", "across ω₁ (mm)"),
     )
-    for axes, (i, ways, name, extent, title, label) in zip(
+    for axes, (i, directions, name, extent, title, label) in zip(
         figure.subplots(1, 2, sharey=True), views, strict=True
     ):
         centre = _mm(eye.centre, i)
         axes.add_patch(
             Circle(centre, 1e3 * eye.radius, fill=False, edgecolor="black", label="retina")
         )
-        kept = 1e3 * (eye.radius - eye.clearance)
+        clearance_radius = 1e3 * (eye.radius - eye.clearance)
         axes.add_patch(
             Circle(
-                centre, kept, fill=False, label="clearance", edgecolor="0.45", linestyle=(0, (4, 2))
+                centre,
+                clearance_radius,
+                fill=False,
+                label="clearance",
+                edgecolor="0.45",
+                linestyle=(0, (4, 2)),
             )
         )
         if eye.lens is not None:
@@ -242,7 +257,7 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
             axes.add_patch(
                 Ellipse(_mm(eye.lens.centre, i), *widths, color="0.6", linewidth=0, label="lens")
             )
-        ends = 1e3 * (ways * _to_retina(eye, ways)[:, None])[:, [i, 2]]
+        ends = 1e3 * (directions * _to_retina(eye, directions)[:, None])[:, [i, 2]]
         outline = np.vstack([np.zeros(2), ends])
         axes.add_patch(
             Polygon(outline, color=COLOURS[0], alpha=0.25, linewidth=0, label="required range")
@@ -259,11 +274,11 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
 
 
 def _mm(vector: Array, i: int) -> tuple[float, float]:
-    """Component i and the height of a vector (3,), m, in mm."""
+    """Return component i and the height of a vector (3,), m, in mm."""
     return 1e3 * float(vector[i]), 1e3 * float(vector[2])
 
 
-def _to_retina(eye: Eye, ways: Array) -> Array:
-    """Distances from the port to the retina along unit directions (n, 3), m, (n,)."""
-    along = ways @ eye.centre
-    return np.asarray(along + np.sqrt(along**2 - eye.centre @ eye.centre + eye.radius**2))
+def _to_retina(eye: Eye, directions: Array) -> Array:
+    """Return the distances (n,), m, from the port to the retina along unit directions (n, 3)."""
+    projection = directions @ eye.centre
+    return np.asarray(projection + np.sqrt(projection**2 - eye.centre @ eye.centre + eye.radius**2))

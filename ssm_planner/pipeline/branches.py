@@ -1,8 +1,10 @@
-"""Other joints that reach the targets of free motions, planned where they may be faster: the other branch, whole turns.
+"""Search over the joints that reach the targets of free motions.
 
-A target in task coordinates, or of the tip, leaves open with which joints it is reached. The planner takes the nearest ones
-on the branch where the motion is. Here the others are planned too, as far as their lower bounds leave them a chance, one
-target after the other: what comes after it is reached with the nearest joints again.
+A target in task coordinates, or of the tip, leaves open which joints reach it: on which branch of
+the inverse kinematics, and with which whole turns. The planner takes the nearest joints on the
+present branch. This module also plans the alternatives whose lower bounds leave them a chance. It
+treats one target after the other, and everything that follows a target is reached with the nearest
+joints again.
 """
 
 from __future__ import annotations
@@ -18,44 +20,48 @@ from ssm_planner.atomic import first_interruption
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.pipeline.certified import Outcome
+from ssm_planner.pipeline.thermal import RESERVE, quickly
+from ssm_planner.planning.cache import cached
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
-from ssm_planner.planning.kept import kept
 from ssm_planner.planning.ocp.refinement import EFFORT
-from ssm_planner.planning.outlook import (
+from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
+from ssm_planner.planning.planner import estimated_duration
+from ssm_planner.planning.prechecks import (
     LONGER,
     bounded_duration,
+    eye_forbids_target,
     feasible_phases,
     geometry_of,
     least_duration,
 )
-from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
-from ssm_planner.planning.planner import PlannedPhase, PlannerResult, sketched_duration
-from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.motion import Free, Joints, Motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
-from ssm_planner.verification.certificate import Certificate
 
-Enough = Literal["shortest", "nearest", "any"]
-Outcome = tuple[PlannerResult, Certificate | None, Reason | None]
-"""What was planned, its certificate, and the reason where it is none that passed."""
+StopAt = Literal["shortest", "nearest", "any"]
 SHORTER = 1e-5
-"""Share by which a motion with other joints has to be shorter to be taken."""
+"""Relative amount by which a motion with other joints must be shorter to be taken."""
 RESCUES = 3
-"""Other joints that are planned for a target where those of the planner give no motion."""
+"""Number of alternatives that are planned for a target if the planner's joints give no motion."""
 SPINS, ROUNDING = 181, 1e-9
-"""Spins that are compared by their bounds, and share by which bounds that are the same may differ."""
+"""Number of spins whose bounds are compared, and relative difference below which bounds count as
+equal.
+"""
 LEAST_GAIN = 1e-4
-"""Share by which a bound has to be shorter for a free spin to be searched."""
+"""Relative amount by which a bound must be shorter for a free spin to be searched."""
 SHARES, HALVINGS = 4, 2
-"""Parts of the room of a free spin between which motions are planned, and how often the step is halved about the best."""
+"""Number of parts of a range of spins between which motions are planned, and halvings of the step
+about the best spin.
+"""
 FLAT = 1e-3
-"""Share by which durations that do not depend on the spin may differ, on the meshes of sketches."""
+"""Relative difference below which estimated durations count as independent of the spin."""
 SEARCH = 2.5
-"""Effort beyond which nothing faster is looked for where there is a motion."""
-MOST = 8
-"""Targets of a problem up to which other joints are tried: every change of one is another way of all that follows."""
+"""Effort after which no faster motion is looked for, if there is a motion."""
+MAX_TARGETS = 8
+"""Largest number of targets with alternatives, since each changes the path of all that follows."""
 
 
 def on_any_branch(
@@ -64,18 +70,40 @@ def on_any_branch(
     progress: Callable[[str], None] = lambda _: None,
     *,
     stoppable: bool = False,
-    enough: Enough = "shortest",
+    stop_at: StopAt = "shortest",
 ) -> tuple[Outcome, Problem, bool]:
-    """The shortest certified motion over the joints that reach the free targets of a problem, and the problem with these.
+    """Return the shortest certified motion over all joints that reach the targets.
 
-    attempt: plans and checks one. Others are sketched first, and planned where that promises a shorter motion. progress: told
-    which is tried, and how long the best so far takes. stoppable: with a certified motion at hand the first Ctrl-C ends the
-    search, and the last value is True. enough: whether one with the nearest joints, or with any, is taken where there is one.
+    Alternatives are estimated first, and planned if the estimate promises a shorter motion.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    attempt : callable
+        Plans and checks a problem.
+    progress : callable
+        Called with a message for every alternative, which states the best duration so far.
+    stoppable : bool
+        With a certified motion at hand, the first Ctrl-C ends the search.
+    stop_at : str
+        "shortest" searches all alternatives. "nearest" ends with a motion of the planner's own
+        joints, and "any" with the first motion.
+
+    Returns
+    -------
+    outcome : Outcome
+        The best motion.
+    problem : Problem
+        The problem with the joints of that motion as targets.
+    stopped : bool
+        True if Ctrl-C ended the search.
     """
-    search, stopped = _Search(problem, attempt, progress, any_does=enough == "any"), False
-    if search.best[2] is None and enough != "shortest":
-        return search.best, search.settled, stopped
-    if stoppable and search.best[2] is None and targets(problem):
+    search = _Search(problem, attempt, progress, any_suffices=stop_at == "any")
+    stopped = False
+    if search.incumbent.passed and stop_at != "shortest":
+        return search.incumbent, search.incumbent_problem, stopped
+    if stoppable and search.incumbent.passed and targets(problem):
         search.hint = "; Ctrl-C takes it"
         with first_interruption() as came:
             try:
@@ -88,11 +116,11 @@ def on_any_branch(
                 progress("stopped: the best motion so far is taken")
     else:
         search.run()
-    return search.best, search.settled, stopped
+    return search.incumbent, search.incumbent_problem, stopped
 
 
 class _Search:
-    """Over other joints, one target after the other; best and settled: the best so far, and the problem with its joints."""
+    """Search over alternatives, one target after the other."""
 
     def __init__(
         self,
@@ -100,90 +128,111 @@ class _Search:
         attempt: Callable[[Problem], Outcome],
         progress: Callable[[str], None],
         *,
-        any_does: bool,
+        any_suffices: bool,
     ) -> None:
-        self.problem, self.attempt, self.progress, self.any_does = (
-            problem,
-            attempt,
-            progress,
-            any_does,
-        )
-        self.found = attempt(problem), problem
+        self.problem = problem
+        self.attempt = attempt
+        self.progress = progress
+        self.any_does = any_suffices
+        self._incumbent = attempt(problem), problem
         self.hint = ""
 
     @property
-    def best(self) -> Outcome:
-        return self.found[0]
+    def incumbent(self) -> Outcome:
+        """Best motion so far."""
+        return self._incumbent[0]
 
     @property
-    def settled(self) -> Problem:
-        return self.found[1]
+    def incumbent_problem(self) -> Problem:
+        """The problem with the joints of the best motion as targets."""
+        return self._incumbent[1]
 
     def run(self) -> None:
-        """Until nothing faster is to be expected, or enough has been tried."""
-        problem, attempt, begin = self.problem, self.attempt, EFFORT.spent
-        open_targets = targets(problem)
-        phases = _phases(self.settled) if open_targets else ()
-        for entry, place in open_targets:
-            tried = 0
-            for bound, other in _others(self.settled, phases, (entry, place), self.best):
-                longest = _duration(self.best) * (1 - SHORTER)
-                enough = (
-                    tried >= RESCUES if self.best[2] is not None else EFFORT.beyond(begin, SEARCH)
+        """Search until no faster motion is expected, or until the effort is spent.
+
+        Alternatives are planned without Ipopt's confirmation. Ipopt confirms the best of them at
+        the end.
+        """
+        self._search()
+        problem = self.problem
+        if problem.planner == "optimal" and self.incumbent_problem is not problem:
+            confirmed = self.attempt(self.incumbent_problem)
+            if confirmed.duration < (1 + RESERVE) * self.incumbent.duration:
+                self._incumbent = confirmed, self.incumbent_problem
+
+    def _search(self) -> None:
+        """Plan the alternatives of one target after the other."""
+        problem = self.problem
+        attempt = self.attempt
+        effort_start = EFFORT.spent
+        open_targets = [] if eye_forbids_target(problem) else targets(problem)
+        phases = _phases(self.incumbent_problem) if open_targets else ()
+        for entry, index in open_targets:
+            count = 0
+            for bound, alternative in _alternatives(
+                self.incumbent_problem, phases, (entry, index), self.incumbent
+            ):
+                cutoff = self.incumbent.duration * (1 - SHORTER)
+                exhausted = (
+                    count >= RESCUES
+                    if not self.incumbent.passed
+                    else EFFORT.beyond(effort_start, SEARCH)
                 )
-                if bound >= longest or enough:
+                if bound >= cutoff or exhausted:
                     break
-                tried += 1
-                known = (
-                    f", {_duration(self.best):.4f} s so far{self.hint}"
-                    if self.best[2] is None
+                count += 1
+                suffix = (
+                    f", {self.incumbent.duration:.4f} s so far{self.hint}"
+                    if self.incumbent.passed
                     else ""
                 )
                 self.progress(
-                    f"other joints for {problem.motion[entry].name}, attempt {tried}{known}"
+                    f"other joints for {problem.motion[entry].name}, attempt {count}{suffix}"
                 )
-                if _sketched(other, longest) >= longest:
+                if _estimated_duration(alternative, cutoff) >= cutoff:
                     continue
-                found = attempt(other)
-                if found[2] is None and _duration(found) < longest:
-                    self.found = found, other
+                outcome = attempt(quickly(alternative))
+                if outcome.passed and outcome.duration < cutoff:
+                    self._incumbent = outcome, alternative
                     if self.any_does:
                         return
             if (
-                self.best[2] is None
-                and _frees_spin(problem, entry, place)
-                and not EFFORT.beyond(begin, SEARCH)
+                self.incumbent.passed
+                and _frees_spin(problem, entry, index)
+                and not EFFORT.beyond(effort_start, SEARCH)
             ):
-                self.found = _with_best_spin(self.settled, entry, self.best, attempt)
-            if self.settled.motion[entry] is not problem.motion[entry]:
-                phases = _phases(self.settled)
+                self._incumbent = _with_best_spin(
+                    self.incumbent_problem, entry, self.incumbent, attempt
+                )
+            if self.incumbent_problem.motion[entry] is not problem.motion[entry]:
+                phases = _phases(self.incumbent_problem)
 
 
 def targets(problem: Problem) -> list[tuple[int, int]]:
-    """Targets that leave their joints open, as entry of the motion list and place among its targets; none of very many."""
-    found = [
-        (entry, place)
+    """Return the targets with open joints, as index of the motion and index among its targets.
+
+    The list is empty if there are more than MAX_TARGETS.
+    """
+    result = [
+        (entry, index)
         for entry, motion in enumerate(problem.motion)
         if isinstance(motion, Free)
-        for place, target in enumerate((*motion.through, motion.to))
+        for index, target in enumerate((*motion.through, motion.to))
         if not isinstance(target, Joints)
     ]
-    return found if len(found) <= MOST else []
+    return result if len(result) <= MAX_TARGETS else []
 
 
-def _duration(outcome: Outcome) -> float:
-    """Of a certified motion, s; infinite where there is none."""
-    trajectory = outcome[0].trajectory
-    return np.inf if outcome[2] is not None or trajectory is None else trajectory.duration
+def _estimated_duration(problem: Problem, cutoff: float) -> float:
+    """Estimate the duration of a motion, s, by the structured solver alone.
 
-
-def _sketched(problem: Problem, longest: float) -> float:
-    """About the duration of a motion, s, by the structured solver alone; infinite where that finds none that is shorter."""
-    return sketched_duration(unchecked(problem, friction=None, payload=None), longest)
+    The result is infinite if the motion would not be shorter than `cutoff`, or if none is found.
+    """
+    return estimated_duration(unchecked(problem, friction=None, payload=None), cutoff)
 
 
 def _phases(problem: Problem) -> tuple[Phase, ...]:
-    """As they are planned, or from the first start configuration where nothing can be planned."""
+    """Return the planned phases, or those of the first start configuration."""
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phases, reason = feasible_phases(problem, mechanism)
     return (
@@ -193,197 +242,229 @@ def _phases(problem: Problem) -> tuple[Phase, ...]:
     )
 
 
-def _others(
-    problem: Problem, phases: tuple[Phase, ...], at: tuple[int, int], best: Outcome
+def _alternatives(
+    problem: Problem, phases: tuple[Phase, ...], target: tuple[int, int], incumbent: Outcome
 ) -> list[tuple[float, Problem]]:
-    """The problem with each of the other joints that reach a target of its free motion, and a bound of its duration, s.
+    """Return the problem with each alternative for a target, and a lower bound of its duration, s.
 
-    The least bound first; those that keep no range, or cannot be shorter than the best, are left out.
+    The smallest bound comes first. Alternatives out of range, or without a chance to be shorter
+    than the best motion, are omitted. `target` is index of the motion and index among its targets.
     """
-    mechanism, (entry, place) = Mechanism.from_geometry(problem.robot.geometry), at
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    entry, index = target
     motion = problem.motion[entry]
-    phase = next(each for each in phases if each.motion is motion)
-    stops = isinstance(motion, Free) and place == len(motion.through) and not phase.qd_end.any()
-    found = []
-    ends = other_ends(problem, mechanism, phase, place)
-    if _frees_spin(problem, entry, place):
+    phase = next(item for item in phases if item.motion is motion)
+    stops = isinstance(motion, Free) and index == len(motion.through) and not phase.qd_end.any()
+    alternatives = []
+    ends = other_ends(problem, mechanism, phase, index)
+    if _frees_spin(problem, entry, index):
         ends = [_least_spun(problem, mechanism, phase, q) for q in [phase.points[-1], *ends]]
         ends = [q for q in ends if not np.array_equal(q, phase.points[-1])]
     velocity = np.array([joint.velocity for joint in problem.robot.joints])
-    known = entry, phases[0].q_start.tobytes(), *geometry_of(problem)
+    key = entry, phases[0].q_start.tobytes(), *geometry_of(problem)
     for q in ends:
-        if np.max(np.abs(q - phase.q_start) / velocity) >= _duration(best):
+        if np.max(np.abs(q - phase.q_start) / velocity) >= incumbent.duration:
             continue
-        own = replace(phase, points=np.stack([phase.q_start, q]))
-        if stops and least_duration(problem, mechanism, own) >= _duration(best):
+        direct = replace(phase, points=np.stack([phase.q_start, q]))
+        if stops and least_duration(problem, mechanism, direct) >= incumbent.duration:
             continue
-        way = kept(
-            (place, q.tobytes(), *known),
-            partial(_Way.to, problem, mechanism, phases[0].q_start, at=at, q=q),
+        candidate = cached(
+            (index, q.tobytes(), *key),
+            partial(_Candidate.build, problem, mechanism, phases[0].q_start, target=target, q=q),
         )
-        bound = way.bound(best[0].phases)
+        bound = candidate.bound(incumbent.planned.phases)
         in_time = problem.duration is None or bound <= problem.duration * (1 + LONGER)
-        if in_time and bound < _duration(best):
-            found.append(
-                (max(bound, problem.duration or 0.0), unchecked(problem, motion=way.motion), q)
+        if in_time and bound < incumbent.duration:
+            alternatives.append(
+                (
+                    max(bound, problem.duration or 0.0),
+                    unchecked(problem, motion=candidate.motion),
+                    q,
+                )
             )
-    found.sort(key=lambda each: each[0])
-    if best[2] is None or _frees_spin(problem, entry, place):
-        return [(bound, other) for bound, other, _ in found]
-    nearest: dict[tuple[float, ...], tuple[float, Problem]] = {}
-    for bound, other, q in found:
-        nearest.setdefault(tuple(q[:2].round(6)), (bound, other))
-    nearest.pop(tuple(phase.points[-1, :2].round(6)), None)
-    return list(nearest.values())
+    alternatives.sort(key=lambda item: item[0])
+    if incumbent.passed or _frees_spin(problem, entry, index):
+        return [(bound, alternative) for bound, alternative, _ in alternatives]
+    by_posture: dict[tuple[float, ...], tuple[float, Problem]] = {}
+    for bound, alternative, q in alternatives:
+        by_posture.setdefault(tuple(q[:2].round(6)), (bound, alternative))
+    by_posture.pop(tuple(phase.points[-1, :2].round(6)), None)
+    return list(by_posture.values())
 
 
-def _frees_spin(problem: Problem, entry: int, place: int) -> bool:
+def _frees_spin(problem: Problem, entry: int, index: int) -> bool:
+    """Return True if a target is the end of a free motion with a free spin."""
     motion = problem.motion[entry]
-    return isinstance(motion, Free) and motion.spin_free and place == len(motion.through)
+    return isinstance(motion, Free) and motion.spin_free and index == len(motion.through)
 
 
 def _spins(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> tuple[Array, Array]:
-    """Joints (n, 4) that are q (4,) but for a free spin, and bounds (n,) of the duration of a phase that ends with them, s.
+    """Return joints (n, 4) that differ from q (4,) by a free spin, and bounds (n,), s.
 
-    The first are with joint 3 as it is in q, as it is at the start, and where it comes to stand.
+    The first three have joint 3 as in q, as at the start, and where it comes to a stop.
     """
     low, high = problem.robot.joints[2].position
-    first, speed = phase.q_start[2], phase.qd_start[2]
+    start, speed = phase.q_start[2], phase.qd_start[2]
     spin = task_from_joints(mechanism, q[None], near=phase.start)[0, 2]
     ends = problem.ranges.get("spin", (-np.inf, np.inf))
     if ends[1] - ends[0] < 2 * np.pi:
-        low, high = max(low, q[2] + ends[0] - spin), min(high, q[2] + ends[1] - spin)
-    stop = first + speed * abs(speed) / (2 * problem.robot.joints[2].acceleration)
+        low = max(low, q[2] + ends[0] - spin)
+        high = min(high, q[2] + ends[1] - spin)
+    stop = start + speed * abs(speed) / (2 * problem.robot.joints[2].acceleration)
     values = np.append(
-        [q[2], first, stop], np.linspace(max(low, first - np.pi), min(high, first + np.pi), SPINS)
+        [q[2], start, stop], np.linspace(max(low, start - np.pi), min(high, start + np.pi), SPINS)
     )
-    turned = np.tile(q, (len(values), 1))
-    turned[:, 2] = np.clip(values, low, high)
-    tasks = task_from_joints(mechanism, turned, near=phase.start)
+    configurations = np.tile(q, (len(values), 1))
+    configurations[:, 2] = np.clip(values, low, high)
+    tasks = task_from_joints(mechanism, configurations, near=phase.start)
     bounds = [
         least_duration(
             problem,
             mechanism,
             replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task),
         )
-        for joints, task in zip(turned, tasks, strict=True)
+        for joints, task in zip(configurations, tasks, strict=True)
     ]
-    return turned, np.array(bounds)
+    return configurations, np.array(bounds)
 
 
 def _least_spun(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array) -> Array:
-    """Of the joints that differ by a free spin, (4,), those nearest to q among those of the least bound."""
-    turned, bounds = _spins(problem, mechanism, phase, q)
-    least = turned[bounds <= bounds.min() * (1 + ROUNDING)]
-    return np.asarray(least[np.argmin(np.abs(least[:, 2] - q[2]))])
+    """Return the joints (4,) with the spin nearest to q among those of the smallest bound."""
+    configurations, bounds = _spins(problem, mechanism, phase, q)
+    smallest = configurations[bounds <= bounds.min() * (1 + ROUNDING)]
+    return np.asarray(smallest[np.argmin(np.abs(smallest[:, 2] - q[2]))])
 
 
 def _with_best_spin(
-    problem: Problem, entry: int, best: Outcome, attempt: Callable[[Problem], Outcome]
+    problem: Problem, entry: int, incumbent: Outcome, attempt: Callable[[Problem], Outcome]
 ) -> tuple[Outcome, Problem]:
-    """The fastest motion over a free spin, searched where bounds leave it a chance, and the problem with it.
+    """Return the fastest motion over a free spin, and the problem with that spin.
 
-    How long the other joints take depends on joint 3 through their load alone, so a coarse search does.
+    The spin is searched if bounds leave it a chance. Durations of the other joints depend on joint
+    3 only through their load, so a coarse search suffices.
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phases, _ = feasible_phases(problem, mechanism)
-    phase = next(each for each in phases if each.motion is problem.motion[entry])
+    phase = next(item for item in phases if item.motion is problem.motion[entry])
     q, motion = phase.points[-1], phase.motion
     assert isinstance(motion, Free)
-    planned = (
-        each.duration for each in best[0].phases if np.array_equal(each.phase.points, phase.points)
+    durations = (
+        item.duration
+        for item in incumbent.planned.phases
+        if np.array_equal(item.phase.points, phase.points)
     )
-    longest = next(planned, np.inf)
-    turned, bounds = _spins(problem, mechanism, phase, q)
-    if motion.duration is not None or not bounds.min() < longest * (1 - LEAST_GAIN):
-        return best, problem
-    room = turned[bounds < longest * (1 - LEAST_GAIN), 2]
-    settled, centre, step = problem, float(q[2]), (room.max() - room.min()) / SHARES
-    offsets = np.arange(1, SHARES) * step + room.min() - centre
-    begin = EFFORT.spent
+    duration = next(durations, np.inf)
+    configurations, bounds = _spins(problem, mechanism, phase, q)
+    if motion.duration is not None or not bounds.min() < duration * (1 - LEAST_GAIN):
+        return incumbent, problem
+    spins = configurations[bounds < duration * (1 - LEAST_GAIN), 2]
+    incumbent_problem = problem
+    centre = float(q[2])
+    step = (spins.max() - spins.min()) / SHARES
+    offsets = np.arange(1, SHARES) * step + spins.min() - centre
+    effort_start = EFFORT.spent
     for _ in range(HALVINGS + 1):
-        flat, before = False, _duration(best)
+        flat, previous = False, incumbent.duration
         for value in centre + offsets:
-            if not room.min() <= value <= room.max() or EFFORT.beyond(begin, SEARCH):
+            if not spins.min() <= value <= spins.max() or EFFORT.beyond(effort_start, SEARCH):
                 continue
-            other = _with_target(
+            alternative = _with_target(
                 problem, entry, len(motion.through), np.array([q[0], q[1], value, q[3]])
             )
-            longest = _duration(best) * (1 - SHORTER)
-            expected = _sketched(other, (1 + FLAT) * longest)
-            flat |= abs(expected - before) < FLAT * before
-            if expected >= longest:
+            cutoff = incumbent.duration * (1 - SHORTER)
+            expected = _estimated_duration(alternative, (1 + FLAT) * cutoff)
+            flat |= abs(expected - previous) < FLAT * previous
+            if expected >= cutoff:
                 continue
-            found = attempt(other)
-            if found[2] is None and _duration(found) < longest:
-                best, settled, centre = found, other, float(value)
-        if flat and _duration(best) == before:  # as long with another spin: others bind
+            outcome = attempt(quickly(alternative))
+            if outcome.passed and outcome.duration < cutoff:
+                incumbent = outcome
+                incumbent_problem = alternative
+                centre = float(value)
+        # The duration does not depend on the spin, so other limits bind.
+        if flat and incumbent.duration == previous:
             break
         step /= 2
         offsets = np.array([-step, step])
-    return best, settled
+    return incumbent, incumbent_problem
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
-    """A motion with other joints at one target, and its phases; none where it cannot be."""
+class _Candidate:
+    """A motion list with other joints at one target, and its phases.
+
+    Empty phases mean that it is infeasible.
+    """
 
     motion: tuple[Motion, ...]
     phases: tuple[Phase, ...] = ()
-    least: tuple[float, ...] = ()
-    """What they take at least, s, infinite where that is more than was asked for."""
+    bounds: tuple[float, ...] = ()
+    """Lower bounds of the phases, s. Infinite above the requested duration."""
 
     @classmethod
-    def to(
-        cls, problem: Problem, mechanism: Mechanism, start: Array, *, at: tuple[int, int], q: Array
-    ) -> _Way:
-        """From joints `start` (4,) on, with q (4,) as a target; at: of which entry, and which of its targets."""
-        other = _with_target(problem, *at, q)
+    def build(
+        cls,
+        problem: Problem,
+        mechanism: Mechanism,
+        start: Array,
+        *,
+        target: tuple[int, int],
+        q: Array,
+    ) -> _Candidate:
+        """Build the candidate that begins at joints `start` (4,) and has q (4,) as a target."""
+        alternative = _with_target(problem, *target, q)
         try:
-            phases = phases_from(other, mechanism, start)
+            phases = phases_from(alternative, mechanism, start)
             if infeasible_place(problem, mechanism, phases) is not None:
-                return cls(other.motion)
-            phases, reason = with_boundary_rates(other, mechanism, phases)
-        except ProblemError:  # a straight motion after it has no line there
-            return cls(other.motion)
+                return cls(alternative.motion)
+            phases, reason = with_boundary_rates(alternative, mechanism, phases)
+        except ProblemError:  # A straight motion after the target has no line from there.
+            return cls(alternative.motion)
         if reason is not None:
-            return cls(other.motion)
+            return cls(alternative.motion)
         return cls(
-            other.motion,
+            alternative.motion,
             phases,
-            tuple(bounded_duration(problem, mechanism, each) for each in phases),
+            tuple(bounded_duration(problem, mechanism, phase) for phase in phases),
         )
 
-    def bound(self, planned: tuple[PlannedPhase, ...]) -> float:
-        """Of the duration, s: where a phase has been planned already, what it takes; infinite where there is no motion."""
+    def bound(self, planned_phases: tuple[PlannedPhase, ...]) -> float:
+        """Return a lower bound of the duration, s.
+
+        Phases that are already planned count with their duration.
+
+        The result is infinite if the candidate is infeasible.
+        """
         if not self.phases:
             return np.inf
         return sum(
-            _planned(each, planned, least)
-            for each, least in zip(self.phases, self.least, strict=True)
+            _known_duration(phase, planned_phases, bound)
+            for phase, bound in zip(self.phases, self.bounds, strict=True)
         )
 
 
-def _planned(phase: Phase, planned: tuple[PlannedPhase, ...], otherwise: float) -> float:
-    """How long a phase takes that has been planned, s."""
+def _known_duration(
+    phase: Phase, planned_phases: tuple[PlannedPhase, ...], default: float
+) -> float:
+    """Return the duration of a phase if it has been planned, else `default`, s."""
     if phase.motion.duration is not None or phase.stands:
-        return otherwise
+        return default
     same = (
-        each.duration
-        for each in planned
-        if each.phase.motion is phase.motion and np.array_equal(each.phase.points, phase.points)
+        item.duration
+        for item in planned_phases
+        if item.phase.motion is phase.motion and np.array_equal(item.phase.points, phase.points)
     )
-    return next(same, otherwise)
+    return next(same, default)
 
 
-def _with_target(problem: Problem, entry: int, place: int, q: Array) -> Problem:
-    """The problem whose free motion has joints (4,) as a target; place: of which of its targets."""
+def _with_target(problem: Problem, entry: int, index: int, q: Array) -> Problem:
+    """Return the problem whose free motion `entry` has joints q (4,) as its target `index`."""
     motion = problem.motion[entry]
     assert isinstance(motion, Free)
     a, b, c, d = q.tolist()
     targets = [*motion.through, motion.to]
-    targets[place] = Joints((a, b, c, d), targets[place].line)
-    spin_free = motion.spin_free and place < len(motion.through)
+    targets[index] = Joints((a, b, c, d), targets[index].line)
+    spin_free = motion.spin_free and index < len(motion.through)
     changed: Motion = unchecked(
         motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free
     )

@@ -5,23 +5,33 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.plans import FILE, Plan, load_plan, use_folder_writer
+from ssm_planner.plans import FILE, Plan
 
 if TYPE_CHECKING:
     from ssm_planner.reporting.figures.process import FigureProcess
 
-__all__ = ["Plan", "load_plan", "write_folder"]
-"""Who takes `Plan` and `load_plan` from here can `save` plans."""
 
-
-@use_folder_writer
 def write_folder(
     plan: Plan, folder: Path, drawer: FigureProcess | None = None, rate: float | None = None
 ) -> dict[str, Path]:
-    """Write plan.json, report.html, trajectory.csv, the figures and their manifest; their paths by name. Raises ExportError.
+    """Write the result folder of a plan, and return the paths of its files by name.
 
-    drawer: has begun to draw the motion, and draws the rest while the files are written; None: all is drawn here. rate:
-    of trajectory.csv, Hz; None: as `write_csv` chooses.
+    The folder contains plan.json, report.html, trajectory.csv, the figures and their manifest. A
+    plan without a trajectory has no files.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+    drawer : FigureProcess, optional
+        Process that already draws the motion. It draws the other figures while the files are
+        written. By default, this process draws all figures.
+    rate : float, optional
+        Rate of trajectory.csv, Hz. The default is that of `write_csv`.
+
+    Raises
+    ------
+    ExportError
     """
     from ssm_planner.formats.csv import write_csv
     from ssm_planner.publishing import publishing_results

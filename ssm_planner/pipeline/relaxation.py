@@ -1,4 +1,7 @@
-"""The smallest change of one limit, or of several together, that makes a problem solvable, found by trying."""
+"""Search for the smallest change of limits that makes a problem solvable.
+
+Every change is planned, so every reported change works.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from itertools import pairwise
 from typing import Any, Literal
 
 from ssm_planner.planning.ocp.refinement import EFFORT
+from ssm_planner.planning.prechecks import eye_forbids_target
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.limits import (
     ContinuousTorque,
@@ -25,34 +29,36 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.units import shown
 
 GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
-"""By how much a relaxation that is needed at least is enlarged until a motion is found."""
+"""Factors on the smallest possible change, tried in turn until there is a motion."""
 HALVINGS = 2
 SHARP = 0.9
-"""Share of a relaxation which by itself gives no motion, as far as patience goes."""
+"""Share of a reported change that gives no motion by itself, as far as the effort allows."""
 BARELY = 1e-6
-"""Share by which a relaxation goes beyond the value that is needed, so that rounding does not spoil it."""
+"""Relative amount by which a change exceeds the required value, so that rounding does not spoil it.
+"""
 SHARES = (0.1, 1.0)
-"""By how much limits are relaxed one by one where it is not known which one stands in the way."""
+"""Shares by which limits are relaxed one by one if the limit to blame is unknown."""
 TOGETHER = 4
-"""Most limits that are relaxed together, where one after the other stands in the way."""
+"""Largest number of limits that are relaxed together."""
 PATIENCE, TRIAL = 4.0, 0.1
-"""Effort after which no other relaxation is tried, and that of a trial beside what it takes to solve it."""
+"""Effort after which no further change is tried, and effort of a trial in addition to its solves.
+"""
 PACES = (2.5, 5.0)
-"""Times the duration in which a motion that runs too warm is tried."""
+"""Factors on the duration that are tried for a motion whose motors get too warm."""
 PAUSES = (1.0, 1.5, 3.0)
-"""Times the pause that one motor needs to cool; others may need more."""
+"""Factors on the pause that one motor needs to cool. Others may need more."""
 RATES = (1.0, 0.9, 0.7, 0.5, 0.25, 0.0)
-"""Shares of the rate that a joint can have which are tried at an end."""
+"""Factors on the feasible rate that are tried at an end."""
 OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
-"""Limits in whose way the rates at the two ends are."""
+"""Limits that rates at the ends can exceed."""
 
 Attempt = Callable[[Problem], "float | Reason"]
-"""Duration of a certified plan, or why there is none."""
+"""Returns the duration of a certified plan, or the reason of the failure."""
 
 
 @dataclass(frozen=True, eq=False)
 class Relaxation:
-    """A limit of a problem that may be moved, from `present` to `needed` at least."""
+    """A limit of a problem that may be changed from `present` to at least `needed`."""
 
     base: Problem
     limit: Limit
@@ -60,105 +66,121 @@ class Relaxation:
 
     @property
     def present(self) -> float:
-        """Where the bound stands that is to be moved."""
+        """Present bound of the limit."""
         return self.limit.bound(self.needed)
 
     def value(self, share: float) -> float:
-        """The value, as it is printed, that lies so far on the way from `present` to `needed`."""
+        """Return the printed value at a share of the change from `present` to `needed`."""
         return self.limit.rounded(self.present + share * (self.needed - self.present))
 
     def problem(self, value: float) -> Problem:
-        """The problem with the limit at a value. Raises ValueError where the limit cannot stand there."""
+        """Return the problem with the limit at a value.
+
+        Raises
+        ------
+        ValueError
+            If the limit cannot have this value.
+        """
         relaxed = self.limit.relaxed(value)
         if relaxed is None:
             raise ValueError(f"no {self.limit.name} of {value}")
         return relaxed.on(self.base)
 
     def described(self, value: float) -> str:
-        """In words."""
+        """Describe the change in words."""
         return self.limit.described(value)
 
 
-@dataclass(frozen=True, eq=False)
 class Pause(Relaxation):
-    """A dwell at the end, in which motors cool; its value is in s."""
+    """A dwell at the end, in which motors cool. Its value is in s."""
 
     present = 0.0
 
     def problem(self, value: float) -> Problem:
-        whole = None if self.base.duration is None else self.base.duration + value
-        return replace(self.base, motion=(*self.base.motion, Dwell(value, "pause")), duration=whole)
+        """Return the problem with a dwell at the end."""
+        duration = None if self.base.duration is None else self.base.duration + value
+        return replace(
+            self.base, motion=(*self.base.motion, Dwell(value, "pause")), duration=duration
+        )
 
     def described(self, value: float) -> str:
+        """Describe the dwell."""
         return f"a dwell of {value:.6g} s at the end"
 
 
 @dataclass(frozen=True, eq=False)
 class LessRate(Relaxation):
-    """Rates at one end of everything, all of them less by one factor, which is the value."""
+    """Rates at one end of the motion, reduced by a common factor. The factor is the value."""
 
     end: Literal["start_rate", "end_rate"] = "start_rate"
     present = 1.0
 
     @property
     def rates(self) -> Mapping[str, float]:
-        """What is asked for, by task coordinate."""
+        """Requested rates by task coordinate."""
         return self.base.start_rate if self.end == "start_rate" else self.base.end_rate
 
     def problem(self, value: float) -> Problem:
-        less = {name: value * rate for name, rate in self.rates.items()}
+        """Return the problem with the reduced rates."""
+        reduced = {name: value * rate for name, rate in self.rates.items()}
         return (
-            replace(self.base, start_rate=less)
+            replace(self.base, start_rate=reduced)
             if self.end == "start_rate"
-            else replace(self.base, end_rate=less)
+            else replace(self.base, end_rate=reduced)
         )
 
     def described(self, value: float) -> str:
+        """Describe the rates."""
         return f"{self.end} of {self._text(value)} instead of {self._text(1.0)}"
 
     def _text(self, share: float) -> str:
-        words = []
+        entries = []
         for name, rate in self.rates.items():
             unit, scale = shown("m/s" if name == "depth" else "rad/s")
-            words.append(f"{name}: {share * rate * scale:.12g} {unit}")
-        return "{" + ", ".join(words) + "}"
+            entries.append(f"{name}: {share * rate * scale:.12g} {unit}")
+        return "{" + ", ".join(entries) + "}"
 
 
 @dataclass(frozen=True, eq=False)
 class Cure:
-    """A relaxation tried at one value; outcome: the duration of the motion that it gives, or the reason why there is none."""
+    """A relaxation that was tried at one value.
+
+    `outcome` is the duration of the motion that it gives, or the reason of the failure.
+    """
 
     relaxation: Relaxation
     value: float
     outcome: float | Reason
-    before: tuple[str, ...] = ()
-    """What is relaxed beside it, in words."""
-    others: tuple[Cure, ...] = ()
-    """Other cures that work, each alone."""
+    combined: tuple[str, ...] = ()
+    """Descriptions of the limits that are relaxed together with it."""
+    alternatives: tuple[Cure, ...] = ()
+    """Other cures, each of which works alone."""
 
     @property
     def works(self) -> bool:
+        """True if the relaxation gives a motion."""
         return isinstance(self.outcome, float)
 
     @property
     def problem(self) -> Problem:
-        """The problem with the value tried."""
+        """The problem with the relaxed limit."""
         return self.relaxation.problem(self.value)
 
     @property
-    def words(self) -> str:
-        """What is relaxed."""
+    def description(self) -> str:
+        """Description of the change."""
         return self.relaxation.described(self.value)
 
     @property
     def text(self) -> str:
-        """What is relaxed, that it was tried, and what came of it."""
+        """Description of the change and of its result, and of the other cures."""
         if isinstance(self.outcome, Reason):
-            own = f"{self.words}: tried, still infeasible alone: {self.outcome.message}"
+            sentence = f"{self.description}: tried, still infeasible alone: {self.outcome.message}"
         else:
-            together = " together" if self.before else ""
-            own = f"{' and '.join((*self.before, self.words))}: tried{together}, takes {self.outcome:.4g} s"
-        return "; or ".join((own, *(other.text for other in self.others)))
+            together = " together" if self.combined else ""
+            changes = " and ".join((*self.combined, self.description))
+            sentence = f"{changes}: tried{together}, takes {self.outcome:.4g} s"
+        return "; or ".join((sentence, *(cure.text for cure in self.alternatives)))
 
 
 def search(
@@ -166,57 +188,88 @@ def search(
     reason: Reason,
     attempt: Attempt,
     duration: float | None = None,
-    patience: float = PATIENCE,
+    budget: float = PATIENCE,
     *,
     feasible: Attempt | None = None,
 ) -> Cure | None:
-    """The smallest change of one limit, or of several together, with which a motion was found, and other cures.
+    """Find the smallest change of one limit, or of several together, that gives a motion.
 
-    Where none is found, why that of the limit in the reason is not enough; None where nothing that was tried gave a motion.
-    Every value is tried as it is printed. duration: of the motion in which a limit was found exceeded, s. patience:
-    effort after which no other attempt is begun. feasible: tells sooner than `attempt` whether there is a motion; that is
-    then planned with the values found alone.
+    Values are rounded as printed before they are tried.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    reason : Reason
+        Reason why it cannot be planned.
+    attempt : callable
+        Plans a problem. Returns its duration or a reason.
+    duration : float or None
+        Duration of the motion in which the check found a limit exceeded, s.
+    budget : float
+        Effort after which no further attempt begins.
+    feasible : callable or None
+        Tells sooner than `attempt` whether there is a motion. Only the values found are then
+        planned by `attempt`.
+
+    Returns
+    -------
+    Cure or None
+        The change and other cures. If no change gives a motion, the change of the limit in the
+        reason, with the reason why it does not suffice. None if nothing was found.
     """
-    begin = EFFORT.spent
-    # the fastest motion is found soonest, but runs warmer than the one asked for
+    effort_start = EFFORT.spent
+    # The fastest motion is found soonest, but it is warmer than the requested one.
     quick = None if isinstance(reason.limit, ContinuousTorque) else feasible
 
-    def patient() -> bool:
-        return EFFORT.spent - begin < patience
+    def has_budget() -> bool:
+        return EFFORT.spent - effort_start < budget
 
-    def tried(changed: Problem) -> float | Reason:
+    def try_problem(changed: Problem) -> float | Reason:
         EFFORT.spent += TRIAL
         return (quick or attempt)(changed)
 
-    known = relaxation_for(problem, reason)
-    cure = _any(problem, tried, patient) if known is None else _together(known, tried, patient)
-    others = tuple(_others(problem, reason, duration, tried, patient))
-    working = [each for each in (cure, *others) if each is not None and each.works]
+    relaxation = relaxation_for(problem, reason)
+    if relaxation is None and eye_forbids_target(problem):
+        return None
+    # These need few trials, whereas the search for the smallest change may take all remaining
+    # effort.
+    alternatives = tuple(_alternatives(problem, reason, duration, try_problem, has_budget))
+    cure = (
+        _one_by_one(problem, try_problem, has_budget)
+        if relaxation is None
+        else _together(relaxation, try_problem, has_budget)
+    )
+    working = [item for item in (cure, *alternatives) if item is not None and item.works]
     if not working:
         return cure
     if quick is not None:
-        working = [replace(each, outcome=attempt(each.problem)) for each in working]
-        if not all(each.works for each in working):
-            return search(problem, reason, attempt, duration, patience - (EFFORT.spent - begin))
-    return replace(working[0], others=tuple(working[1:]))
+        working = [replace(item, outcome=attempt(item.problem)) for item in working]
+        if not all(item.works for item in working):
+            return search(
+                problem, reason, attempt, duration, budget - (EFFORT.spent - effort_start)
+            )
+    return replace(working[0], alternatives=tuple(working[1:]))
 
 
 def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
-    """Of the limit that the reason names; None where moving it does not help."""
+    """Return the relaxation of the limit in a reason, or None if a change of it does not help."""
     if reason.limit is None or reason.required is None or reason.available is None:
         return None
-    limit = next((own for own in problem.all_limits if own.key == reason.limit.key), reason.limit)
-    # of a floor the bound is what is required, and comes down to what there is
+    limit = next(
+        (item for item in problem.all_limits if item.key == reason.limit.key), reason.limit
+    )
+    # For a floor, the required value is the bound, which is lowered to the available value.
     needed = limit.enough(reason.available if limit.is_floor else reason.required)
     return None if limit.relaxed(needed) is None else Relaxation(problem, limit, needed)
 
 
 def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
-    """Of every limit that may stand in the way: joint by joint, then of the tool."""
+    """Yield relaxations of all limits that may be to blame, joints first, then the tool."""
     order: list[Limit] = []
     for joint in problem.robot.joints:
-        for kind in (MotorTorque, JointVelocity):
-            order += (limit for limit in joint.limits if isinstance(limit, kind))
+        for limit_class in (MotorTorque, JointVelocity):
+            order += (limit for limit in joint.limits if isinstance(limit, limit_class))
     order += problem.speeds
     order += (limit for limit in problem.limits if limit not in problem.speeds)
     for limit in order:
@@ -224,26 +277,30 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
             yield Relaxation(problem, limit, value)
 
 
-def _together(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
-    """The least value of one relaxation, and of others too while another limit then stands in the way."""
-    first = cure = _least(relaxation, attempt, patient)
-    before: dict[tuple[Any, ...], str] = {}
+def _together(
+    relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]
+) -> Cure | None:
+    """Return the smallest change of one limit, and of others if they then prevent the motion."""
+    initial = cure = _smallest(relaxation, attempt, has_budget)
+    descriptions: dict[tuple[Any, ...], str] = {}
     for _ in range(TOGETHER - 1):
-        if cure is None or not isinstance(cure.outcome, Reason) or not patient():
+        if cure is None or not isinstance(cure.outcome, Reason) or not has_budget():
             break
         limit = cure.relaxation.limit
-        before[limit.key, cure.value < limit.bound(cure.value)] = cure.words
+        descriptions[limit.key, cure.value < limit.bound(cure.value)] = cure.description
         following = relaxation_for(cure.problem, cure.outcome)
-        cure = None if following is None else _least(following, attempt, patient)
+        cure = None if following is None else _smallest(following, attempt, has_budget)
     if cure is None or not cure.works:
-        return first
+        return initial
     limit = cure.relaxation.limit
-    before.pop((limit.key, cure.value < limit.bound(cure.value)), None)
-    return replace(cure, before=tuple(before.values()))
+    descriptions.pop((limit.key, cure.value < limit.bound(cure.value)), None)
+    return replace(cure, combined=tuple(descriptions.values()))
 
 
-def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
-    """The least value of one relaxation with which there is a motion, to a few per cent of the way beyond `needed`."""
+def _smallest(
+    relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]
+) -> Cure | None:
+    """Return the smallest value of one relaxation that gives a motion, within a few per cent."""
 
     def cure(growth: float) -> Cure:
         value = relaxation.value(growth * (1 + BARELY))
@@ -251,44 +308,47 @@ def _least(relaxation: Relaxation, attempt: Attempt, patient: Callable[[], bool]
 
     limit = relaxation.limit
     growths = [
-        each for each in GROWTH if limit.relaxed(relaxation.value(each * (1 + BARELY))) is not None
+        factor
+        for factor in GROWTH
+        if limit.relaxed(relaxation.value(factor * (1 + BARELY))) is not None
     ]
     if not growths:
         return None
     short = 0.0
     for growth in growths:
-        found = cure(growth)
-        if found.works or not patient() or _is_enough(found):
+        result = cure(growth)
+        if result.works or not has_budget() or _is_enough(result):
             break
         short = growth
-    return _sharpened(cure, found, (short, growth), patient) if found.works else found
+    return _sharpened(cure, result, (short, growth), has_budget) if result.works else result
 
 
 def _sharpened(
     cure: Callable[[float], Cure],
-    found: Cure,
-    between: tuple[float, float],
-    patient: Callable[[], bool],
+    result: Cure,
+    bracket: tuple[float, float],
+    has_budget: Callable[[], bool],
 ) -> Cure:
-    """A cure so small that SHARP of its relaxation does not work.
+    """Return a cure so small that a share SHARP of its change does not work.
 
-    between: shares of the relaxation that do not work (0: that of the problem), and that do, which gave what was found.
+    `bracket` holds the shares of a change that does not work (0: the original problem) and of one
+    that does.
     """
-    short, enough = between
-    halvings = HALVINGS if short else 0
-    middle = (short + enough) / 2 if short else SHARP * enough
-    while patient() and (halvings > 0 or short < SHARP * enough):
-        less = cure(middle)
-        if less.works:
-            found, enough = less, middle
+    lower, upper = bracket
+    halvings = HALVINGS if lower else 0
+    middle = (lower + upper) / 2 if lower else SHARP * upper
+    while has_budget() and (halvings > 0 or lower < SHARP * upper):
+        trial = cure(middle)
+        if trial.works:
+            result, upper = trial, middle
         else:
-            short = middle
-        middle, halvings = (short + enough) / 2, halvings - 1
-    return found
+            lower = middle
+        middle, halvings = (lower + upper) / 2, halvings - 1
+    return result
 
 
 def _is_enough(cure: Cure) -> bool:
-    """Another limit, or the other end of its range, stands in the way then: no more of this one helps."""
+    """Return True if more of this change cannot help, since another limit is to blame."""
     if not isinstance(cure.outcome, Reason) or cure.outcome.limit is None:
         return False
     following = relaxation_for(cure.problem, cure.outcome)
@@ -298,8 +358,8 @@ def _is_enough(cure: Cure) -> bool:
     return upwards != (cure.value > cure.relaxation.present)
 
 
-def _any(problem: Problem, attempt: Attempt, patient: Callable[[], bool]) -> Cure | None:
-    """The relaxation by the smallest share, of all limits one by one."""
+def _one_by_one(problem: Problem, attempt: Attempt, has_budget: Callable[[], bool]) -> Cure | None:
+    """Return the relaxation by the smallest share, trying all limits one by one."""
 
     def cure(relaxation: Relaxation, share: float) -> Cure:
         value = relaxation.value(share)
@@ -307,37 +367,37 @@ def _any(problem: Problem, attempt: Attempt, patient: Callable[[], bool]) -> Cur
 
     for short, share in pairwise((0.0, *SHARES)):
         for relaxation in all_relaxations(problem):
-            if not patient():
+            if not has_budget():
                 return None
-            found = cure(relaxation, share)
-            if found.works:
-                return _sharpened(partial(cure, relaxation), found, (short, share), patient)
+            result = cure(relaxation, share)
+            if result.works:
+                return _sharpened(partial(cure, relaxation), result, (short, share), has_budget)
     return None
 
 
-def _others(
+def _alternatives(
     problem: Problem,
     reason: Reason,
     duration: float | None,
     attempt: Attempt,
-    patient: Callable[[], bool],
+    has_budget: Callable[[], bool],
 ) -> Iterator[Cure]:
-    """Cures that move no limit: of each kind the first of its values that gives a motion."""
+    """Yield cures that change no limit, each with the first value that gives a motion."""
 
-    def cure(relaxation: Relaxation, most: float, share: float) -> Cure:
-        value = relaxation.present + share * (most - relaxation.present)
-        value = _up(value) if most > relaxation.present else _down(value)
+    def cure(relaxation: Relaxation, target: float, share: float) -> Cure:
+        value = relaxation.present + share * (target - relaxation.present)
+        value = _up(value) if target > relaxation.present else _down(value)
         return Cure(relaxation, value, attempt(relaxation.problem(value)))
 
     for relaxation, values in _other_relaxations(problem, reason, duration):
         short = 0.0
         for value in values:
-            if not patient():
+            if not has_budget():
                 return
-            found = cure(relaxation, value, 1.0)
-            if found.works:
-                less = short / (value - relaxation.present)
-                yield _sharpened(partial(cure, relaxation, value), found, (less, 1.0), patient)
+            result = cure(relaxation, value, 1.0)
+            if result.works:
+                lower = short / (value - relaxation.present)
+                yield _sharpened(partial(cure, relaxation, value), result, (lower, 1.0), has_budget)
                 break
             short = value - relaxation.present
 
@@ -345,32 +405,34 @@ def _others(
 def _other_relaxations(
     problem: Problem, reason: Reason, duration: float | None
 ) -> Iterator[tuple[Relaxation, tuple[float, ...]]]:
-    """What else may be tried, with its values: more time for motors that get too warm, less of the rates at an end."""
-    limit, required, available = reason.limit, reason.required, reason.available
+    """Yield other relaxations with their values: more time, and smaller rates at the ends."""
+    limit = reason.limit
+    required = reason.required
+    available = reason.available
     if limit is None or required is None or available is None:
         return
     if isinstance(limit, ContinuousTorque) and duration is not None:
         pause = duration * ((required / available) ** 2 - 1)
         if not problem.end_rate:
-            yield Pause(problem, limit, pause), tuple(_up(each * pause) for each in PAUSES)
+            yield Pause(problem, limit, pause), tuple(_up(factor * pause) for factor in PAUSES)
         if any(entry.duration is None for entry in problem.motion):
             slower = Relaxation(problem, Duration(duration), duration)
-            yield slower, tuple(_up(each * duration) for each in PACES)
+            yield slower, tuple(_up(factor * duration) for factor in PACES)
     if limit.name in OF_RATES:
         possible = min(available / required, 1.0) if required > available > 0 else 0.0
         for end in ("start_rate", "end_rate"):
             relaxation = LessRate(problem, limit, possible, end)
             if relaxation.rates:
-                yield relaxation, tuple(dict.fromkeys(_down(each * possible) for each in RATES))
+                yield relaxation, tuple(dict.fromkeys(_down(factor * possible) for factor in RATES))
 
 
 def _up(value: float) -> float:
-    """Rounded up to three digits."""
+    """Round up to three digits."""
     return -_down(-value)
 
 
 def _down(value: float) -> float:
-    """Rounded down to three digits."""
+    """Round down to three digits."""
     if value == 0.0:
         return 0.0
     unit = 10.0 ** (math.floor(math.log10(abs(value))) - 2)

@@ -1,13 +1,15 @@
-"""Robots that bound a range of friction and payload: a motion whose torques hold with each of them holds within it.
+"""Drives that bound a range of friction and payload.
 
-In a direction of motion σ the motor torque σ τ is, for every instant, a convex function of the load, and grows with μ,
-with both bearing figures and with the preload (dynamics/transmission.py). So
+A motion whose torques hold for each of these drives holds for the whole range. In the direction of
+motion σ, the motor torque σ τ is at every instant a convex function of the load, and it grows with
+μ, with both bearing parameters and with the preload (dynamics/transmission.py). It follows that
 
-* a mass at the tip, in which the load is linear, is worst at one end of its range;
-* of the sets of friction parameters that span the range (`FrictionSpread.within`), few are the worst anywhere. They are
-  found one after the other on a grid of speeds and efforts that the motor can meet, the worst left out first, until the
-  others exceed them by no more than EASE of its largest torque; what is left is added to their bearing friction;
-* braking is bounded by the least of every parameter at once.
+* the load is linear in a mass at the tip, so one end of the range of masses is the worst;
+* few of the sets of friction parameters that span the range (`FrictionSpread.within`) are the
+  worst anywhere. They are selected greedily on a grid of speeds and efforts that the motor can
+  meet, until no other set exceeds them by more than EASE of the largest torque. The remaining
+  excess is added to their bearing friction;
+* braking is bounded by the smallest value of every parameter at once.
 """
 
 from __future__ import annotations
@@ -29,19 +31,26 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 EASE = 0.01
-"""Share of the largest torque by which a set may exceed the chosen ones before these are raised."""
+"""Share of the largest torque by which sets may exceed the selected ones, which are then raised by
+the excess.
+"""
 BEYOND = 1.1
-"""Largest torques up to which sets are told apart."""
+"""Multiple of the largest torque up to which sets are distinguished."""
 MOST = 8
-"""Sets chosen for a drive."""
+"""Largest number of sets selected for a drive."""
 SPEEDS = np.array([0.0, 0.01, 0.1, 0.25, 0.5, 0.75, 1.0])
-"""Of the largest motor speed."""
+"""Grid of speeds, divided by the largest motor speed."""
 EFFORTS = np.linspace(-1.6, 1.6, 33)
-"""Of the effort at which the least friction takes the motor's largest torque."""
+"""Grid of efforts, divided by the effort at which the smallest friction takes the motor's largest
+torque.
+"""
 
 
 def with_corners(problem: Problem, robot: Robot) -> Robot:
-    """The robot with the corners of the problem's range of friction and payload, from an empty tip on; itself without one."""
+    """Return the robot with the corners of the problem's range of friction and payload.
+
+    The corners include the empty tip. Without a range the robot is returned unchanged.
+    """
     if problem.friction is None and problem.payload is None:
         return robot
     drives = [_drives(joint, problem.friction) for joint in robot.joints]
@@ -50,17 +59,17 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
     def with_drives(k: int) -> tuple[Robot, ...]:
         pairs = zip(robot.joints, drives, strict=True)
         joints = tuple(
-            unchecked(joint, drive=each[min(k, len(each) - 2)] if k >= 0 else each[-1])
-            for joint, each in pairs
+            unchecked(joint, drive=choices[min(k, len(choices) - 2)] if k >= 0 else choices[-1])
+            for joint, choices in pairs
         )
-        return tuple(unchecked(each, joints=joints) for each in loaded)
+        return tuple(unchecked(load, joints=joints) for load in loaded)
 
     corners = [corner for k in range(max(map(len, drives)) - 1) for corner in with_drives(k)]
     return unchecked(robot, corners=tuple(corners), lightest=with_drives(-1))
 
 
 def _drives(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
-    """The drives of a joint with which its motor has to manage, and last the one with which it has to brake."""
+    """Return the drives that a motor must move, and last the drive that it must brake."""
     drive, motor = joint.drive, joint.motor
     if drive is None or motor is None or share is None:
         return (drive, drive)
@@ -72,56 +81,75 @@ def _drives(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
 def bounding_drives(
     drive: Drive, share: float, *, speed: float, torque: float
 ) -> tuple[Drive, ...]:
-    """Drives that together take at least the motor torque of every set within the share, and a last one that takes least.
+    """Return drives that bound the motor torque of all sets, and last the one that needs least.
 
-    speed (rad/s) and torque (N·m): of the motor, the largest.
+    Parameters
+    ----------
+    drive : Drive
+        The drive with its distribution of friction parameters.
+    share : float
+        Share of the equally likely sets that the range contains.
+    speed, torque : float
+        Largest speed (rad/s) and torque (N·m) of the motor.
     """
     sets = spread_of(drive).within(share)
-    bare = unchecked(
+    plain_drive = unchecked(
         drive,
         friction=unchecked(friction_of(drive), posterior=None, covariance=None),
         friction_ranges={},
     )
-    needed = np.minimum(_torques(bare, sets, speed, torque), BEYOND * torque)
-    envelope, reached = needed.max(axis=0), np.full(needed.shape[1], -np.inf)
-    chosen: list[int] = []
-    while len(chosen) < MOST and np.max(envelope - reached) > EASE * torque:
-        chosen.append(int(np.argmax(needed[:, int(np.argmax(envelope - reached))])))
-        reached = np.maximum(reached, needed[chosen[-1]])
-    beyond = 1.15 * float(np.max(envelope - reached))
-    found = [
-        _raised(bare, {name: float(column[k]) for name, column in sets.items()}, beyond)
-        for k in chosen
+    needed = np.minimum(_torques(plain_drive, sets, speed, torque), BEYOND * torque)
+    envelope = needed.max(axis=0)
+    bound = np.full(needed.shape[1], -np.inf)
+    selected: list[int] = []
+    while len(selected) < MOST and np.max(envelope - bound) > EASE * torque:
+        selected.append(int(np.argmax(needed[:, int(np.argmax(envelope - bound))])))
+        bound = np.maximum(bound, needed[selected[-1]])
+    beyond = 1.15 * float(np.max(envelope - bound))
+    drives = [
+        _raised(plain_drive, {name: float(column[k]) for name, column in sets.items()}, beyond)
+        for k in selected
     ]
-    least = {name: float(column.min()) for name, column in sets.items()}
-    if LAW in least:
-        least[LAW] = float(LAWS.index("coulomb"))
-    return (*found, drawn(bare, least))
+    smallest = {name: float(column.min()) for name, column in sets.items()}
+    if LAW in smallest:
+        smallest[LAW] = float(LAWS.index("coulomb"))
+    return (*drives, drawn(plain_drive, smallest))
 
 
 def _raised(drive: Drive, values: dict[str, float], torque: float) -> Drive:
+    """Return the drive with these friction parameters, and bearing friction raised by `torque`."""
     b_c = values.get("b_c", friction_of(drive).b_c) + torque
     return drawn(drive, {**values, "b_c": b_c})
 
 
 def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) -> Array:
-    """σ τ of every set (rows) at a grid of motor speeds, efforts and directions, moving and breaking away."""
+    """Return σ τ of every set on a grid, (sets, grid points), N·m.
+
+    The grid contains motor speeds, efforts and directions, in motion and at breakaway.
+    """
     up, _ = mesh_coefficients(drive, sets.get("mu", np.array([friction_of(drive).mu])))
-    at = {*(speed * SPEEDS).tolist()}
-    at |= {
+    speeds = {*(speed * SPEEDS).tolist()}
+    speeds |= {
         factor * value
         for value in np.unique(sets.get("stribeck_speed", []))[::100]
         for factor in (0.3, 1.0, 2.0)
     }
-    w, effort, way, start = (
+    w, effort, direction, start = (
         grid.ravel()
         for grid in np.meshgrid(
-            sorted(at), torque / float(np.min(up)) * EFFORTS, [-1.0, 1.0], [0.0, 1.0]
+            sorted(speeds), torque / float(np.min(up)) * EFFORTS, [-1.0, 1.0], [0.0, 1.0]
         )
     )
     keep = (start == 0.0) | (w == 0.0)
-    w, effort, way, start = w[keep], effort[keep], way[keep], start[keep]
+    w = w[keep]
+    effort = effort[keep]
+    direction = direction[keep]
+    start = start[keep]
     columns = {name: column[:, None] for name, column in sets.items()}
-    motion = way * w / drive.ratio, np.zeros_like(w), way
-    taken, _ = drive_torque(drawn(drive, columns), way * effort, *motion, breakaway=start > 0)
-    return np.asarray(way * np.broadcast_to(taken, (len(next(iter(sets.values()), [0])), len(w))))
+    motion = direction * w / drive.ratio, np.zeros_like(w), direction
+    torques, _ = drive_torque(
+        drawn(drive, columns), direction * effort, *motion, breakaway=start > 0
+    )
+    return np.asarray(
+        direction * np.broadcast_to(torques, (len(next(iter(sets.values()), [0])), len(w)))
+    )

@@ -1,4 +1,7 @@
-"""Durations that no motion can beat, in closed form: each joint, and each limited rate, alone; S-curves from rest to rest."""
+"""Lower bounds of durations in closed form, and S-curves from rest to rest.
+
+A bound takes each joint, and each limited rate, as if it moved alone.
+"""
 
 from __future__ import annotations
 
@@ -25,39 +28,49 @@ AT_REST = np.zeros((2, 4))
 def lower_bound(
     robot: Robot, points: Array, speeds: Array = AT_REST, limits: TaskLimits = NONE
 ) -> float:
-    """A duration that no motion through points (k + 1, 4) beats: everything but one joint at a time ignored, s.
+    """Return a duration that no motion through points beats, s.
 
-    speeds (2, 4): q̇ at both ends. The larger of two: the slowest joint over the whole way, and the sum over the stretches
-    between points of the slowest joint there, whose speed at the points within is free. Joint 4 keeps what the rate of depth
-    and the tip's speed allow; the tip goes straight.
+    Only one joint counts at a time. The bound is the larger of two: the time of the slowest joint
+    through all points, and the sum over the segments of the slowest joint's time, with free
+    velocities at the via points. The limits on the rate of depth and on the tip speed also limit
+    joint 4, and the tip moves straight.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot with its limits.
+    points : (k + 1, 4) array
+        Joints at the ends and at the via points.
+    speeds : (2, 4) array
+        q̇ at both ends.
+    limits : TaskLimits
+        Limits on task rates and on the tip speed.
     """
-    most = [joint.velocity for joint in robot.joints]
+    velocities = [joint.velocity for joint in robot.joints]
     tip = next((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), math.inf)
-    most[3] = min(most[3], tip, limits.rates.get("depth", math.inf))
+    velocities[3] = min(velocities[3], tip, limits.rates.get("depth", math.inf))
     joints = range(4)
-    whole = max(
-        _time(robot, i, positions=points[:, i], speeds=speeds[:, i], velocity=most[i])
+    through_all = max(
+        _time(robot, i, positions=points[:, i], speeds=speeds[:, i], velocity=velocities[i])
         for i in joints
     )
     if len(points) == 2:
-        return max(whole, _straight_ways(robot, points, tip).sum())
-    steps, last = np.diff(points, axis=0), len(points) - 2
+        return max(through_all, _straight_ways(robot, points, tip).sum())
+    steps, last_segment = np.diff(points, axis=0), len(points) - 2
     stretches = _straight_ways(robot, points, tip)
     for k, step in enumerate(steps):
-        begin, end = (
-            (speeds[0] if k == 0 else (None,) * 4),
-            (speeds[1] if k == last else (None,) * 4),
-        )
+        start = speeds[0] if k == 0 else (None,) * 4
+        end = speeds[1] if k == last_segment else (None,) * 4
         times = [
-            fastest(step[i], most[i], robot.joints[i].acceleration, (begin[i], end[i]))
+            minimum_time(step[i], velocities[i], robot.joints[i].acceleration, (start[i], end[i]))
             for i in joints
         ]
         stretches[k] = max(stretches[k], *times)
-    return max(whole, float(stretches.sum()))
+    return max(through_all, float(stretches.sum()))
 
 
 def _straight_ways(robot: Robot, points: Array, speed: float) -> Array:
-    """Time of the tip straight from point to point at a speed, (k,), s; points in the joints (k + 1, 4)."""
+    """Return the time (k,) of the tip along straight lines between points (k + 1, 4), s."""
     if math.isinf(speed):
         return np.zeros(len(points) - 1)
     tips = tip_position(Mechanism.from_geometry(robot.geometry), points)
@@ -65,114 +78,140 @@ def _straight_ways(robot: Robot, points: Array, speed: float) -> Array:
 
 
 def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> float:
-    """The time that limits on the rates of angles allow between task coordinates at both ends (2, 4), s.
+    """Return a bound from limits on angular rates between task coordinates (2, 4), s.
 
-    rates (2, 4): at both ends.
+    `rates` (2, 4) are the task rates at both ends.
     """
     bound = 0.0
     for name, rate in limits.rates.items():
-        if name == "depth":  # it is joint 4's
+        if name == "depth":  # The rate of depth is already a limit of joint 4.
             continue
-        k, way = TASK.index(name), float(np.diff(ends[:, TASK.index(name)])[0])
+        k = TASK.index(name)
+        distance = float(np.diff(ends[:, TASK.index(name)])[0])
         acceleration = angular_acceleration(robot, name, limits)
         speeds = (
             (None, None) if math.isinf(acceleration) else (float(rates[0, k]), float(rates[1, k]))
         )
-        bound = max(bound, fastest(way, rate, acceleration, speeds))
+        bound = max(bound, minimum_time(distance, rate, acceleration, speeds))
     return bound
 
 
 def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
-    """What the accelerations of roll, tilt or spin stay below, as those of the joints and their velocities do, rad/s².
+    """Return a bound of the acceleration of roll, tilt or spin within the joint limits, rad/s².
 
-    The tool's axis turns about joint 2 on a circle of radius sin β, so that as functions of θ2, with φ the tilt,
-    |φ'| ≤ sin β and |φ''| ≤ (sin β + |cos φ| sin² β)/sin φ, and of the azimuth ζ = ψ − θ1
-    |ζ'| ≤ sin β/sin φ and |ζ''| ≤ (sin β + 2 |cos φ| sin² β/sin φ)/sin φ; of that of spin the same with α.
+    The tool axis turns about joint 2 on a circle of radius sin β. Let φ be the tilt and ζ = ψ − θ1
+    the azimuth, both as functions of θ2. Then
+
+        |φ'| ≤ sin β,           |φ''| ≤ (sin β + |cos φ| sin² β) / sin φ,
+        |ζ'| ≤ sin β / sin φ,   |ζ''| ≤ (sin β + 2 |cos φ| sin² β / sin φ) / sin φ.
+
+    The bounds of spin are the same with α. The result is infinite if the range of tilt contains 0
+    or ±π.
     """
-    mechanism, (first, second, third, _) = Mechanism.from_geometry(robot.geometry), robot.joints
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    first, second, third, _ = robot.joints
     low, high = limits.ranges.get("tilt", (-math.pi, math.pi))
     if not (-math.pi < low < high < 0 or 0 < low < high < math.pi):
         return math.inf
     sine = min(abs(math.sin(low)), abs(math.sin(high)))
     radius = math.sin(mechanism.alpha if name == "spin" else mechanism.beta)
     once, twice = (1.0, 1.0) if name == "tilt" else (1 / sine, 2 / sine)
-    along = (
+    contribution = (
         radius * once * second.acceleration
         + (radius + twice * radius**2) / sine * second.velocity**2
     )
-    return along + {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]
+    return (
+        contribution + {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]
+    )
 
 
-def fastest(
-    way: float,
+def minimum_time(
+    distance: float,
     velocity: float,
     acceleration: float,
     speeds: tuple[float | None, float | None] = (0.0, 0.0),
 ) -> float:
-    """The shortest time over a way of either sign with |v| and |a| limited, from one speed to another; None: free ones, s."""
-    begin, end = (
-        None if speed is None else float(math.copysign(1.0, way)) * speed for speed in speeds
+    """Return the shortest time over a signed distance with bounded velocity and acceleration, s.
+
+    `speeds` are the velocities at both ends. None means that the velocity there is free.
+    """
+    start, end = (
+        None if speed is None else float(math.copysign(1.0, distance)) * speed for speed in speeds
     )
-    way, known = abs(way), [speed for speed in (begin, end) if speed is not None]
-    if begin is None or end is None:
-        velocity = max([velocity, *map(abs, known)])
-        if not known:
-            return way / velocity
-        # at the free end it is as fast as the way allows
-        top = min(math.sqrt(known[0] ** 2 + 2 * acceleration * way), velocity)
-        ramp = (top - known[0]) / acceleration
+    distance = abs(distance)
+    fixed_speeds = [speed for speed in (start, end) if speed is not None]
+    if start is None or end is None:
+        velocity = max([velocity, *map(abs, fixed_speeds)])
+        if not fixed_speeds:
+            return distance / velocity
+        # At the free end the velocity is as large as the distance allows.
+        top = min(math.sqrt(fixed_speeds[0] ** 2 + 2 * acceleration * distance), velocity)
+        ramp = (top - fixed_speeds[0]) / acceleration
         return (
-            ramp + (way - (top**2 - known[0] ** 2) / (2 * acceleration)) / top if top > 0 else ramp
+            ramp + (distance - (top**2 - fixed_speeds[0] ** 2) / (2 * acceleration)) / top
+            if top > 0
+            else ramp
         )
     return float(
-        fastest_times(np.array(way), velocity, acceleration, (np.array(begin), np.array(end)))
+        minimum_times(np.array(distance), velocity, acceleration, (np.array(start), np.array(end)))
     )
 
 
-def fastest_times(
-    way: Array, velocity: Array | float, acceleration: Array | float, speeds: tuple[Array, Array]
+def minimum_times(
+    distance: Array,
+    velocity: Array | float,
+    acceleration: Array | float,
+    speeds: tuple[Array, Array],
 ) -> Array:
-    """As `fastest`, of arrays that broadcast; from given speeds to given ones."""
-    sign = np.where(way < 0, -1.0, 1.0)
-    way, begin, end = sign * way, sign * speeds[0], sign * speeds[1]
-    direct = (begin + end) / 2 * np.abs(end - begin) / acceleration
-    at_once = np.abs(way - direct) <= MOVES + ROUNDING * np.abs(direct)
-    side = np.where(way < direct, -1.0, 1.0)  # it overshoots and comes back
-    way, begin, end = side * way, side * begin, side * end
-    squares = (begin**2 + end**2) / 2
-    most = np.maximum(velocity, np.maximum(np.abs(begin), np.abs(end)))
-    top = np.minimum(np.sqrt(np.maximum(acceleration * way + squares, 0.0)), most)
-    cruise = (way - (top**2 - squares) / acceleration) / np.where(top > 0, top, 1.0)
-    taken = (2 * top - begin - end) / acceleration + np.where(top > 0, cruise, 0.0)
-    return np.asarray(np.where(at_once, np.abs(end - begin) / acceleration, taken))
+    """Return the shortest times over signed distances between given velocities.
+
+    The closed form of `minimum_time` is evaluated for arrays that broadcast.
+    """
+    sign = np.where(distance < 0, -1.0, 1.0)
+    distance = sign * distance
+    start = sign * speeds[0]
+    end = sign * speeds[1]
+    direct = (start + end) / 2 * np.abs(end - start) / acceleration
+    at_once = np.abs(distance - direct) <= MOVES + ROUNDING * np.abs(direct)
+    # A joint that cannot stop in time overshoots and comes back.
+    side = np.where(distance < direct, -1.0, 1.0)
+    distance = side * distance
+    start = side * start
+    end = side * end
+    squares = (start**2 + end**2) / 2
+    peak_limit = np.maximum(velocity, np.maximum(np.abs(start), np.abs(end)))
+    top = np.minimum(np.sqrt(np.maximum(acceleration * distance + squares, 0.0)), peak_limit)
+    cruise = (distance - (top**2 - squares) / acceleration) / np.where(top > 0, top, 1.0)
+    duration = (2 * top - start - end) / acceleration + np.where(top > 0, cruise, 0.0)
+    return np.asarray(np.where(at_once, np.abs(end - start) / acceleration, duration))
 
 
 def _time(robot: Robot, i: int, *, positions: Array, speeds: Array, velocity: float) -> float:
-    """Shortest time of one joint alone through its positions (k + 1,), s."""
+    """Return the shortest time of joint i alone through its positions (k + 1,), s."""
     joint = robot.joints[i]
     acceleration, steps = joint.acceleration, np.diff(positions)
     runs = _runs(positions)
     if not speeds.any():
-        # where it turns back its velocity is zero, but with a jerk limit its acceleration need not be
+        # The velocity is zero at a reversal. With a jerk limit the acceleration need not be.
         jerk = joint.jerk if len(runs) == 1 else None
         return sum(rest_time(run, velocity, acceleration, jerk) for run in runs)
-    moved = steps[np.abs(steps) > MOVES]
+    nonzero = steps[np.abs(steps) > MOVES]
     if len(runs) < 2:
-        return fastest(float(moved.sum()), velocity, acceleration, (speeds[0], speeds[1]))
-    # where it turns back it rests, beyond the point if it cannot stop before
-    ends = speeds * np.sign(moved[[0, -1]])
+        return minimum_time(float(nonzero.sum()), velocity, acceleration, (speeds[0], speeds[1]))
+    # The joint rests where it reverses, beyond the point if it cannot stop before.
+    ends = speeds * np.sign(nonzero[[0, -1]])
     for k, speed in zip((0, -1), ends, strict=True):
         runs[k] = max(runs[k], max(speed, 0.0) ** 2 / (2 * acceleration))
-    middle = sum(fastest(run, velocity, acceleration) for run in runs[1:-1])
+    middle = sum(minimum_time(run, velocity, acceleration) for run in runs[1:-1])
     return (
-        fastest(runs[0], velocity, acceleration, (ends[0], 0.0))
+        minimum_time(runs[0], velocity, acceleration, (ends[0], 0.0))
         + middle
-        + fastest(runs[-1], velocity, acceleration, (0.0, ends[1]))
+        + minimum_time(runs[-1], velocity, acceleration, (0.0, ends[1]))
     )
 
 
 def _runs(positions: Array) -> list[float]:
-    """Distances between the points where the motion turns back."""
+    """Return the distances between the reversals of a joint."""
     runs: list[float] = []
     for step in np.diff(positions).tolist():
         if abs(step) <= MOVES:
@@ -186,7 +225,11 @@ def _runs(positions: Array) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class SCurve:
-    """Pieces of linear acceleration: lengths (m,) in s, acceleration at their starts and ends (m,); begins at a speed."""
+    """A motion with piecewise linear acceleration.
+
+    The lengths (m,) of the pieces are in s. `start` and `end` (m,) are the accelerations at the
+    ends of the pieces. `speed` is the initial velocity.
+    """
 
     lengths: Array
     start: Array
@@ -195,57 +238,69 @@ class SCurve:
 
     @property
     def duration(self) -> float:
+        """Duration, s."""
         return float(self.lengths.sum())
 
     @property
     def switches(self) -> Array:
-        """Times at which the acceleration or its slope jumps, both ends included, (m + 1,)."""
+        """Times at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
         return np.concatenate([[0.0], np.cumsum(self.lengths)])
 
     def stretched(self, duration: float) -> SCurve:
-        """The same motion in another time."""
+        """Return the same motion with another duration, s."""
         factor = duration / self.duration
         return SCurve(
             self.lengths * factor, self.start / factor**2, self.end / factor**2, self.speed / factor
         )
 
     def scaled(self, factor: float) -> SCurve:
-        """The same motion over `factor` times the distance."""
+        """Return the same motion over `factor` times the distance."""
         return SCurve(self.lengths, self.start * factor, self.end * factor, self.speed * factor)
 
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration (from the right, at the end from the left) at times t (n,)."""
-        piece = self._piece(t)
-        return Cubic(*(values[piece] for values in self._pieces)).at_time(t - self.switches[piece])
+    def evaluate(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return position, velocity and acceleration at times t (n,).
+
+        The acceleration is taken from the right, and at the end from the left.
+        """
+        index = self._piece_index(t)
+        return Cubic(*(values[index] for values in self._pieces)).at_time(t - self.switches[index])
 
     def jerk_at(self, t: Array) -> Array:
-        """Slope of the acceleration, from the right, at times t (n,)."""
-        return np.asarray(((self.end - self.start) / self.lengths)[self._piece(t)])
+        """Return the slope of the acceleration from the right at times t (n,)."""
+        return np.asarray(((self.end - self.start) / self.lengths)[self._piece_index(t)])
 
     @property
     def _pieces(self) -> tuple[Array, ...]:
-        """Position, velocity and acceleration at the start, acceleration at the end and length of every piece, (m,) each."""
-        begin = np.zeros(len(self.lengths))
-        _, gained = Cubic(begin, begin, self.start, self.end, self.lengths).end
+        """Position, velocity and acceleration at the start, acceleration at the end, and length of
+        all pieces.
+
+        Each is an (m,) array.
+        """
+        zeros = np.zeros(len(self.lengths))
+        _, gained = Cubic(zeros, zeros, self.start, self.end, self.lengths).end
         velocity = np.concatenate([[self.speed], self.speed + np.cumsum(gained)[:-1]])
-        way, _ = Cubic(begin, velocity, self.start, self.end, self.lengths).end
+        distance, _ = Cubic(zeros, velocity, self.start, self.end, self.lengths).end
         return (
-            np.concatenate([[0.0], np.cumsum(way)[:-1]]),
+            np.concatenate([[0.0], np.cumsum(distance)[:-1]]),
             velocity,
             self.start,
             self.end,
             self.lengths,
         )
 
-    def _piece(self, t: Array) -> Indices:
+    def _piece_index(self, t: Array) -> Indices:
+        """Return the index of the piece that contains each time (n,)."""
         return np.clip(
             np.searchsorted(self.switches, t, side="right") - 1, 0, len(self.lengths) - 1
         )
 
     @property
     def peaks(self) -> tuple[float, float, float]:
-        """Largest velocity, acceleration and jerk (infinite where the acceleration jumps)."""
-        _, velocity, _ = self.at(self.switches)
+        """Largest velocity, acceleration and jerk.
+
+        The jerk is infinite if the acceleration jumps.
+        """
+        _, velocity, _ = self.evaluate(self.switches)
         acceleration = max(np.abs(self.start).max(), np.abs(self.end).max())
         jumps = (
             np.abs(np.append(self.start, 0.0) - np.append(0.0, self.end)).max()
@@ -258,33 +313,35 @@ class SCurve:
 def rest_to_rest(
     distance: float, velocity: float, acceleration: float, jerk: float | None = None
 ) -> SCurve:
-    """The fastest motion over a distance > 0.
+    """Return the fastest motion from rest to rest over a distance > 0.
 
-    Without a jerk limit a trapezoid of velocity (a triangle where its limit is not reached), with one the profile of up to
-    seven pieces, both symmetric in time.
+    Without a jerk limit the velocity is a trapezoid, or a triangle if it does not reach its limit.
+    With a jerk limit the motion has up to seven pieces. Both are symmetric in time.
     """
     speed = min(velocity, _reachable_speed(distance, acceleration, jerk))
     if jerk is None:
-        lengths, start, end = [speed / acceleration], [acceleration], [acceleration]
+        lengths = [speed / acceleration]
+        start = [acceleration]
+        end = [acceleration]
     else:
         ramp = min(acceleration / jerk, math.sqrt(speed / jerk))
         peak = jerk * ramp
         flat = max(speed / peak - ramp, 0.0)
-        lengths, start, end = [ramp, flat, ramp], [0.0, peak, peak], [peak, peak, 0.0]
+        lengths = [ramp, flat, ramp]
+        start = [0.0, peak, peak]
+        end = [peak, peak, 0.0]
     cruise = max(distance / speed - sum(lengths), 0.0)
     all_lengths = np.array([*lengths, cruise, *reversed(lengths)])
-    starts, ends = (
-        np.array([*start, 0.0, *(-x for x in reversed(end))]),
-        np.array([*end, 0.0, *(-x for x in reversed(start))]),
-    )
-    kept = all_lengths > 1e-13 * all_lengths.sum()
-    return SCurve(all_lengths[kept], starts[kept], ends[kept])
+    starts = np.array([*start, 0.0, *(-x for x in reversed(end))])
+    ends = np.array([*end, 0.0, *(-x for x in reversed(start))])
+    nonempty = all_lengths > 1e-13 * all_lengths.sum()
+    return SCurve(all_lengths[nonempty], starts[nonempty], ends[nonempty])
 
 
 def rest_time(
     distance: float, velocity: float, acceleration: float, jerk: float | None = None
 ) -> float:
-    """The duration of `rest_to_rest`, s."""
+    """Return the duration of `rest_to_rest`, s."""
     speed = min(velocity, _reachable_speed(distance, acceleration, jerk))
     if jerk is None:
         ramp = speed / acceleration
@@ -297,10 +354,13 @@ def rest_time(
 
 
 def _reachable_speed(distance: float, acceleration: float, jerk: float | None) -> float:
-    """Peak speed of the motion that never cruises: v T_ramp(v) = distance."""
+    """Return the peak velocity of the motion that never cruises.
+
+    It satisfies v T_ramp(v) = distance.
+    """
     if jerk is None:
         return math.sqrt(distance * acceleration)
-    # acceleration limit reached: v (v/a + a/j) = d
+    # If the acceleration reaches its limit, v (v/a + a/j) = d.
     half = acceleration**2 / jerk
     speed = (-half + math.sqrt(half**2 + 4 * acceleration * distance)) / 2
     if speed >= half:
@@ -308,26 +368,30 @@ def _reachable_speed(distance: float, acceleration: float, jerk: float | None) -
     return (distance**2 * jerk / 4) ** (1 / 3)
 
 
-def least_times(robot: Robot, ways: Array, tips: Array, limits: TaskLimits) -> Array:
-    """Times (n,) of motions from rest to rest in which every joint moves by its way, (n, 4), and the tip by its own, (n,), s.
+def least_times(robot: Robot, displacements: Array, distances: Array, limits: TaskLimits) -> Array:
+    """Return the times (n,) of motions from rest to rest, s.
 
-    The slowest joint alone, or the tip at its largest speed; the same as `rest_to_rest`, many at a time.
+    Every joint moves by `displacements` (n, 4) and the tip by `distances` (n,). The time is that of
+    the slowest joint alone, as `rest_to_rest` gives it, or of the tip at its largest speed.
     """
     tip = min(
         (limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), default=math.inf
     )
-    times = np.asarray(tips) / tip
+    times = np.asarray(distances) / tip
     for i, joint in enumerate(robot.joints):
-        way, v, a, j = np.abs(ways[:, i]), joint.velocity, joint.acceleration, joint.jerk
+        distance = np.abs(displacements[:, i])
+        v = joint.velocity
+        a = joint.acceleration
+        j = joint.jerk
         if i == 3:
             v = min(v, limits.rates.get("depth", math.inf))
         if j is None:
-            speed = np.minimum(v, np.sqrt(way * a))
+            speed = np.minimum(v, np.sqrt(distance * a))
             ramp = speed / a
         else:
             half = a**2 / j
-            reached = (-half + np.sqrt(half**2 + 4 * a * way)) / 2
-            speed = np.minimum(v, np.where(reached >= half, reached, np.cbrt(way**2 * j / 4)))
+            peak = (-half + np.sqrt(half**2 + 4 * a * distance)) / 2
+            speed = np.minimum(v, np.where(peak >= half, peak, np.cbrt(distance**2 * j / 4)))
             ramp = np.where(speed >= half, speed / a + a / j, 2 * np.sqrt(speed / j))
-        times = np.maximum(times, ramp + way / np.maximum(speed, MOVES))
+        times = np.maximum(times, ramp + distance / np.maximum(speed, MOVES))
     return np.asarray(times)

@@ -1,4 +1,4 @@
-"""From the motion list of a problem to phases with closed-form inverse kinematics: end points, branch, joint turns."""
+"""Phases of a problem: end points by inverse kinematics, branches, and whole turns."""
 
 from __future__ import annotations
 
@@ -53,53 +53,74 @@ from ssm_planner.typing import Array
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """One entry of the motion list, with its place in the robot's workspace."""
+    """One entry of the motion list with its end points in task and joint coordinates."""
 
     motion: Motion
     start: Array
     end: Array
-    """Task coordinates at both ends, (4,)."""
+    """Task coordinates at both ends, (4,) each."""
     points: Array
     """Joints at the start, at the points passed without stopping, and at the end, (k + 1, 4)."""
     path: JointPath | None
-    """None for a free motion, and where the robot stands."""
+    """Given path. None for a free motion and for a robot at rest."""
     qd_start: Array = field(default_factory=lambda: np.zeros(4))
     qd_end: Array = field(default_factory=lambda: np.zeros(4))
-    """Joint speeds at both ends, (4,)."""
+    """Joint velocities at both ends, (4,) each."""
     qdd_start: Array = field(default_factory=lambda: np.zeros(4))
-    """Joint accelerations at the start of a free motion where jerk is limited, (4,)."""
+    """Joint accelerations (4,) at the start of a free motion with limited jerk."""
 
     @property
     def q_start(self) -> Array:
+        """Joints at the start, (4,)."""
         return np.asarray(self.points[0])
 
     @property
     def stands(self) -> bool:
-        """The robot stays where it is: a dwell, or a motion to where it already is, which takes no time unless asked for."""
+        """True if the robot stays where it is.
+
+        This is a dwell, or a motion whose target is the present position. The latter takes no time
+        unless a duration is given.
+        """
         return self.path is None and not np.diff(self.points, axis=0).any()
 
     @property
+    def begins_and_ends_at_rest(self) -> bool:
+        """True if all joints are at rest at both ends."""
+        return not (self.qd_start.any() or self.qd_end.any())
+
+    @property
     def branch(self) -> int | None:
-        """Branch of the inverse kinematics that a straight motion, a line or an arc stays on: +1 or −1."""
+        """Branch of the inverse kinematics on which a given path stays: +1 or −1.
+
+        None otherwise.
+        """
         return self.path.branch if isinstance(self.path, (ClosedPath, BlendedPath)) else None
 
 
 def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
-    """Start configurations (4,) to try: as given, or every closed-form solution with its whole turns."""
+    """Return the start configurations (4,) to try.
+
+    These are the given joints, or every closed-form solution with its whole turns, the home branch
+    first.
+    """
     target = problem.start
     if isinstance(target, Joints):
         return [np.array(target.values)]
     with within("start"):
-        found = _solutions(problem, mechanism, target, np.zeros(4), None)
-    branches = np.where(found.reaches[0], found.branch[0], 0)
+        solutions = _solutions(problem, mechanism, target, np.zeros(4), None)
+    branches = np.where(solutions.reaches[0], solutions.branch[0], 0)
     order = sorted(
         np.flatnonzero(branches), key=lambda k: bool(branches[k] != mechanism.home_branch)
     )
-    return [q for k in order for q in _with_turns(found.joints[0, k])]
+    return [q for k in order for q in _with_turns(solutions.joints[0, k])]
 
 
 def _with_turns(q: Array) -> list[Array]:
-    """The same configuration with revolute joints within half a turn of zero, and one turn to the other side."""
+    """Return all combinations of a configuration with whole turns of its revolute joints.
+
+    Each angle is taken within half a turn of zero, and one turn further on the other side of zero.
+    The configuration with the smallest sum of angles comes first.
+    """
     angles = np.arctan2(np.sin(q[:3]), np.cos(q[:3]))
     choices = [
         [angle, angle - 2 * np.pi * np.sign(angle)] if angle else [angle] for angle in angles
@@ -109,60 +130,68 @@ def _with_turns(q: Array) -> list[Array]:
 
 
 def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase, ...]:
-    """The phases one after the other from a start configuration q (4,); task coordinates stay continuous.
+    """Return the phases that follow each other from a start configuration q (4,).
 
-    Raises ProblemError for a point out of reach or a motion that goes nowhere.
+    Task coordinates are continuous from phase to phase.
+
+    Raises
+    ------
+    ProblemError
+        If a point is out of reach, or if no motion goes anywhere.
     """
     phases: list[Phase] = []
-    near = None
+    reference = None
     if isinstance(problem.start, Task):
-        near = _task_of(problem, mechanism, problem.start, np.zeros(4), "start.tilt")
-    task = task_from_joints(mechanism, q[None, :], near=near)[0]
-    places: list[str] = []
+        reference = _task_of(problem, mechanism, problem.start, np.zeros(4), "start.tilt")
+    task = task_from_joints(mechanism, q[None, :], near=reference)[0]
+    keys: list[str] = []
     for k, entry in enumerate(problem.motion):
-        place = f"motion[{k}].{key_of(entry)}"
-        with within(place):
+        key = f"motion[{k}].{key_of(entry)}"
+        with within(key):
             for motion in (
                 visits_of(problem, mechanism, entry, q) if isinstance(entry, Scan) else (entry,)
             ):
                 phases += _phases_of(problem, mechanism, motion, (task, q))
                 task, q = phases[-1].end, phases[-1].points[-1]
-        places += [place] * (len(phases) - len(places))
-    phases = _without_stops(problem, mechanism, phases, places)
+        keys += [key] * (len(phases) - len(keys))
+    phases = _without_stops(problem, mechanism, phases, keys)
     if not any(
         phase.path is not None or phase.motion.duration or not phase.stands for phase in phases
     ):
         nowhere = phases[0].motion
         reason = "this motion goes nowhere: its start and target are the same"
-        raise ProblemError(reason, file=problem.file, line=nowhere.line, key=places[0])
+        raise ProblemError(reason, file=problem.file, line=nowhere.line, key=keys[0])
     return tuple(phases)
 
 
 def _phases_of(
-    problem: Problem, mechanism: Mechanism, motion: Motion, at: tuple[Array, Array]
+    problem: Problem, mechanism: Mechanism, motion: Motion, origin: tuple[Array, Array]
 ) -> list[Phase]:
-    """The phases of one motion; at: task coordinates and joints where it starts, (4,) each."""
-    task, q = at
+    """Return the phases of one motion from `origin`: task coordinates and joints, (4,) each."""
+    task, q = origin
     if isinstance(motion, Dwell):
         return [Phase(motion, task, task, np.stack([q, q]), None)]
     if isinstance(motion, Straight):
-        return [_straight_phase(problem, mechanism, motion, at)]
+        return [_straight_phase(problem, mechanism, motion, origin)]
     if isinstance(motion, Follow):
-        return _curved_phases(problem, mechanism, motion, at)
+        return _curved_phases(problem, mechanism, motion, origin)
     assert isinstance(motion, Free)
-    return [_free_phase(problem, mechanism, motion, at)]
+    return [_free_phase(problem, mechanism, motion, origin)]
 
 
 def _without_stops(
-    problem: Problem, mechanism: Mechanism, phases: list[Phase], places: list[str]
+    problem: Problem, mechanism: Mechanism, phases: list[Phase], keys: list[str]
 ) -> list[Phase]:
-    """The phases, those between rounded corners as one; places: of their motions in the problem."""
+    """Return the phases, joined to one where corners between them are rounded.
+
+    `places` are the keys of their motions in the problem file.
+    """
     merged: list[Phase] = []
     chain: list[Phase] = []
     for k, phase in enumerate(phases, 1):
         chain.append(phase)
         if not isinstance(phase.motion, (Straight, Follow)) or phase.motion.blend is None:
-            there = places[k - len(chain) : k]
+            there = keys[k - len(chain) : k]
             merged.append(
                 chain[0] if len(chain) == 1 else _rounded_phase(problem, mechanism, chain, there)
             )
@@ -171,39 +200,45 @@ def _without_stops(
 
 
 def _rounded_phase(
-    problem: Problem, mechanism: Mechanism, chain: list[Phase], places: list[str]
+    problem: Problem, mechanism: Mechanism, chain: list[Phase], keys: list[str]
 ) -> Phase:
-    """A phase along those of a chain, corners rounded. Raises ProblemError."""
+    """Return one phase along the paths of a chain of phases with rounded corners.
+
+    Raises ProblemError.
+    """
     distances = [getattr(phase.motion, "blend", 0.0) for phase in chain[:-1]]
     pieces = [phase.path for phase in chain if isinstance(phase.path, ClosedPath)]
-    stands = next(
+    resting = next(
         (k for k, phase in enumerate(chain) if not isinstance(phase.path, ClosedPath)), None
     )
     try:
-        if stands is not None:
-            keeps = "motions that go somewhere, or no blend"
+        if resting is not None:
+            allowed = "motions that go somewhere, or no blend"
             raise ProblemError(
-                "a motion that goes nowhere has no corner",
-                key=str(max(stands - 1, 0)),
-                allowed=keeps,
+                "a motion that goes nowhere cannot have a rounded corner",
+                key=str(max(resting - 1, 0)),
+                allowed=allowed,
             )
         path = rounded(mechanism, pieces, distances)
     except ProblemError as error:
         k = int(error.key or 0)
-        error.file, error.line, error.key = problem.file, chain[k].motion.line, f"{places[k]}.blend"
+        error.file = problem.file
+        error.line = chain[k].motion.line
+        error.key = f"{keys[k]}.blend"
         error.value = f"{1e3 * distances[k]:g} mm"
         raise
-    first, name = chain[0].motion, " + ".join(dict.fromkeys(phase.motion.name for phase in chain))
-    assert not isinstance(first, Scan)
+    motion = chain[0].motion
+    name = " + ".join(dict.fromkeys(phase.motion.name for phase in chain))
+    assert not isinstance(motion, Scan)
     points = path.sample(path.directions[0]).q
-    return Phase(replace(first, name=name), chain[0].start, chain[-1].end, points, path)
+    return Phase(replace(motion, name=name), chain[0].start, chain[-1].end, points, path)
 
 
 def _straight_phase(
-    problem: Problem, mechanism: Mechanism, motion: Straight, at: tuple[Array, Array]
+    problem: Problem, mechanism: Mechanism, motion: Straight, origin: tuple[Array, Array]
 ) -> Phase:
-    """A motion straight in task coordinates; at: task coordinates and joints where it starts, (4,) each."""
-    start, q = at
+    """Return a straight motion from `origin`: task coordinates and joints, (4,) each."""
+    start, q = origin
     end = _task_of(
         problem, mechanism, motion.to, start, "to" if key_of(motion) in ALONE else "to.tilt"
     )
@@ -214,10 +249,10 @@ def _straight_phase(
 
 
 def _free_phase(
-    problem: Problem, mechanism: Mechanism, motion: Free, at: tuple[Array, Array]
+    problem: Problem, mechanism: Mechanism, motion: Free, origin: tuple[Array, Array]
 ) -> Phase:
-    """A motion through points and to the last; at: task coordinates and joints where it starts, (4,) each."""
-    start, q = at
+    """Return a free motion through points from `origin`: task coordinates and joints, (4,) each."""
+    start, q = origin
     points, end = [q], start
     for k in range(len(motion.through) + 1):
         with within("to" if k == len(motion.through) else f"through[{k}]"):
@@ -230,23 +265,24 @@ def _free_phase(
 
 
 def _curved_phases(
-    problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]
+    problem: Problem, mechanism: Mechanism, motion: Follow, origin: tuple[Array, Array]
 ) -> list[Phase]:
-    """A motion along a curve; at: task coordinates and joints where it starts, (4,) each.
+    """Return the phases along a curve from `origin`: task coordinates and joints, (4,) each.
 
-    Through samples: a free motion to the first of them unless the robot is there, and a phase for every smooth run of them.
+    A curve through samples gets a phase for every smooth run of samples. A free motion to the first
+    sample precedes it, unless the robot is there already.
     """
-    start, q = at
+    start, q = origin
     if motion.distance is not None:
-        return _retina_phases(problem, mechanism, motion, at)
+        return _retina_phases(problem, mechanism, motion, origin)
     if motion.curve in OF_TIP:
-        return [_tip_phase(problem, mechanism, motion, at)]
+        return [_tip_phase(problem, mechanism, motion, origin)]
     points, leading = points_of_curve(problem, mechanism, motion, start, q)
     phases: list[Phase] = []
     if leading:
         lead = Free(_as_joints(points[1]), name=f"{motion.name}, approach", line=motion.line)
         start = task_from_joints(mechanism, points[1:2], near=start)[0]
-        phases.append(Phase(lead, at[0], start, points[:2], None))
+        phases.append(Phase(lead, origin[0], start, points[:2], None))
         points = points[1:]
     scale = np.array([joint.velocity for joint in problem.robot.joints])
     points = without_repeats(points)
@@ -263,40 +299,47 @@ def _curved_phases(
         end = start
         for point in knots[1:]:
             end = task_from_joints(mechanism, point[None, :], near=end)[0]
-        named = motion if len(runs) == 1 else replace(motion, name=f"{motion.name} {k}")
-        phases.append(Phase(named, start, end, knots, path))
+        labelled = motion if len(runs) == 1 else replace(motion, name=f"{motion.name} {k}")
+        phases.append(Phase(labelled, start, end, knots, path))
         start = end
     return phases or [Phase(motion, start, start, np.stack([points[-1], points[-1]]), None)]
 
 
 def _retina_phases(
-    problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]
+    problem: Problem, mechanism: Mechanism, motion: Follow, origin: tuple[Array, Array]
 ) -> list[Phase]:
-    """Along the retina, after a free motion to the distance from it unless the tip is there; at: as for `_tip_phase`."""
-    start, q = at
-    first = at_distance(problem, mechanism, motion, start, q)
-    if first is q:
-        return [_tip_phase(problem, mechanism, motion, at)]
-    lead = Free(_as_joints(first), name=f"{motion.name}, approach", line=motion.line)
-    end = task_from_joints(mechanism, first[None], near=start)[0]
+    """Return the phases along the retina from `origin`: task coordinates and joints, (4,) each.
+
+    A free motion to the requested distance precedes it, unless the tip is there already.
+    """
+    start, q = origin
+    target = at_distance(problem, mechanism, motion, start, q)
+    if target is q:
+        return [_tip_phase(problem, mechanism, motion, origin)]
+    lead = Free(_as_joints(target), name=f"{motion.name}, approach", line=motion.line)
+    end = task_from_joints(mechanism, target[None], near=start)[0]
     return [
-        Phase(lead, start, end, np.stack([q, first]), None),
-        _tip_phase(problem, mechanism, motion, (end, first)),
+        Phase(lead, start, end, np.stack([q, target]), None),
+        _tip_phase(problem, mechanism, motion, (end, target)),
     ]
 
 
 def _tip_phase(
-    problem: Problem, mechanism: Mechanism, motion: Follow, at: tuple[Array, Array]
+    problem: Problem, mechanism: Mechanism, motion: Follow, origin: tuple[Array, Array]
 ) -> Phase:
-    """A motion along a line or an arc of the tip; at: task coordinates and joints where it starts, (4,) each."""
-    start, q = at
+    """Return a tip line or arc from `origin`: task coordinates and joints, (4,) each."""
+    start, q = origin
     path: JointPath | Array = tip_curve(problem, mechanism, motion, start, q)
     if not isinstance(path, JointPath):
-        last = path
-        if np.abs(last - q).max() < NOWHERE:
+        end_joints = path
+        if np.abs(end_joints - q).max() < NOWHERE:
             return Phase(motion, start, start, np.stack([q, q]), None)
         path = straight_path(
-            problem, mechanism, start, task_from_joints(mechanism, last[None], near=start)[0], q
+            problem,
+            mechanism,
+            start,
+            task_from_joints(mechanism, end_joints[None], near=start)[0],
+            q,
         )
     knots = path.sample(path.directions[0]).q
     end = start
@@ -306,6 +349,7 @@ def _tip_phase(
 
 
 def _as_joints(q: Array) -> Joints:
+    """Return joints (4,) as a point of a problem."""
     a, b, c, d = q.tolist()
     return Joints((a, b, c, d))
 
@@ -313,98 +357,114 @@ def _as_joints(q: Array) -> Joints:
 def straight_path(
     problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array
 ) -> StraightPath:
-    """The path from start to end, straight in task coordinates (4,), from the joints q (4,) on; with the drives' turns."""
-    branch, driven = int(mechanism.branch_of(q)), driven_joints(problem)
+    """Return the straight path between task coordinates (4,) that begins at joints q (4,)."""
+    branch = int(mechanism.branch_of(q))
+    driven = driven_joints(problem)
     return StraightPath(mechanism, start=start, end=end, branch=branch, first=q, watched=driven)
 
 
-def joint_room(problem: Problem, mechanism: Mechanism, points: Array) -> Array:
-    """Where joints may turn back on a motion through points (k, 4): ranges of joints, of depth and of tilt, (2, 4)."""
-    room = np.array([joint.position for joint in problem.robot.joints]).T
+def reversal_ranges(problem: Problem, mechanism: Mechanism, points: Array) -> Array:
+    """Return the ranges (2, 4) in which joints may reverse on a motion through points (k, 4).
+
+    They are the ranges of the joints, narrowed by those of depth and tilt, and contain the points.
+    """
+    ranges = np.array([joint.position for joint in problem.robot.joints]).T
     depth = np.sort(mechanism.insertion_sign * np.array(problem.ranges["depth"]))
-    room[:, 3] = max(room[0, 3], depth[0]), min(room[1, 3], depth[1])
+    ranges[:, 3] = max(ranges[0, 3], depth[0]), min(ranges[1, 3], depth[1])
     low, high = problem.ranges.get("tilt", (-np.inf, np.inf))
     branches = set(mechanism.branch_of(points).tolist())
-    # tilt follows joint 2 alone, one way on each branch
+    # On each branch tilt is a monotone function of joint 2 alone.
     if low * high > 0 and max(abs(low), abs(high)) < np.pi and len(branches) == 1:
         ends = np.sort(theta2_from_tilt(mechanism, np.array([low, high]), *branches))
         ends += 2 * np.pi * np.round((points[0, 1] - ends.mean()) / (2 * np.pi))
-        room[:, 1] = max(room[0, 1], ends[0]), min(room[1, 1], ends[1])
+        ranges[:, 1] = max(ranges[0, 1], ends[0]), min(ranges[1, 1], ends[1])
     return np.stack(
-        [np.minimum(room[0], points.min(axis=0)), np.maximum(room[1], points.max(axis=0))]
+        [np.minimum(ranges[0], points.min(axis=0)), np.maximum(ranges[1], points.max(axis=0))]
     )
 
 
-def _target(motion: Free, place: int, held: Array) -> Point:
-    """A target of a free motion; a spin that is free is that of the task coordinates (4,) before it."""
-    target = (*motion.through, motion.to)[place]
-    if not motion.spin_free or place < len(motion.through) or isinstance(target, Joints):
+def _target(motion: Free, index: int, task: Array) -> Point:
+    """Return the target `index` of a free motion. A free spin keeps its value in `task` (4,)."""
+    target = (*motion.through, motion.to)[index]
+    if not motion.spin_free or index < len(motion.through) or isinstance(target, Joints):
         return target
-    return replace(target, spin=float(held[2]))
+    return replace(target, spin=float(task[2]))
 
 
 def _free_end(
-    problem: Problem, mechanism: Mechanism, target: Point, held: Array, first: Array
+    problem: Problem, mechanism: Mechanism, target: Point, task: Array, reference: Array
 ) -> Array:
-    """Joints at the end of a free motion: as given, or the solution nearest to where it starts, on the same branch."""
+    """Return the joints (4,) at a target of a free motion.
+
+    They are the given ones, or the solution nearest to `reference` (4,), preferably on its branch.
+    """
     if isinstance(target, Joints):
         return np.array(target.values)
-    found = _solutions(problem, mechanism, target, held, first)
-    branch = mechanism.branch_of(first)
-    usable = found.valid[0] & (found.branch[0] == branch)
+    solutions = _solutions(problem, mechanism, target, task, reference)
+    branch = mechanism.branch_of(reference)
+    usable = solutions.valid[0] & (solutions.branch[0] == branch)
     if not usable.any():
-        usable = found.valid[0] if found.valid[0].any() else found.reaches[0]
-    return np.array(found.joints[0, int(np.argmax(usable))])
+        usable = solutions.valid[0] if solutions.valid[0].any() else solutions.reaches[0]
+    return np.array(solutions.joints[0, int(np.argmax(usable))])
 
 
-def other_ends(problem: Problem, mechanism: Mechanism, phase: Phase, place: int) -> list[Array]:
-    """Joints (4,) within their ranges that reach a target of a free phase, as those that it takes do; place: of which.
+def other_ends(problem: Problem, mechanism: Mechanism, phase: Phase, index: int) -> list[Array]:
+    """Return other joints (4,) within their ranges that reach target `index` of a free phase.
 
-    The targets are those on the way and the last. Branches of the inverse kinematics, and whole turns of joints.
+    The targets are the via points and the end. The joints differ by the branch of the inverse
+    kinematics and by whole turns. The list is empty if the target gives joints.
     """
-    motion, end, point = phase.motion, phase.start, phase.q_start
+    motion = phase.motion
+    end = phase.start
+    point = phase.q_start
     assert isinstance(motion, Free)
-    for k in range(place + 1):
-        held, first, target = end, point, _target(motion, k, end)
-        point = _free_end(problem, mechanism, target, held, first)
-        end = task_from_joints(mechanism, point[None, :], near=held)[0]
+    for k in range(index + 1):
+        task = end
+        reference = point
+        target = _target(motion, k, end)
+        point = _free_end(problem, mechanism, target, task, reference)
+        end = task_from_joints(mechanism, point[None, :], near=task)[0]
     if isinstance(target, Joints):
         return []
-    found = _solutions(problem, mechanism, target, held, first)
+    solutions = _solutions(problem, mechanism, target, task, reference)
     ranges = np.array([joint.position for joint in problem.robot.joints[:3]])
-    others = []
-    for q in found.joints[0, found.valid[0]]:
+    ends = []
+    for q in solutions.joints[0, solutions.valid[0]]:
         turns = [
             _turns_within(float(angle), *limits) for angle, limits in zip(q, ranges, strict=False)
         ]
-        others += [np.array([*angles, q[3]]) for angles in product(*turns)]
-    return [q for q in others if np.abs(q - point).max() > NOWHERE]
+        ends += [np.array([*angles, q[3]]) for angles in product(*turns)]
+    return [q for q in ends if np.abs(q - point).max() > NOWHERE]
 
 
 def _turns_within(angle: float, low: float, high: float) -> list[float]:
-    """The angles within a range that are whole turns from one, up to one to each side of it."""
+    """Return the angles within a range that differ from `angle` by −1, 0 or 1 whole turns."""
     return [
-        turned
+        candidate
         for k in (0, -1, 1)
-        if low - NOWHERE <= (turned := angle + 2 * np.pi * k) <= high + NOWHERE
+        if low - NOWHERE <= (candidate := angle + 2 * np.pi * k) <= high + NOWHERE
     ]
 
 
 def _solutions(
-    problem: Problem, mechanism: Mechanism, target: Point, held: Array, reference: Array | None
+    problem: Problem, mechanism: Mechanism, target: Point, defaults: Array, reference: Array | None
 ) -> Solutions:
-    """All joint solutions of a target in task coordinates or tip position."""
+    """Return all joint solutions of a target in task coordinates or of a tip position.
+
+    A tip position is restricted to the depth range. Raises ProblemError if the target is out of
+    reach.
+    """
     limits = (
         None if reference is None else np.array([joint.position for joint in problem.robot.joints])
     )
     if isinstance(target, Tip):
-        found = inverse_tip(
+        solutions = inverse_tip(
             mechanism, [target.position], target.spin, limits=limits, reference=reference
         )
-        depth = mechanism.insertion_sign * found.joints[0, :, 3]
+        depth = mechanism.insertion_sign * solutions.joints[0, :, 3]
         low, high = problem.ranges.get("depth", (-np.inf, np.inf))
-        found.reaches[0] &= (depth >= low - NOWHERE) & (depth <= high + NOWHERE)
-        if not found.reaches[0].any():
+        solutions.reaches[0] &= (depth >= low - NOWHERE) & (depth <= high + NOWHERE)
+        if not solutions.reaches[0].any():
             raise ProblemError(
                 "the mechanism cannot bring the tip there within the depth range",
                 file=problem.file,
@@ -412,11 +472,12 @@ def _solutions(
                 key="tip",
                 value=", ".join(f"{1e3 * x:.4g} mm" for x in target.position),
             )
-        return found
+        return solutions
     assert isinstance(target, Task)
-    task = _task_of(problem, mechanism, target, held)
+    task = _task_of(problem, mechanism, target, defaults)
     return _inverse(
-        mechanism, *(None if each is None else each.tobytes() for each in (task, limits, reference))
+        mechanism,
+        *(None if array is None else array.tobytes() for array in (task, limits, reference)),
     )
 
 
@@ -424,17 +485,27 @@ def _solutions(
 def _inverse(
     mechanism: Mechanism, task: bytes | None, limits: bytes | None, reference: bytes | None
 ) -> Solutions:
-    """`inverse_task` of one target: other joints for one of several targets ask for the same ones again."""
+    """Return `inverse_task` of one target, cached for repeated targets.
+
+    Arrays are passed as bytes, because they must be hashable.
+    """
     assert task is not None
     within = None if limits is None else np.frombuffer(limits).reshape(4, 2)
-    near = None if reference is None else np.frombuffer(reference)
-    return inverse_task(mechanism, np.frombuffer(task)[None, :], limits=within, reference=near)
+    reference_joints = None if reference is None else np.frombuffer(reference)
+    return inverse_task(
+        mechanism, np.frombuffer(task)[None, :], limits=within, reference=reference_joints
+    )
 
 
 def _task_of(
-    problem: Problem, mechanism: Mechanism, target: Task, held: Array, key: str = "tilt"
+    problem: Problem, mechanism: Mechanism, target: Task, defaults: Array, key: str = "tilt"
 ) -> Array:
-    """Task coordinates (4,) of a target that names some; those that it does not name are held. key: of the tilt."""
-    task = np.array([target.given.get(name, held[k]) for k, name in enumerate(TASK)])
+    """Return the task coordinates (4,) of a target.
+
+    Coordinates that it does not name are taken from `defaults`.
+
+    `key` is the key of the tilt in error messages.
+    """
+    task = np.array([target.given.get(name, defaults[k]) for k, name in enumerate(TASK)])
     refuse_tilt(problem, mechanism, float(task[1]), line=target.line, key=key)
     return task

@@ -1,4 +1,8 @@
-"""Why there is no plan: a value that names constraint, joint, place, what is needed and what there is."""
+"""Reasons why a problem has not been planned.
+
+A reason is a value that names the constraint, the joint and the place, with the value that the
+motion requires and the value that is available.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +10,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from ssm_planner.problem.limits import Limit
+from ssm_planner.representation import ShortRepr
 
 
 @dataclass(frozen=True)
-class Reason:
-    """What stands in the way of a motion; SI units."""
+class Reason(ShortRepr):
+    """The limit that prevents a motion, with the required and the available value in SI units."""
 
     limit: Limit | None
-    """None where no limit is known to: the solver found no motion."""
+    """None if no single limit is to blame: the solver found no motion."""
     where: str | None
-    """None where the whole motion is concerned."""
+    """Place on the motion. None if the reason concerns all of it."""
     required: float | None
     available: float | None
     message: str
@@ -23,16 +28,16 @@ class Reason:
 
     @property
     def constraint(self) -> str:
-        """Name of the limit; "solver" where none is known."""
+        """Name of the limit, or "solver" if no limit is known."""
         return "solver" if self.limit is None else self.limit.name
 
     @property
     def joint(self) -> str | None:
-        """Joint of the limit; None where it concerns the tool or the whole motion."""
+        """Joint of the limit. None if it concerns the tool or the whole motion."""
         return None if self.limit is None else self.limit.joint
 
     def to_dict(self) -> dict[str, Any]:
-        """The object under `reason` in what `plan --json` prints."""
+        """Return the object that `plan --json` prints under the key `reason`."""
         return {
             "constraint": self.constraint,
             "joint": self.joint,

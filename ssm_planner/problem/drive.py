@@ -1,14 +1,15 @@
-"""Drives as frozen values: geometry of worm or screw, friction, ratings, test rig. SI floats and radians."""
+"""Geometry, friction, ratings and test rig of drives, in SI units and radians."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Literal, get_args
 
 from ssm_planner.problem.posterior import Posterior
 from ssm_planner.problem.value import Names, NotNegative, Positive, Quantity, Sign, Value
+from ssm_planner.typing import record
 
 LARGEST_LEAD_ANGLE = math.radians(60)
 LARGEST_THREAD_ANGLE = math.radians(120)
@@ -27,58 +28,69 @@ PARAMETERS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Rig(Value):
-    """Payload of a rig and the meaning of its recorded channels; SI."""
+    """Payload of a test rig and meaning of its recorded channels, in SI units."""
 
     payload_mass: Annotated[NotNegative, Quantity("mass")]
-    """kg, moved by the output; 0 without payload."""
+    """Mass that the output moves, kg. 0 without payload."""
     motor_nominal_torque: Annotated[Positive, Quantity("torque")]
-    """N·m; a recorder gives torque in percent of it."""
+    """Nominal torque of the motor, N·m. Recorded torques are in percent of it."""
     payload_arm: Annotated[Positive, Quantity("length")] | None = None
-    """Radius of the pulley that the payload hangs from, m (worm); None where it hangs on the nut itself (screws)."""
+    """Radius of the pulley that carries the payload of a worm, m.
+
+    None if the payload hangs on the nut (screws).
+    """
     payload_direction: Sign = 1
-    """+1: gravity pulls the output towards positive motion."""
+    """+1 if gravity pulls the output in the direction of positive motion."""
     gravity: Annotated[Positive, Quantity("acceleration")] = 9.81
-    """m/s², positive."""
+    """Acceleration of gravity, m/s², positive."""
     direction: Sign = 1
-    """The rig's positive motion and torque are direction times the recorded channels."""
+    """Sign of the rig's positive motion and torque relative to the recorded channels."""
     load_offset: Annotated[float, Quantity("torque", "force")] = 0.0
-    """Constant effort beside the payload that an identification found, N·m (worm) or N (screw); positive opposes positive
-    motion."""
+    """Identified constant effort in addition to the payload, N·m (worm) or N (screw).
+
+    Positive values oppose positive motion.
+    """
     published: Annotated[Mapping[str, NotNegative], Names((*PARAMETERS, "preload"))] = field(
         default_factory=dict
     )
-    """Parameters that others published for this drive, by name in Friction (and preload), SI: for comparison, and the
-    reference nearest to which identification settles what its data leave open (it then says so)."""
+    """Published parameters of this drive in SI units, by name in Friction (and preload).
+
+    They serve for comparison. If the data do not determine a parameter, the identification uses the
+    solution nearest to them and reports it.
+    """
 
     @property
     def F_payload(self) -> float:
-        """Part of the output effort F that the payload's weight adds, N·m (worm) or N (screw): positive opposes
-        positive motion."""
+        """Part of the output effort F due to the weight of the payload, N·m (worm) or N (screw).
+
+        Positive values oppose positive motion.
+        """
         return (
             -self.payload_direction * self.payload_mass * self.gravity * (self.payload_arm or 1.0)
         )
 
     @property
     def load(self) -> float:
-        """Constant output effort of the rig: payload and load_offset, N·m or N."""
+        """Constant output effort of payload and load_offset, N·m or N."""
         return self.F_payload + self.load_offset
 
     @property
     def payload_inertia(self) -> float:
-        """What the payload adds to the drive's output inertia, kg·m² (worm) or kg (screw)."""
+        """Contribution of the payload to the drive's output inertia, kg·m² (worm) or kg (screw)."""
         return self.payload_mass * (self.payload_arm or 1.0) ** 2
 
 
 FrictionLawName = Literal["coulomb", "stribeck_exponential", "stribeck_gaussian"]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Friction(Value):
-    """Friction of one drive, motor side unless said otherwise (physics of the mesh: dynamics/transmission.py).
+    """Friction of one drive, on the motor side unless stated otherwise (dynamics/transmission.py).
 
-    μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed), s = 0, exp(−2x) or exp(−x²) by law; μ at rest is mu_static.
+    μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed), where s = 0, exp(−2x) or exp(−x²) depends on
+    the law. At rest, μ is mu_static.
     """
 
     mu: Annotated[NotNegative, Quantity("number")]
@@ -94,25 +106,31 @@ class Friction(Value):
     b_ov: Annotated[NotNegative, Quantity("rotary_viscosity", "linear_viscosity")] = 0.0
     """Output viscous coefficient, N·m·s/rad or N·s/m."""
     law: FrictionLawName = "coulomb"
-    """How the coefficient depends on speed."""
+    """Dependence of the coefficient on speed."""
     mu_stribeck: Annotated[NotNegative, Quantity("number")] = 0.0
-    """What the coefficient of the Stribeck laws has beyond mu at low speed."""
+    """Increase of the coefficient above mu at low speed, in the Stribeck laws."""
     stribeck_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
     """Motor speed w_s of the Stribeck term, rad/s."""
     dwell_constant: Annotated[NotNegative, Quantity("time")] | None = None
-    """c of mu_static growing as exp(−c / t_dwell), s; None: fully grown at once."""
+    """Constant c of mu_static, which grows as exp(−c / t_dwell), s.
+
+    None if it reaches its full value at once.
+    """
     memory: Annotated[NotNegative, Quantity("time")] = 0.0
     """Frictional memory: delay of w in μ(w), s."""
     mu_lowest: Annotated[NotNegative, Quantity("number")] | None = None
-    """Lowest plausible mu (lubrication, temperature); the self-locking margin is reported there too."""
+    """Lowest plausible mu (lubrication, temperature).
+
+    The self-locking margin is reported for it as well.
+    """
     identified_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
-    """Largest motor speed in the data behind the parameters, rad/s; beyond it friction is extrapolated."""
+    """Largest motor speed in the identification data, rad/s. Friction is extrapolated beyond it."""
     covariance: Mapping[str, Mapping[str, float]] | None = None
-    """Of the parameters, as a user states it; SI."""
+    """Covariance of the parameters as stated by the user, in SI units."""
     posterior: Posterior | None = None
-    """What an identification leaves open; then there is no covariance."""
+    """Uncertainty of the identified parameters. It excludes a covariance."""
     source: str | None = None
-    """Where the parameters come from."""
+    """Source of the parameters."""
 
     def _check(self) -> None:
         if self.mu_static < self.mu:
@@ -127,7 +145,7 @@ class Friction(Value):
             )
         if self.covariance is not None and self.posterior is not None:
             raise self._wrong(
-                "covariance", "the posterior says it already", "one of the two", "both"
+                "covariance", "the posterior states it already", "one of the two", "both"
             )
         for name, unused in (("mu_stribeck", 0.0), ("stribeck_speed", None)):
             if self.law == "coulomb" and getattr(self, name) != unused:
@@ -140,22 +158,25 @@ ThreadKind = Literal["worm", "lead_screw", "antibacklash_screw"]
 EfficientKind = Literal["direct", "gear", "belt", "cable", "ball_screw", "cable_slide"]
 DriveKind = Literal[ThreadKind, EfficientKind]
 TURNING: tuple[DriveKind, ...] = ("worm", "direct", "gear", "belt", "cable")
-"""Kinds whose output turns; that of the others slides."""
+"""Kinds of drive with a rotary output. All other kinds have a linear output."""
 WEDGE = math.radians(45)
-"""Lead angle of the thread that stands for a drive with efficiencies (dynamics/transmission.of_efficiencies)."""
+"""Lead angle of the thread that represents a drive with efficiencies.
+
+See dynamics/transmission.of_efficiencies.
+"""
 ScrewEnds = Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Ratings(Value):
-    """What the manufacturer of a gear or screw allows; None where the file gives nothing."""
+    """Manufacturer's ratings of a gear or screw. A value is None if the file does not state it."""
 
     continuous_output: Annotated[Positive, Quantity("torque", "force")] | None = None
-    """Output effort for all time, N·m (worm) or N (screws)."""
+    """Largest continuous output effort, N·m (worm) or N (screws)."""
     peak_output: Annotated[Positive, Quantity("torque", "force")] | None = None
-    """Output effort at any instant."""
+    """Largest output effort at any instant, N·m (worm) or N (screws)."""
     input_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
-    """Motor speed, rad/s."""
+    """Largest motor speed, rad/s."""
     duty: Annotated[Positive, Quantity("number")] | None = None
     """Largest share of time in motion."""
     free_length: Annotated[Positive, Quantity("length")] | None = None
@@ -163,7 +184,7 @@ class Ratings(Value):
     root_diameter: Annotated[Positive, Quantity("length")] | None = None
     """Core diameter of a screw, m."""
     ends: ScrewEnds | None = None
-    """How the screw is held, for buckling and critical speed."""
+    """Bearings of the screw, for buckling and critical speed."""
 
     def _check(self) -> None:
         continuous, peak = self.continuous_output, self.peak_output
@@ -172,80 +193,91 @@ class Ratings(Value):
                 "peak_output", "smaller than continuous_output", f"at least {continuous:g} in SI"
             )
         if self.duty is not None and self.duty > 1:
-            raise self._wrong("duty", "more than all of the time", "a share above 0 and up to 1")
+            raise self._wrong("duty", "more than 100 % of the time", "above 0 and at most 1")
         length, diameter = self.free_length, self.root_diameter
         if length is not None and diameter is not None and diameter > length:
             raise self._wrong(
-                "root_diameter", "thicker than long: is the unit right?", "less than free_length"
+                "root_diameter",
+                "the diameter exceeds the length: check the unit",
+                "less than free_length",
             )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Drive(Value):
-    """A transmission, geometry resolved: w = ratio · qd."""
+    """Transmission with resolved geometry: w = ratio · qd."""
 
     name: str
-    """Such as the manufacturer's designation."""
+    """Name such as the manufacturer's designation."""
     kind: DriveKind
-    """Worm gear, or a screw with one nut or with two that a spring presses apart; or a drive with efficiencies."""
+    """Worm gear, screw with one nut or with two nuts and a spring, or drive with efficiencies."""
     ratio: Positive
-    """Motor angle per joint coordinate: 1 (where the output turns) or rad/m (where it slides)."""
+    """Motor angle per joint coordinate: dimensionless (rotary output) or rad/m (linear output)."""
     gamma: Positive
-    """Effort arm γ: d_worm / d_wheel (worm) or d_screw / 2 in m (screws); of efficiencies: dynamics/transmission.py."""
+    """Effort arm γ: d_worm / d_wheel (worm) or d_screw / 2 in m (screws).
+
+    dynamics/transmission.py defines it for drives with efficiencies.
+    """
     lead_angle: Positive
-    """λ, rad."""
+    """Lead angle λ, rad."""
     pressure_angle: Positive
     """Normal pressure angle θ_n, rad."""
     input_inertia: Annotated[NotNegative, Quantity("inertia")]
     """Inertia on the motor shaft, rotor included, kg·m²."""
     output_inertia: Annotated[NotNegative, Quantity("inertia", "mass")]
-    """Inertia of the output side that is not in the bodies, kg·m² (worm) or kg (screws)."""
+    """Inertia of the output side that the bodies do not include, kg·m² (worm) or kg (screws)."""
     friction: Friction | None
-    """None only where rig is given: friction still to be identified. Drives of a robot always have friction."""
+    """Friction of the drive, or None before identification.
+
+    Only a drive with a rig may have None. Drives of a robot always have friction.
+    """
     preload: Annotated[NotNegative, Quantity("force")] = 0.0
     """Spring force between the half nuts of an antibacklash screw, N."""
     second_nut_mass: Annotated[NotNegative, Quantity("mass")] = 0.0
-    """Of the half nut that the spring carries, kg."""
+    """Mass of the half nut that the spring carries, kg."""
     self_locking: bool = True
-    """The robot relies on this drive holding without torque."""
+    """True if the robot relies on this drive to hold without motor torque."""
     dimensions: Mapping[str, float] = field(default_factory=dict)
-    """The geometry as written, SI, for reports."""
+    """Geometry as stated in the file, in SI units, for reports."""
     sources: Mapping[str, str] = field(default_factory=dict)
-    """Where each figure comes from, by its key in the file."""
+    """Source of each figure, by its key in the file."""
     placeholders: tuple[str, ...] = ()
-    """Names of the figures that stand in for unknown ones; sources says why."""
+    """Names of the figures that replace unknown ones. `sources` states the reason."""
     rig: Rig | None = None
-    """Present for a drive on a test rig."""
+    """Rig of a drive on a test rig, otherwise None."""
     file: str | None = field(default=None, compare=False)
     ratings: Ratings | None = None
-    """What the manufacturer allows; without it gears are not judged."""
+    """Manufacturer's ratings. Without them, the gear is not checked."""
     friction_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """What lubrication, temperature and wear may make of friction parameters, by their names in Friction."""
+    """Ranges of friction parameters, by their names in Friction.
+
+    They cover lubrication, temperature and wear.
+    """
 
     @property
     def lead_slope(self) -> float:
-        """tan λ."""
+        """Tangent of the lead angle, tan λ."""
         return math.tan(self.lead_angle)
 
     @property
     def wedging(self) -> float:
-        """1 / cos θ_n: tan of the friction angle per μ."""
+        """Tangent of the friction angle per μ, 1 / cos θ_n."""
         return 1.0 / math.cos(self.pressure_angle)
 
     @property
     def slides(self) -> bool:
-        """The output slides."""
+        """True if the output is linear."""
         return self.kind not in TURNING
 
     @property
     def threaded(self) -> bool:
-        """A worm or a screw whose thread slides: it may lock itself."""
+        """True for a worm or screw with sliding friction in the thread, which can be self-locking."""
         return self.kind in get_args(ThreadKind)
 
     def _check(self) -> None:
         if not self.threaded and self.self_locking:
             raise self._wrong(
-                "self_locking", f"a {self.kind} drive does not lock itself", "False", "True"
+                "self_locking", f"a {self.kind} drive is not self-locking", "False", "True"
             )
         if not self.lead_angle < LARGEST_LEAD_ANGLE:
             raise self._wrong("lead_angle", "implausible", "above 0 and below 60 deg, in rad")
@@ -254,7 +286,7 @@ class Drive(Value):
         if self.friction is None and self.rig is None:
             raise self._wrong(
                 "friction",
-                "missing: only a drive with a rig may leave it to be identified",
+                "missing: only a drive with a rig can be identified later",
                 "a Friction",
                 "None",
             )
@@ -262,13 +294,13 @@ class Drive(Value):
             if self.kind != "antibacklash_screw" and getattr(self, name) > 0:
                 raise self._wrong(
                     name,
-                    f"a {self.kind} has one nut or wheel only",
+                    f"a {self.kind} has a single nut or wheel",
                     "0, or kind antibacklash_screw",
                 )
         self._check_ranges()
 
     def _check_ranges(self) -> None:
-        """Every range holds the parameter's own value."""
+        """Raise ProblemError if a range does not contain the parameter's own value."""
         for name, (low, high) in self.friction_ranges.items():
             field = f"friction_ranges.{name}"
             if name not in RANGED:
@@ -276,23 +308,26 @@ class Drive(Value):
             if self.friction is None:
                 raise self._wrong(
                     field,
-                    "a range of a friction that is still to be identified",
+                    "the friction must be identified before it can have a range",
                     "no range",
                     (low, high),
                 )
             value = getattr(self.friction, name)
             if low < 0:
                 raise self._wrong(
-                    field, "friction is not negative", "[lower, upper], from 0", (low, high)
+                    field, "friction cannot be negative", "[lower, upper], from 0", (low, high)
                 )
             if not low <= value <= high:
-                reason = f"does not hold the value of {name} itself, {value:g} in SI"
-                raise self._wrong(field, reason, "a range around it", (low, high))
+                reason = f"does not contain the value of {name}, {value:g} in SI"
+                raise self._wrong(field, reason, "a range that contains it", (low, high))
 
     def check_locking(self) -> None:
-        """Raises ProblemError where φ_f = atan(μ/cos θ_n) ≤ λ, so that the load drives the motor, or where the gear jams.
+        """Raise ProblemError if the drive is not self-locking or if the gear jams.
 
-        Values at rest do not count: they can be shaken off. A drive made in Python may fail: the planner then says so.
+        A load drives the motor if φ_f = atan(μ/cos θ_n) ≤ λ. Coefficients at rest are ignored
+        because vibration can remove them. A drive that was built in Python can violate this
+        condition, and the
+        planner reports it.
         """
         friction = self.friction
         if friction is None:
@@ -307,7 +342,8 @@ class Drive(Value):
             needed = math.tan(self.lead_angle) * math.cos(self.pressure_angle)
             raise self._wrong(
                 field,
-                f"the drive does not lock itself: lead angle λ = {math.degrees(self.lead_angle):.4g} deg, "
+                "the drive is not self-locking: lead angle λ = "
+                f"{math.degrees(self.lead_angle):.4g} deg, "
                 f"friction angle φ_f = {math.degrees(repose):.4g} deg, and φ_f must be larger",
                 f"mu above {needed:.4g}, or self_locking: not required",
                 lowest,

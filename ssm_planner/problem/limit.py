@@ -1,4 +1,8 @@
-"""What every limit is: a value that bounds one quantity of a motion, and moves, rounds and describes itself."""
+"""Base classes of limits.
+
+A limit is a value that bounds one quantity of a motion. It can move its bound, round it and
+describe it.
+"""
 
 from __future__ import annotations
 
@@ -16,122 +20,134 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 TIGHTENING = 1.5
-"""Tightening per excess found."""
+"""Ratio of the tightening of a bound to the observed excess."""
 DIGITS = 6
-"""Of a value in words."""
+"""Significant digits of a value in messages."""
 ROUNDING = 1e-12
-"""Share by which a value differs from itself in another unit."""
+"""Relative error of a value that was converted to another unit."""
 
 P = TypeVar("P")
-"""A Problem; limits stand below it in this room."""
+"""A Problem. Its module imports this one, so the class is not available for annotations."""
 
 
 @dataclass(frozen=True)
 class Limit(Value, ABC):
-    """One bound on a motion: `low` ≤ value ≤ `high` at every instant; SI units, radians.
+    """One bound on a motion: `low` ≤ value ≤ `high` at every instant, in SI units and radians.
 
     To write a new limit:
 
-    1. Derive a frozen dataclass from `Limit`, or from one of the families `JointLimit` and `SpeedLimit`, whose members
-       the planner, the check, plan.json and the page take as they come.
-    2. Set `name` (by which results speak of it), `order` and `unit`; give `low` and `high`.
-    3. Say in `on` where a problem holds it, and in `relaxed` and `tightened` how its bound moves. `tightened` may never
-       allow what the limit forbids; `relaxed(value)` allows `value` and all that the limit allows.
-    4. Refuse in `_check` what cannot be: ProblemError naming the field, its value and what is allowed.
+    1. Derive a frozen dataclass from `Limit`, or from one of the families `JointLimit` and
+       `SpeedLimit`. The planner, the check, plan.json and the page treat all members of a family
+       alike.
+    2. Set `name` (results use it), `order` and `unit`, and define `low` and `high`.
+    3. Write the limit into a problem in `on`, and move its bound in `relaxed` and `tightened`.
+       `tightened` must never allow a value that the limit forbids. `relaxed(value)` must allow
+       `value` and all
+       values that the limit allows.
+    4. Reject invalid fields in `_check` with a ProblemError that states field, value and allowed
+       values.
     """
 
     order: ClassVar[int] = 0
-    """Highest time derivative of the joints' positions that the value depends on."""
+    """Highest time derivative of the joint positions that the value depends on."""
+
+    words: ClassVar[str] = "{limit.name} of"
+    """Template for the beginning of the sentence that `described` returns."""
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """By which results speak of this limit; unique together with `joint`."""
+        """Name of the limit in results, unique together with `joint`."""
 
     @property
     def joint(self) -> str | None:
-        """The joint that is limited, which its limits hold as `of`; None where it is the tool."""
+        """Name of the limited joint (the field `of`), or None for a limit on the tool."""
         return getattr(self, "of", None)
 
     @property
     def unit(self) -> str:
-        """SI."""
+        """SI unit of the value."""
         return ""
 
     @property
     def low(self) -> float:
-        """Smallest value allowed; infinite where there is none."""
+        """Smallest allowed value, −∞ if the limit has no lower bound."""
         return -math.inf
 
     @property
     def high(self) -> float:
-        """Largest value allowed; infinite where there is none."""
+        """Largest allowed value, ∞ if the limit has no upper bound."""
         return math.inf
 
     @property
     def key(self) -> tuple[str, str | None]:
-        """(name, joint), by which results tell limits apart."""
+        """Pair (name, joint) that identifies the limit in results."""
         return self.name, self.joint
 
     @property
     def half_width(self) -> float:
-        """What margins are relative to: half the range, 1 where only one end is given."""
+        """Reference of relative margins: half the width of the range, or 1 for a one-sided limit."""
         width = self.high - self.low
         return width / 2 if math.isfinite(width) and width > 0 else 1.0
 
     @property
     def is_floor(self) -> bool:
-        """It has a lowest value alone: a motion has less than the bound asks for."""
+        """True if the limit has a lower bound only."""
         return math.isinf(self.high) and math.isfinite(self.low)
 
     def bound(self, value: float) -> float:
-        """The end of the range that is nearer to a value outside it, or the one that there is."""
+        """Return the bound that is nearer to a value outside the range, or the only bound."""
         return self.low if value < self.low or math.isinf(self.high) else self.high
 
     def allows(self, value: float) -> bool:
-        """Whether a value keeps the limit."""
+        """Return True if the value is within the limit."""
         return self.low <= value <= self.high
 
     def tightened(self, worst: float, bound: float) -> Self | None:
-        """Stricter by somewhat more than what `worst` exceeds `bound`; None where that does not help.
+        """Return a stricter limit, or None if a stricter limit does not help.
 
-        bound: the end that `worst` was held against, which may be looser than this limit.
+        The bound moves by somewhat more than the excess of `worst` over `bound`. `bound` is the
+        bound that `worst` was compared with, and may be looser than this limit.
         """
         return None
 
     def relaxed(self, value: float) -> Self | None:
-        """Moved so that `value` is allowed; None where no bound of this kind allows it."""
+        """Return a limit that also allows `value`, or None if no bound of this kind allows it."""
         return None
 
     def enough(self, needed: float) -> float:
-        """A value with which a motion is found that needs at least `needed`."""
+        """Return a bound with which the planner finds a motion that needs at least `needed`."""
         return needed
 
     def trials(self) -> tuple[float, ...]:
-        """Values to try where it is not known which limit stands in the way."""
+        """Return bounds to try if it is unknown which limit makes the problem infeasible."""
         return ()
 
-    @property
-    def words(self) -> str:
-        """Begins the sentence that `described` makes."""
-        return f"{self.name} of"
-
     def rounded(self, value: float) -> float:
-        """A value beyond the bound as `described` prints it, rounded so that it allows no less."""
+        """Return a value beyond the bound with the digits that `described` prints.
+
+        It is rounded away from the bound.
+        """
         _, scale = shown("" if self.unit == "μ" else self.unit)
         return outwards(scale * value, scale * self.bound(value)) / scale
 
     def described(self, value: float) -> str:
-        """In words: this limit moved to `value`, and where it stands."""
-        return f"{self.words} {in_words(value, self.unit)} instead of {in_words(self.bound(value), self.unit)}"
+        """Return a sentence that states the limit moved to `value` and its present bound."""
+        return (
+            f"{self.words.format(limit=self)} {in_words(value, self.unit)} "
+            f"instead of {in_words(self.bound(value), self.unit)}"
+        )
 
     def on(self, problem: P) -> P:
-        """The problem with this limit in the place of its own. Raises ProblemError where it has no such place."""
+        """Return the problem with this limit instead of its own limit of the same key.
+
+        Raises ProblemError if the problem cannot hold this limit.
+        """
         raise ProblemError(f"{self.name} cannot be set")
 
 
 class Symmetric(Limit):
-    """|value| ≤ largest."""
+    """Limit with |value| ≤ largest."""
 
     largest: float
 
@@ -155,7 +171,7 @@ class Symmetric(Limit):
 
 
 class Between(Limit):
-    """lower ≤ value ≤ upper."""
+    """Limit with lower ≤ value ≤ upper."""
 
     lower: float
     upper: float
@@ -182,14 +198,14 @@ class Between(Limit):
 
 
 def replaced(value: P, **changes: Any) -> P:
-    """dataclasses.replace on a value whose fields are not known here."""
-    whole: Any = value
-    changed: P = replace(whole, **changes)
+    """Return dataclasses.replace for a value of a type that is not imported in this module."""
+    instance: Any = value
+    changed: P = replace(instance, **changes)
     return changed
 
 
 def outwards(value: float, bound: float) -> float:
-    """A value rounded to DIGITS, away from the bound."""
+    """Return a value rounded to DIGITS significant digits, away from the bound."""
     nearest = float(f"{value:.{DIGITS}g}")
     if not math.isfinite(value) or math.isclose(value, nearest, rel_tol=ROUNDING):
         return nearest
@@ -201,6 +217,6 @@ def outwards(value: float, bound: float) -> float:
 
 
 def in_words(value: float, unit: str) -> str:
-    """A value as people read it, in the unit in which they do."""
+    """Return a value with the unit that messages use for it."""
     name, scale = shown("" if unit == "μ" else unit)
     return f"{scale * value:.{DIGITS}g} {name}".rstrip()

@@ -1,10 +1,10 @@
-"""The limits that there are, a class for each kind; each knows its place in a problem."""
+"""Limits on joints, motors, task coordinates, the tool and its path, with a class for each kind."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limit import (
@@ -21,36 +21,39 @@ from ssm_planner.problem.value import Positive, unchecked
 from ssm_planner.typing import Range
 from ssm_planner.units import shown
 
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
 TASK = ("roll", "tilt", "spin", "depth")
 """Order of the task coordinates in every array."""
 SPARE = 2e-3
-"""Share by which a limit on stops is tightened beyond the excess; twice that is what one that is just enough leaves."""
+"""Share by which a stop limit is tightened beyond the excess. `enough` leaves twice this share."""
 TO_MOVE = 5e-3
-"""Share of a torque or an acceleration beyond what is needed at least: with none the motion creeps, or is the only one."""
+"""Share of a torque or acceleration beyond the smallest necessary value.
+
+Without it, the motion creeps or is the only feasible one.
+"""
+
+
+def derived_unit(slides: bool, order: int) -> str:
+    """Return the SI unit of a derivative of an angle, or of a length if slides is True."""
+    return ("m" if slides else "rad") + ("", "/s", "/s²", "/s³")[order]
 
 
 @dataclass(frozen=True)
 class JointLimit(Symmetric):
-    """|value| ≤ largest, of one joint or its motor."""
+    """Limit |value| ≤ largest of one joint or its motor."""
 
     field: ClassVar[str]
-    """Where a Joint holds it."""
+    """Field of Joint that stores the limit."""
     of: str
     """Name of the joint."""
     largest: Positive
     prismatic: bool = False
-    """The joint slides: m instead of rad."""
+    """True for a prismatic joint, whose values are in m instead of rad."""
+
+    words = "{limit.name} limit of joint {limit.of} of"
 
     @property
     def unit(self) -> str:
-        return ("m" if self.prismatic else "rad") + ("", "/s", "/s²", "/s³")[self.order]
-
-    @property
-    def words(self) -> str:
-        return f"{self.name} limit of joint {self.of} of"
+        return derived_unit(self.prismatic, self.order)
 
     def on(self, problem: P) -> P:
         return _with_joint(problem, self.of, **{self.field: self.largest})
@@ -58,7 +61,7 @@ class JointLimit(Symmetric):
 
 @dataclass(frozen=True)
 class JointPosition(Between):
-    """Range of a joint."""
+    """Range of one joint position, rad or m."""
 
     name = "position"
     of: str
@@ -66,21 +69,18 @@ class JointPosition(Between):
     upper: float
     prismatic: bool = False
 
-    @property
-    def unit(self) -> str:
-        return "m" if self.prismatic else "rad"
+    words = "range of joint {limit.of} to"
 
     @property
-    def words(self) -> str:
-        return f"range of joint {self.of} to"
+    def unit(self) -> str:
+        return derived_unit(self.prismatic, 0)
 
     def on(self, problem: P) -> P:
         return _with_joint(problem, self.of, position=(self.lower, self.upper))
 
 
-@dataclass(frozen=True)
 class JointVelocity(JointLimit):
-    """|q̇| of one joint, rad/s or m/s."""
+    """Largest |q̇| of one joint, rad/s or m/s."""
 
     name = field = "velocity"
     order = 1
@@ -89,9 +89,8 @@ class JointVelocity(JointLimit):
         return (2 * self.largest,)
 
 
-@dataclass(frozen=True)
 class JointAcceleration(JointLimit):
-    """|q̈| of one joint, rad/s² or m/s²."""
+    """Largest |q̈| of one joint, rad/s² or m/s²."""
 
     name = field = "acceleration"
     order = 2
@@ -100,32 +99,29 @@ class JointAcceleration(JointLimit):
         return max(needed, self.largest) * (1 + TO_MOVE)
 
 
-@dataclass(frozen=True)
 class JointJerk(JointLimit):
-    """Third derivative of one joint's position, by magnitude, rad/s³ or m/s³."""
+    """Largest magnitude of the third derivative of one joint position, rad/s³ or m/s³."""
 
     name = field = "jerk"
     order = 3
 
 
 class MotorLimit(JointLimit):
-    """|value| ≤ largest, of a joint's motor, which holds it under `field`."""
+    """Limit |value| ≤ largest of one joint's motor, stored in its field `field`."""
 
-    @property
-    def words(self) -> str:
-        return f"largest {self.name} of joint {self.of} of"
+    words = "largest {limit.name} of joint {limit.of} of"
 
     def on(self, problem: P) -> P:
         motor = _joint(problem, self.of).motor
         if motor is None:
             raise ProblemError(f"joint {self.of} has no motor")
-        # a largest torque below the nominal one may be tried
+        # a trial value may be below the nominal torque
         return _with_joint(problem, self.of, motor=unchecked(motor, **{self.field: self.largest}))
 
 
 @dataclass(frozen=True)
 class MotorSpeed(MotorLimit):
-    """Speed of one joint's motor by magnitude, rad/s."""
+    """Largest motor speed of one joint, rad/s."""
 
     name = "motor speed"
     field = "max_speed"
@@ -134,12 +130,12 @@ class MotorSpeed(MotorLimit):
 
 
 READ_IN = {MotorSpeed.name: "rpm"}
-"""Units in which people read the values of limits, by their names, where that is not what follows from the SI unit."""
+"""Units of limits in messages, by name, if they differ from the default for the SI unit."""
 
 
 @dataclass(frozen=True)
 class MotorTorque(MotorLimit):
-    """Of the shaft, at every instant, breaking away included."""
+    """Largest torque on the motor shaft at any instant, breakaway included, N·m."""
 
     name = "motor torque"
     field = "max_torque"
@@ -155,24 +151,19 @@ class MotorTorque(MotorLimit):
 
 @dataclass(frozen=True)
 class ContinuousTorque(MotorLimit):
-    """Of the root mean square of the motor torque over a motion."""
+    """Largest root mean square of the motor torque over a motion, N·m."""
 
     name = "continuous torque"
     field = "nominal_torque"
     order = 2
     unit = "N·m"
-
-    @property
-    def words(self) -> str:
-        return f"continuous torque of joint {self.of} of"
-
-    def tightened(self, worst: float, bound: float) -> Self | None:
-        return None
+    words = "continuous torque of joint {limit.of} of"
+    tightened = Limit.tightened
 
 
 @dataclass(frozen=True)
 class NutContact(Limit):
-    """Both halves of a preloaded nut bear on the screw: the force between them stays positive."""
+    """Condition that both halves of a preloaded nut bear on the screw with a positive force, N."""
 
     name = "nut contact"
     order = 2
@@ -183,12 +174,15 @@ class NutContact(Limit):
 
 @dataclass(frozen=True)
 class SelfLocking(Limit):
-    """The drive holds without torque: its friction coefficient is never below what its lead angle asks for."""
+    """Smallest friction coefficient at which the drive holds without motor torque."""
 
     name = "self-locking"
     of: str
     friction: Positive
-    """Lowest plausible coefficient; what it has to be at least follows from the geometry (dynamics/transmission.py)."""
+    """Lowest plausible coefficient.
+
+    The geometry determines the coefficient that it must exceed (dynamics/transmission.py).
+    """
     unit = "μ"
 
     def bound(self, value: float) -> float:
@@ -198,7 +192,10 @@ class SelfLocking(Limit):
         return replace(self, friction=max(self.friction, value))
 
     def described(self, value: float) -> str:
-        return f"lowest friction coefficient μ of joint {self.of} of {value:.6g} instead of {self.friction:.6g}"
+        return (
+            f"lowest friction coefficient μ of joint {self.of} of {value:.6g} "
+            f"instead of {self.friction:.6g}"
+        )
 
     def on(self, problem: P) -> P:
         drive = _joint(problem, self.of).drive
@@ -216,7 +213,7 @@ class SelfLocking(Limit):
 
 @dataclass(frozen=True)
 class TaskRange(Between):
-    """Range of one task coordinate."""
+    """Range of one task coordinate, rad or m."""
 
     coordinate: str
     """One of TASK."""
@@ -229,22 +226,25 @@ class TaskRange(Between):
 
     @property
     def name(self) -> str:
-        """Such as "tilt range"."""
+        """Name such as "tilt range"."""
         return self.name_of(self.coordinate)
 
     @staticmethod
     def name_of(coordinate: str) -> str:
-        """The name of the limit on the range of a coordinate."""
+        """Return the name of the limit on the range of a coordinate."""
         return f"{coordinate} range"
 
     @property
     def unit(self) -> str:
         """rad, or m for depth."""
-        return "m" if self.coordinate == "depth" else "rad"
+        return derived_unit(self.coordinate == "depth", 0)
 
     @property
     def coupled(self) -> bool:
-        """It may be left between two points inside it; tilt and depth follow one joint each."""
+        """True if a motion between two points in the range can leave it.
+
+        This applies to roll and spin. Tilt and depth depend on one joint each.
+        """
         return self.coordinate in ("roll", "spin")
 
     def tightened(self, worst: float, bound: float) -> TaskRange | None:
@@ -267,30 +267,39 @@ class TaskRange(Between):
         )
 
     def on(self, problem: P) -> P:
-        """The robot's own range makes room where it is the narrower one."""
-        whole: Any = problem
+        """Return the problem with this range, and widen the robot's own range if it is narrower."""
+        current: Any = problem
         limits = (
-            replace(own, lower=min(own.lower, self.lower), upper=max(own.upper, self.upper))
-            if own.key == self.key
-            else own
-            for own in whole.robot.limits
+            replace(
+                robot_range,
+                lower=min(robot_range.lower, self.lower),
+                upper=max(robot_range.upper, self.upper),
+            )
+            if robot_range.key == self.key
+            else robot_range
+            for robot_range in current.robot.limits
         )
-        return _with_own(replaced(problem, robot=replace(whole.robot, limits=tuple(limits))), self)
+        return _with_own(
+            replaced(problem, robot=replace(current.robot, limits=tuple(limits))), self
+        )
 
 
 @dataclass(frozen=True)
 class ToolLimit(Symmetric):
-    """|value| ≤ largest, of the tool as a whole. A subclass needs `name`, `field` and, where it is not m, `unit`."""
+    """Limit |value| ≤ largest of the tool.
+
+    A subclass defines `name` and `field`, and `unit` if it is not m.
+    """
 
     name: ClassVar[str]
     field: ClassVar[str]
-    """Its key in a problem file and in plan.json."""
+    """Key in a problem file and in plan.json."""
     largest: Positive
     unit = "m"
 
     @classmethod
     def kinds(cls) -> tuple[type[ToolLimit], ...]:
-        """Those that a problem may have."""
+        """Return the kinds of limit that a problem may have."""
         return (*SpeedLimit.__subclasses__(), StopTravel)
 
     def trials(self) -> tuple[float, ...]:
@@ -300,11 +309,11 @@ class ToolLimit(Symmetric):
         return _with_own(problem, self)
 
 
-@dataclass(frozen=True)
 class SpeedLimit(ToolLimit):
-    """|v| ≤ largest, v being linear in the joints' rates: kinematics/forward.py has the Jacobian.
+    """Limit |v| ≤ largest, where v is linear in the joint velocities.
 
-    A subclass needs `name`, `field` and, where it is not m/s, `unit`.
+    kinematics/forward.py has the Jacobian. A subclass defines `name` and `field`, and `unit` if it
+    is not m/s.
     """
 
     order = 1
@@ -313,7 +322,7 @@ class SpeedLimit(ToolLimit):
 
 @dataclass(frozen=True)
 class TaskRate(Symmetric):
-    """|rate| of one task coordinate."""
+    """Largest |rate| of one task coordinate, rad/s or m/s."""
 
     order = 1
     coordinate: str
@@ -325,46 +334,47 @@ class TaskRate(Symmetric):
 
     @property
     def name(self) -> str:
-        """Such as "tilt rate"; "insertion speed" for depth."""
+        """Name such as "tilt rate", or "insertion speed" for depth."""
         return self.name_of(self.coordinate)
 
     @staticmethod
     def name_of(coordinate: str) -> str:
-        """The name of the limit on a coordinate's rate."""
+        """Return the name of the limit on a coordinate's rate."""
         return "insertion speed" if coordinate == "depth" else f"{coordinate} rate"
 
     @staticmethod
     def field_of(coordinate: str) -> str:
-        """The key of the limit on a coordinate's rate in a problem file."""
+        """Return the key of the limit on a coordinate's rate in a problem file."""
         return "insertion_speed" if coordinate == "depth" else f"{coordinate}_rate"
 
     @property
     def unit(self) -> str:
         """rad/s, or m/s for depth."""
-        return "m/s" if self.coordinate == "depth" else "rad/s"
+        return derived_unit(self.coordinate == "depth", 1)
 
     def on(self, problem: P) -> P:
         return _with_own(problem, self)
 
 
-@dataclass(frozen=True)
 class TipSpeed(SpeedLimit):
-    """Of the tool's tip through space."""
+    """Largest speed of the tool tip in space, m/s."""
 
     name = "tip speed"
     field = "tip_speed"
 
 
-@dataclass(frozen=True)
 class StopTravel(ToolLimit):
-    """Of the tip's distance from where it was, during the quickest controlled stop from any instant."""
+    """Largest distance of the tip from its position at the beginning of a stop, m.
+
+    The stop is the quickest controlled stop along the path, and may begin at any instant.
+    """
 
     name = "stop travel"
     field = "stop_travel"
     order = 2
 
     def tightened(self, worst: float, bound: float) -> StopTravel:
-        # the way of a stop goes with the planner's estimate of it, so that more than the excess is not needed
+        # the travel is proportional to the planner's estimate, so the excess itself suffices
         return replace(self, largest=self.largest * min(bound / worst, 1.0) * (1 - SPARE))
 
     def enough(self, needed: float) -> float:
@@ -373,13 +383,14 @@ class StopTravel(ToolLimit):
 
 @dataclass(frozen=True)
 class RetinaClearance(Limit):
-    """Distance of the tip from the retina."""
+    """Smallest distance of the tip from the retina, m."""
 
     name = "retina clearance"
     clearance: float
     radius: float
-    """Of the retina."""
+    """Radius of the retina, m."""
     unit = "m"
+    words = "clearance from the retina of"
 
     @property
     def low(self) -> float:
@@ -394,12 +405,8 @@ class RetinaClearance(Limit):
         return replace(self, clearance=clearance) if clearance < self.radius else None
 
     def relaxed(self, value: float) -> RetinaClearance | None:
-        # beyond the retina itself no clearance does
+        # no clearance allows a tip beyond the retina
         return None if value < 0 else replace(self, clearance=min(self.clearance, value))
-
-    @property
-    def words(self) -> str:
-        return "clearance from the retina of"
 
     def on(self, problem: P) -> P:
         return _with_eye(problem, clearance=self.clearance)
@@ -407,7 +414,10 @@ class RetinaClearance(Limit):
 
 @dataclass(frozen=True)
 class LensClearance(Limit):
-    """The lens enlarged to just touch the shaft's axis, in sizes of the lens: 1 + shaft radius / its smallest semi-axis."""
+    """Smallest scale at which the enlarged lens touches the axis of the shaft.
+
+    The bound is 1 + shaft radius / smallest semi-axis of the lens.
+    """
 
     name = "lens clearance"
     shaft_radius: float
@@ -429,7 +439,7 @@ class LensClearance(Limit):
         )
 
     def relaxed(self, value: float) -> LensClearance | None:
-        # an axis that passes through the lens does so however thin the shaft
+        # an axis through the lens violates the limit for every shaft radius
         return (
             None
             if value <= 1
@@ -441,7 +451,10 @@ class LensClearance(Limit):
         return 1 + outwards(scale * (value - 1), scale * (self.low - 1)) / scale
 
     def described(self, value: float) -> str:
-        return f"radius of the shaft of {in_words(self._radius(value), 'm')} instead of {in_words(self.shaft_radius, 'm')}"
+        return (
+            f"radius of the shaft of {in_words(self._radius(value), 'm')} "
+            f"instead of {in_words(self.shaft_radius, 'm')}"
+        )
 
     def on(self, problem: P) -> P:
         return _with_eye(problem, shaft_radius=self.shaft_radius)
@@ -452,17 +465,21 @@ class LensClearance(Limit):
 
 @dataclass(frozen=True)
 class Duration(Limit):
-    """The duration asked for, of one motion or of all together: what a motion takes at least must not be longer."""
+    """Requested duration of one motion or of all motions together, s.
+
+    The shortest possible duration must not exceed it.
+    """
 
     name = "duration"
     largest: Positive
     motion: str | None = None
-    """Name of the motion; None: all together."""
+    """Name of the motion, or None for all motions together."""
     asked: float | None = None
-    """What the problem asks for of that motion; None: `largest`."""
+    """Duration that the problem requests for that motion, or None for `largest`."""
     exact: bool = False
-    """The motions have durations of their own: only their sum does."""
+    """True if every motion has a duration of its own, so only their sum is possible."""
     unit = "s"
+    words = "a duration of"
 
     @property
     def high(self) -> float:
@@ -473,37 +490,34 @@ class Duration(Limit):
         return replace(self, largest=longer, asked=self.asked or self.largest)
 
     def enough(self, needed: float) -> float:
-        # with nothing to spare the least effort is the fastest motion, and hard to find
+        # without a reserve, only the fastest motion is feasible, and it is hard to find
         return needed if self.exact else 1.002 * needed
-
-    @property
-    def words(self) -> str:
-        return "a duration of"
 
     @property
     def key(self) -> tuple[str, str | None]:
         return self.name, self.motion
 
     def on(self, problem: P) -> P:
-        whole: Any = problem
-        asked = self.asked or self.largest
-        short = [
-            m.kind != "dwell" and (m.name, m.duration) == (self.motion, asked) for m in whole.motion
+        current: Any = problem
+        requested = self.asked or self.largest
+        is_limited = [
+            m.kind != "dwell" and (m.name, m.duration) == (self.motion, requested)
+            for m in current.motion
         ]
-        if not any(short):  # a motion without one of its own has a share of that of all
-            if self.motion is not None and whole.duration is None:
-                raise ProblemError(f"no motion {self.motion} of {asked:g} s", key="duration")
+        if not any(is_limited):  # the motion has a share of the total duration
+            if self.motion is not None and current.duration is None:
+                raise ProblemError(f"no motion {self.motion} of {requested:g} s", key="duration")
             return replaced(problem, duration=self.largest)
         timed = (
             replace(m, duration=self.largest) if k else m
-            for m, k in zip(whole.motion, short, strict=True)
+            for m, k in zip(current.motion, is_limited, strict=True)
         )
         return replaced(problem, motion=tuple(timed))
 
 
 @dataclass(frozen=True)
 class OfPath(Limit):
-    """What a problem promises of the tip's way. The check alone holds it: nothing tightens or relaxes it."""
+    """Requirement of a problem on the path of the tip. Only the check evaluates it."""
 
     largest: Positive
     unit = "m"
@@ -513,62 +527,60 @@ class OfPath(Limit):
         return self.largest
 
 
-@dataclass(frozen=True)
 class PathDeparture(OfPath):
-    """Distance of the tip from the lines and arcs that it is to follow, but for rounded corners."""
+    """Largest distance of the tip from its prescribed lines and arcs outside rounded corners, m."""
 
     name = "path departure"
 
 
-@dataclass(frozen=True)
 class CornerRounding(OfPath):
-    """Distance of the tip from a corner where it is off its lines."""
+    """Largest distance from a corner at which the tip is off its lines, m."""
 
     name = "corner rounding"
 
 
-@dataclass(frozen=True)
 class RetinaDistance(OfPath):
-    """Distance that the tip keeps from the retina all along a curve."""
+    """Prescribed distance between the tip and the retina along a curve, m."""
 
     name = "retina distance"
 
 
-@dataclass(frozen=True)
 class ConstantSpeed(OfPath):
-    """Of the tip all along a curve, but for ramps at its ends, with no other limit in the way."""
+    """Prescribed speed of the tip along a curve, except for the ramps at its ends, m/s."""
 
     name = "constant speed"
     unit = "m/s"
 
 
 PROMISES = tuple(str(kind.name) for kind in OfPath.__subclasses__())
-"""Names of what a problem promises of the tip's way."""
+"""Names of the requirements on the path of the tip."""
 ENDS = ("start velocity", "end velocity")
 JUMPS = (
     *(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)),
     *ENDS,
 )
-"""Names of the limits on jumps, also from and to rest, which tables leave out while they are kept."""
+"""Names of the limits on jumps, including those from and to rest.
+
+Tables omit these limits unless they are violated.
+"""
 
 
-@dataclass(frozen=True)
 class FixedLimit(JointLimit):
-    """A bound that the check alone holds: no problem has it, so nothing tightens or relaxes it."""
+    """Bound that only the check evaluates.
 
-    def tightened(self, worst: float, bound: float) -> Self | None:
-        return None
+    No problem stores it, so it is never tightened or relaxed.
+    """
 
-    def relaxed(self, value: float) -> Self | None:
-        return None
+    tightened = Limit.tightened
+    relaxed = Limit.relaxed
 
 
 @dataclass(frozen=True)
 class Jump(FixedLimit):
-    """Largest step of a joint's position, velocity or acceleration where two pieces of a trajectory meet."""
+    """Largest step of a joint's position, velocity or acceleration between two trajectory pieces."""
 
     derivative: int = 0
-    """0, 1 or 2."""
+    """Order of the derivative: 0, 1 or 2."""
 
     on = Limit.on
 
@@ -578,12 +590,12 @@ class Jump(FixedLimit):
 
     @property
     def unit(self) -> str:
-        return ("m" if self.prismatic else "rad") + ("", "/s", "/s²")[self.derivative]
+        return derived_unit(self.prismatic, self.derivative)
 
 
 @dataclass(frozen=True)
 class EndVelocity(FixedLimit):
-    """Largest difference of a joint's velocity, where the motion starts or ends, from what is declared there: rest."""
+    """Largest error of a joint's velocity at the start or end, relative to the declared velocity."""
 
     order = 1
     at_end: bool = False
@@ -598,7 +610,7 @@ OFFSETS = ("velocity offset", "torque offset")
 
 @dataclass(frozen=True)
 class FeedForward(FixedLimit):
-    """Largest difference of a drive's velocity or torque offset from what its target positions ask for."""
+    """Largest error of a drive's velocity or torque offset, relative to its target positions."""
 
     of_torque: bool = False
 
@@ -609,18 +621,18 @@ class FeedForward(FixedLimit):
 
     @property
     def unit(self) -> str:
-        """SI."""
-        return "N·m" if self.of_torque else ("m" if self.prismatic else "rad") + "/s"
+        """SI unit of the offset."""
+        return "N·m" if self.of_torque else derived_unit(self.prismatic, 1)
 
 
 class Limited:
-    """What a value with `limits` says of them."""
+    """Access to the limits of a value by kind."""
 
     limits: tuple[Limit, ...]
 
     @property
     def ranges(self) -> dict[str, Range]:
-        """Ranges of task coordinates, by name in TASK; rad or m."""
+        """Ranges of task coordinates by name in TASK, rad or m."""
         return {
             limit.coordinate: (limit.low, limit.high)
             for limit in self.limits
@@ -629,14 +641,14 @@ class Limited:
 
     @property
     def rates(self) -> dict[str, float]:
-        """Largest |rate| of task coordinates, by name in TASK; rad/s or m/s."""
+        """Largest |rate| of task coordinates by name in TASK, rad/s or m/s."""
         return {
             limit.coordinate: limit.largest for limit in self.limits if isinstance(limit, TaskRate)
         }
 
     @property
     def of_tool(self) -> tuple[ToolLimit, ...]:
-        """Limits on speeds of the tool and on its stops."""
+        """Limits on the tool: its speeds and stops."""
         return tuple(limit for limit in self.limits if isinstance(limit, ToolLimit))
 
     @property
@@ -646,19 +658,22 @@ class Limited:
 
     @property
     def stop_travel(self) -> StopTravel | None:
-        """On the way of the tip while it stops."""
+        """Limit on the travel of the tip during a stop, or None."""
         return next((limit for limit in self.limits if isinstance(limit, StopTravel)), None)
 
     @property
     def tip_speed(self) -> float | None:
-        """m/s."""
+        """Largest tip speed in m/s, or None."""
         return next((limit.largest for limit in self.limits if isinstance(limit, TipSpeed)), None)
 
 
 def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, ...]:
-    """Limits of the task as a tuple. Raises ProblemError for what is none, and for one given twice."""
-    found = tuple(limits)
-    for limit in found:
+    """Return limits of the task as a tuple.
+
+    Raises ProblemError if a limit does not belong to the task or occurs twice.
+    """
+    unique = tuple(limits)
+    for limit in unique:
         if not isinstance(limit, (TaskRange, TaskRate, ToolLimit)):
             raise ProblemError(
                 "not a limit of the task",
@@ -666,11 +681,11 @@ def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, 
                 value=limit,
                 allowed="TaskRange, TaskRate, TipSpeed, StopTravel",
             )
-        if [other.key for other in found].count(limit.key) > 1:
+        if [other.key for other in unique].count(limit.key) > 1:
             raise ProblemError(
-                "given twice", key=where, value=limit.name, allowed="each limit once"
+                "occurs twice", key=where, value=limit.name, allowed="each limit once"
             )
-    return found
+    return unique
 
 
 def _coordinate(limit: Limit, name: str) -> None:
@@ -696,23 +711,24 @@ def _joint(problem: Any, name: str) -> Any:
 
 
 def _with_joint(problem: P, name: str, **changes: Any) -> P:
-    whole: Any = problem
+    current: Any = problem
     changed = replace(_joint(problem, name), **changes)
-    joints = tuple(changed if joint.name == name else joint for joint in whole.robot.joints)
-    return replaced(problem, robot=replace(whole.robot, joints=joints))
+    joints = tuple(changed if joint.name == name else joint for joint in current.robot.joints)
+    return replaced(problem, robot=replace(current.robot, joints=joints))
 
 
 def _with_own(problem: P, limit: Limit) -> P:
-    whole: Any = problem
-    if all(other.key != limit.key for other in whole.limits):
-        return replaced(problem, limits=(*whole.limits, limit))
+    current: Any = problem
+    if all(other.key != limit.key for other in current.limits):
+        return replaced(problem, limits=(*current.limits, limit))
     return replaced(
-        problem, limits=tuple(limit if other.key == limit.key else other for other in whole.limits)
+        problem,
+        limits=tuple(limit if other.key == limit.key else other for other in current.limits),
     )
 
 
 def _with_eye(problem: P, **changes: Any) -> P:
-    whole: Any = problem
-    if whole.eye is None:
+    current: Any = problem
+    if current.eye is None:
         raise ProblemError("the problem has no eye")
-    return replaced(problem, eye=replace(whole.eye, **changes))
+    return replaced(problem, eye=replace(current.eye, **changes))

@@ -1,8 +1,8 @@
-"""Points and motions as frozen values, SI and radians: what a tool does one entry after the other, or single joints."""
+"""Points and motions of a tool, and strokes of single joints, in SI units and radians."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, ClassVar, Literal
 
 from ssm_planner.problem.limits import TASK
@@ -16,50 +16,54 @@ from ssm_planner.problem.value import (
     Value,
     check_name,
 )
+from ssm_planner.typing import record
 
 LARGEST_GRID = 50
-"""Rows or columns of a scan."""
+"""Largest number of rows or columns of a scan."""
 Line = Annotated[int, Bound(above=0)]
 OF_TIP = ("line", "arc", "retina")
 """Curves that the tip follows in space."""
 ALONE = ("roll", "tilt", "spin", "insert")
 """Straight motions of one coordinate."""
 SMALLEST_BLEND = 1e-5
-"""m: below it the robot all but stops in a corner, and a motion takes minutes to be found."""
+"""Smallest blend distance, m.
+
+With smaller ones the robot almost stops in the corner, and planning takes minutes.
+"""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Task(Value):
-    """A point in task coordinates, rad and m; those left out are held."""
+    """Point in task coordinates, rad and m. A coordinate that is None keeps its value."""
 
     roll: Annotated[float, Quantity("angle")] | None = None
-    """Turn of the plane of tilt about joint 1, rad."""
+    """Rotation of the tilt plane about joint 1, rad."""
     tilt: Annotated[float, Quantity("angle")] | None = None
     """Signed angle from joint 1 to the tool about the tilt axis, rad."""
     spin: Annotated[float, Quantity("angle")] | None = None
-    """Turn of the tool about itself, rad."""
+    """Rotation of the tool about its own axis, rad."""
     depth: Annotated[float, Quantity("length")] | None = None
-    """How far the tip is beyond the remote centre, m."""
+    """Distance of the tip beyond the remote centre, m."""
     line: Line | None = field(default=None, compare=False)
     """Line of the problem file, for messages."""
 
     @property
     def given(self) -> dict[str, float]:
-        """The coordinates that are not held, by name in TASK."""
+        """Coordinates that are not None, by name in TASK."""
         return {name: value for name in TASK if (value := getattr(self, name)) is not None}
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Joints(Value):
-    """A point as joint values; rad, rad, rad, m."""
+    """Point given by joint positions in rad, rad, rad and m."""
 
     values: tuple[float, float, float, float]
     line: Line | None = field(default=None, compare=False)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Tip(Value):
-    """A point as position of the tool's tip in the base frame, m, and spin, rad."""
+    """Point given by the position of the tool tip in the base frame, m, and the spin, rad."""
 
     position: tuple[float, float, float]
     spin: float
@@ -76,9 +80,9 @@ class Tip(Value):
 Point = Task | Joints | Tip
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Straight(Value):
-    """Straight in task coordinates to those named, rad and m; those left out are held."""
+    """Straight motion in task coordinates, rad and m. A coordinate that is None keeps its value."""
 
     kind: ClassVar[str] = "straight"
     roll: float | None = None
@@ -86,42 +90,48 @@ class Straight(Value):
     spin: float | None = None
     depth: float | None = None
     duration: Annotated[Positive, Quantity("time")] | None = None
-    """Asked for; the motion then takes it with the least motor heat, s."""
+    """Requested duration, s. The motion then minimises effort."""
     name: str = ""
-    """By default the coordinate that moves (insert: depth), or straight."""
+    """Name of the motion.
+
+    The default is the coordinate that moves (insert for depth), or straight.
+    """
     line: Line | None = field(default=None, compare=False)
     blend: Annotated[Positive, Quantity("length")] | None = None
-    """Distance of the tip from the end within which the corner to the next motion is rounded, 10 µm or more."""
+    """Tip distance from the end within which the corner to the next motion is rounded, m.
+
+    At least 10 µm.
+    """
 
     def _check(self) -> None:
         _check_blend(self)
         if not self.to.given:
-            raise self._wrong("to", "no point is given", "roll, tilt, spin or depth", "None")
+            raise self._wrong("to", "the point is empty", "roll, tilt, spin or depth", "None")
         if not self.name:
-            given = tuple(self.to.given)
-            name = given[0] if len(given) == 1 else "straight"
+            coordinates = tuple(self.to.given)
+            name = coordinates[0] if len(coordinates) == 1 else "straight"
             object.__setattr__(self, "name", "insert" if name == "depth" else name)
 
     @property
     def to(self) -> Task:
-        """Where it ends."""
+        """End point."""
         return Task(self.roll, self.tilt, self.spin, self.depth, self.line)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Free(Value):
-    """To a point, on whatever way the planner finds fastest."""
+    """Motion to a point along the fastest path that the planner finds."""
 
     kind: ClassVar[str] = "free"
     to: Task | Joints | Tip
     through: tuple[Task | Joints | Tip, ...] = ()
-    """Points passed without stopping, in order."""
+    """Points to pass without stopping, in order."""
     duration: Positive | None = None
-    """Asked for; the motion then takes it with the least motor heat, s."""
+    """Requested duration, s. The motion then minimises effort."""
     name: str = "free"
     line: Line | None = field(default=None, compare=False)
     spin_free: bool = False
-    """The spin at the end is whatever makes the motion fastest; that of `to` does not count."""
+    """True if the planner chooses the fastest final spin. The spin of `to` is then ignored."""
 
     def _check(self) -> None:
         _check_given(self)
@@ -131,30 +141,36 @@ class Free(Value):
             )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Follow(Value):
-    """Along a given curve, from where the motion is to a point."""
+    """Motion along a prescribed curve from the current point to another one."""
 
     kind: ClassVar[str] = "path"
     to: Task | Joints | Tip
     through: tuple[Task | Joints | Tip, ...] = ()
-    """Points of the curve in order; of an arc the one that it passes, of a line none."""
+    """Points of the curve in order. An arc has exactly one, and a line has none."""
     name: str = "path"
     curve: Literal["spline", "samples", "line", "arc", "retina"] = "spline"
-    """A natural cubic spline in joint space, over the distance from point to point in joint velocities; the same through
-    samples, at rest where these turn by more than 30°, timed by TOPP-RA; a line or an arc of the tip, spin in
-    proportion to the way; or along the retina on a great circle, the tip at a distance from it."""
+    """Kind of curve.
+
+    "spline" is a natural cubic spline in joint space, parametrised by the distance between points
+    in joint velocities. "samples" is the same spline through samples, timed by TOPP-RA, with stops
+    at
+    corners of more than 30°. "line" and "arc" are curves of the tip, with spin proportional to the
+    path length.
+    "retina" is a great circle at a constant distance from the retina.
+    """
     file: str | None = field(default=None, compare=False)
-    """Table that the points come from, whose lines are theirs."""
+    """Table that contains the points. Their lines refer to it."""
     line: Line | None = field(default=None, compare=False)
     duration: Positive | None = None
-    """Asked for, s; not of samples."""
+    """Requested duration, s. Not allowed for samples."""
     blend: Positive | None = None
-    """Of a line or an arc: distance of the tip from its end within which the corner to the next motion is rounded, m."""
+    """Tip distance from the end of a line or arc within which the next corner is rounded, m."""
     constant_speed: Annotated[Positive, Quantity("velocity")] | None = None
-    """Speed that the tip keeps all along a line or an arc, but for the ramps at its ends."""
+    """Speed of the tip along a line or arc, except for the ramps at its ends, m/s."""
     distance: Annotated[Positive, Quantity("length")] | None = None
-    """Of the tip from the retina, along which it goes; `to` says where the tool then points."""
+    """Distance of the tip from the retina, m. `to` then gives the final direction of the tool."""
 
     def _check(self) -> None:
         _check_blend(self)
@@ -162,43 +178,47 @@ class Follow(Value):
             self._check_constant()
         if (self.distance is None) == (self.curve == "retina"):
             raise self._wrong(
-                "distance", "of a curve along the retina, and of none but that", "a length, or none"
+                "distance",
+                "required for curve retina, and not allowed for other curves",
+                "a length, or none",
             )
         if self.distance is not None and not (isinstance(self.to, Task) and self.to.depth is None):
-            reason = "how deep the tip goes is what distance says"
+            reason = "do not give depth: distance already determines it"
             raise self._wrong("to", reason, "roll, tilt, spin", type(self.to).__name__)
         if self.duration is not None and self.curve == "samples":
-            raise self._wrong("duration", "not for samples, which TOPP-RA alone times", "None")
-        if self.blend is not None and not self.blends:
-            raise self._wrong("blend", f"not for a curve of this kind ({self.curve})", "None")
-        counts = {"line": 0, "arc": 1, "retina": 0}
-        wanted = counts.get(self.curve, len(self.through))
-        if len(self.through) != wanted:
             raise self._wrong(
-                "through", f"not for a curve of this kind ({self.curve})", f"{wanted} points"
+                "duration", "not allowed for samples because only TOPP-RA can time them", "None"
+            )
+        if self.blend is not None and not self.blends:
+            raise self._wrong("blend", f"not allowed for curve {self.curve}", "None")
+        counts = {"line": 0, "arc": 1, "retina": 0}
+        required = counts.get(self.curve, len(self.through))
+        if len(self.through) != required:
+            raise self._wrong(
+                "through", f"not allowed for curve {self.curve}", f"{required} points"
             )
         _check_given(self)
 
     def _check_constant(self) -> None:
         speed = self.constant_speed
         if self.curve not in OF_TIP:
-            reason = f"not for a curve of this kind ({self.curve})"
+            reason = f"not allowed for curve {self.curve}"
             raise self._wrong("constant_speed", reason, "a line or an arc", speed)
         if self.duration is not None or self.blend is not None:
-            reason = "a duration or a rounded corner leaves no constant speed"
+            reason = "a duration or a rounded corner excludes a constant speed"
             raise self._wrong(
                 "constant_speed", reason, "none of these, or no constant_speed", speed
             )
 
     @property
     def blends(self) -> bool:
-        """Corners at its ends may be rounded."""
+        """True if the corners at both ends may be rounded."""
         return self.curve in ("line", "arc") and self.constant_speed is None
 
 
 def _check_blend(motion: Straight | Follow) -> None:
     if motion.blend is not None and motion.blend < SMALLEST_BLEND:
-        reason = "so near to its corner the robot all but stops"
+        reason = "the robot would almost stop in such a tight corner"
         raise motion._wrong(
             "blend",
             reason,
@@ -208,67 +228,71 @@ def _check_blend(motion: Straight | Follow) -> None:
 
 
 def _check_given(motion: Free | Follow) -> None:
-    """Every point says something."""
+    """Raise ProblemError if a point has no coordinates."""
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.given:
-            place = "to" if i == len(motion.through) else f"through[{i}]"
+            key = "to" if i == len(motion.through) else f"through[{i}]"
             raise motion._wrong(
-                place, "no point is given", "roll, tilt, spin or depth; joints; or a tip", "Task()"
+                key, "the point is empty", "roll, tilt, spin or depth; joints; or a tip", "Task()"
             )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Dwell(Value):
-    """At rest for a while."""
+    """Pause at rest."""
 
     kind: ClassVar[str] = "dwell"
     duration: Annotated[Positive, Quantity("time")]
-    """s."""
+    """Duration of the pause, s."""
     name: str = "dwell"
     line: Line | None = field(default=None, compare=False)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Scan(Value):
-    """Spots on the retina: a raster, or rings one after the other, about the point where the tool's axis meets it."""
+    """Spots on the retina in a raster or in concentric rings.
+
+    The tool axis at `at` meets the retina in the centre of the pattern.
+    """
 
     kind: ClassVar[str] = "scan"
     at: Task
-    """Where the tool points to the middle of the pattern: tilt, and roll and spin where they are not 0."""
+    """Direction of the tool to the centre of the pattern: tilt, and optionally roll and spin."""
     distance: Annotated[Positive, Quantity("length")]
-    """Of the tip from the retina, m."""
+    """Distance of the tip from the retina, m."""
     diameters: tuple[Positive, ...] = ()
-    """Of the rings, m, growing; none for a raster."""
+    """Increasing diameters of the rings, m. Empty for a raster."""
     rows: Annotated[Count, Quantity("number")] = 0
-    """Of a raster; 0 for rings."""
+    """Rows of a raster, or 0 for rings."""
     columns: Annotated[Count, Quantity("number")] = 0
-    """Of a raster; 0 for rings."""
+    """Columns of a raster, or 0 for rings."""
     spacing: Annotated[Positive, Quantity("length")] = 0.6e-3
-    """Between neighbouring spots, m; on a ring as nearly as a whole number of spots allows."""
+    """Distance between neighbouring spots, m.
+
+    On a ring it is rounded to a whole number of spots.
+    """
     dwell: Annotated[NotNegative, Quantity("time")] = 0.0
-    """At every spot, s; 0: the spots are passed without stopping."""
+    """Pause at every spot, s. With 0 the tool passes the spots without stopping."""
     order: Literal["given", "fastest"] = "given"
-    """Of the spots: as the pattern gives them, or that in which all of them, of all rings, are visited soonest."""
+    """Order of the spots: that of the pattern, or the fastest order of all spots of all rings."""
     name: str = "scan"
     line: Line | None = field(default=None, compare=False)
     duration: ClassVar[None] = None
 
     def _check(self) -> None:
         if self.at.tilt is None:
-            raise self._wrong(
-                "at", "missing: no pattern is there without a tilt", "roll, tilt, spin"
-            )
+            raise self._wrong("at", "missing: the pattern needs a tilt", "roll, tilt, spin")
         if self.at.depth is not None:
             raise self._wrong(
-                "at", "how deep the tip goes is what distance says", "roll, tilt, spin"
+                "at", "do not give depth: distance already determines it", "roll, tilt, spin"
             )
         if list(self.diameters) != sorted(set(self.diameters)):
-            raise self._wrong("diameters", "not rings one around the other", "growing lengths")
+            raise self._wrong("diameters", "rings must be concentric", "increasing lengths")
         for name in ("rows", "columns"):
             count = getattr(self, name)
             if self.diameters and count:
                 raise self._wrong(
-                    name, "of a raster, but there are rings as well", "0, or no diameters"
+                    name, "only for a raster, but diameters define rings", "0, or no diameters"
                 )
             if not self.diameters and not 1 <= count <= LARGEST_GRID:
                 raise self._wrong(
@@ -282,35 +306,38 @@ Motion = Straight | Free | Follow | Dwell | Scan
 
 
 def key_of(motion: Motion) -> str:
-    """The key of a problem file under which it stands."""
+    """Return the key of a motion in a problem file."""
     if isinstance(motion, Straight):
         return motion.name if motion.name in ALONE else motion.kind
     return motion.curve.replace("samples", "path") if isinstance(motion, Follow) else motion.kind
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Stroke(Value):
-    """One joint back and forth over centre ± reach; rad or m, and their rates."""
+    """Motion of one joint back and forth over centre ± reach, in rad or m and their rates."""
 
     joint: str
     centre: Annotated[float, Quantity("angle", "length")]
     """Middle of the stroke."""
     reach: Annotated[Positive, Quantity("angle", "length")]
-    """To either side of the centre."""
+    """Distance from the centre to either end."""
     velocity: Annotated[Positive, Quantity("angular_velocity", "velocity")]
-    """Between the ramps."""
+    """Velocity between the ramps."""
     acceleration: Annotated[Positive, Quantity("angular_acceleration", "acceleration")]
-    """Of the ramps."""
+    """Acceleration of the ramps."""
     home: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    """Where the other joints are held."""
+    """Positions of the other joints."""
 
     def _check(self) -> None:
-        check_name(self.joint, JOINTS, "Stroke.joint", "not a joint known here")
+        check_name(self.joint, JOINTS, "Stroke.joint", "unknown joint")
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Motorisation(Value):
-    """Strokes of a robot's joints, each a run of its own; no joint twice. The joints' limits do not apply."""
+    """Strokes of a robot's joints as separate runs, at most one for each joint.
+
+    The limits of the joints do not apply.
+    """
 
     name: str
     robot: Robot
@@ -326,5 +353,5 @@ class Motorisation(Value):
                 raise self._wrong(field, reason, "a driven joint", stroke.joint)
             if any(other.joint == stroke.joint for other in self.strokes[:i]):
                 raise self._wrong(
-                    field, "a second run of this joint", "one run per joint", stroke.joint
+                    field, "this joint already has a run", "one run per joint", stroke.joint
                 )

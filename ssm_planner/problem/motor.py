@@ -1,43 +1,44 @@
-"""Motors as frozen values: a datasheet's figures, SI."""
+"""Datasheet figures of motors, in SI units."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 from ssm_planner.problem.value import Bound, Positive, Quantity, Value
+from ssm_planner.typing import record
 
 LARGEST_DRIFT = -0.01
-"""1/K."""
+"""Strongest plausible temperature coefficient of the torque constant, 1/K."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Motor(Value):
-    """A motor's datasheet figures; None where the file gives none."""
+    """Datasheet figures of a motor. A value is None if the file does not state it."""
 
     name: str
-    """Such as the manufacturer's designation."""
+    """Name such as the manufacturer's designation."""
     nominal_torque: Annotated[Positive, Quantity("torque")]
     """Continuous torque, N·m."""
     max_torque: Annotated[Positive, Quantity("torque")]
-    """Largest usable torque, N·m: what a plan may use at any instant."""
+    """Largest torque that a plan may use at any instant, N·m."""
     max_speed: Annotated[Positive, Quantity("motor_speed")]
     """Largest permissible speed, rad/s."""
     nominal_voltage: Annotated[Positive, Quantity("voltage")] | None = None
-    """V; the default of the controller's supply."""
+    """Nominal voltage, V. It is the default supply of the controller."""
     nominal_current: Annotated[Positive, Quantity("current")] | None = None
-    """A, continuous."""
+    """Continuous current, A."""
     torque_constant: Annotated[Positive, Quantity("torque_constant")] | None = None
-    """N·m/A."""
+    """Torque constant, N·m/A."""
     terminal_resistance: Annotated[Positive, Quantity("resistance")] | None = None
-    """Ω, from phase to phase, at 25 °C."""
+    """Phase-to-phase resistance at 25 °C, Ω."""
     rotor_inertia: Annotated[Positive, Quantity("inertia")] | None = None
-    """kg·m²."""
+    """Rotor inertia, kg·m²."""
     resistance_winding_housing: Annotated[Positive, Quantity("thermal_resistance")] | None = None
-    """Thermal resistance, K/W."""
+    """Thermal resistance from winding to housing, K/W."""
     resistance_housing_ambient: Annotated[Positive, Quantity("thermal_resistance")] | None = None
-    """Thermal resistance, K/W."""
+    """Thermal resistance from housing to ambient, K/W."""
     time_constant_winding: Annotated[Positive, Quantity("time")] | None = None
     """Thermal time constant of the winding, s."""
     time_constant_motor: Annotated[Positive, Quantity("time")] | None = None
@@ -45,24 +46,30 @@ class Motor(Value):
     max_winding_temperature: Annotated[Positive, Quantity("temperature")] | None = None
     """Largest permissible temperature of the winding, K."""
     torque_constant_per_kelvin: Annotated[float, Quantity("number")] | None = None
-    """Relative change of the torque constant with the magnets' temperature, 1/K, negative."""
+    """Relative change of the torque constant with magnet temperature, 1/K, negative."""
     mass: Annotated[Positive, Quantity("mass")] | None = None
-    """kg."""
+    """Mass, kg."""
     encoder_counts: Annotated[int, Bound(above=0), Quantity("number")] | None = None
-    """Counts (lines) per turn; a position has four increments for each."""
+    """Counts (lines) per turn. Each count has four increments of position."""
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()
-    """Names of the figures that nobody could source for this motor; sources says what stands in and why."""
+    """Names of the figures that have no source for this motor.
+
+    `sources` states the substitute and the reason.
+    """
     file: str | None = field(default=None, compare=False)
 
     @property
     def placeholder(self) -> bool:
-        """Some figures that a verdict rests on, the encoder being none of them, stand in for unknown ones."""
+        """True if a figure other than that of the encoder is a placeholder.
+
+        Verdicts then rest on it.
+        """
         return any(name != "encoder_counts" for name in self.placeholders)
 
     @property
     def encoder_known(self) -> bool:
-        """The encoder is given, and not by a figure that stands in."""
+        """True if the file gives the encoder and it is not a placeholder."""
         return self.encoder_counts is not None and "encoder_counts" not in self.placeholders
 
     def _check(self) -> None:
@@ -80,6 +87,7 @@ class Motor(Value):
         if winding is not None and motor is not None and winding >= motor:
             raise self._wrong(
                 "time_constant_winding",
-                "longer than time_constant_motor: the winding warms faster than the motor as a whole; are they exchanged?",
+                "longer than time_constant_motor, but the winding warms faster than the motor: "
+                "check for exchanged values",
                 f"less than {motor:g} s",
             )

@@ -1,24 +1,26 @@
-"""What recordings leave open about a drive, as values: equally likely sets of friction parameters, ripple and noise."""
+"""Uncertainty of an identified drive: equally likely friction parameters, ripple and noise."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
 from ssm_planner.problem.value import NotNegative, Positive, Shape, Value
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, record
 
 CONFIDENCE = 0.95
 PEAK_SPREAD, PEAK_DEGREES = 0.3, 4
-"""Spread expected of the logarithm of recordings' peaks, and for how many recordings this expectation counts."""
+"""Prior standard deviation of the logarithm of recorded peaks, and its weight in recordings."""
 LOAD_OFFSET = "load_offset"
-"""A constant effort on the output beside the payload: of the rig, not of the drive."""
+"""Constant effort on the output in addition to the payload.
+
+It belongs to the rig, not to the drive.
+"""
 LAW = "law"
-"""Column of the sets' friction laws, by their number in LAWS, where the recordings leave several possible."""
+"""Column with the friction law of each set as an index into LAWS, if several laws are possible."""
 LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
 FRICTION_NAMES = (
     "mu",
@@ -35,86 +37,99 @@ FRICTION_NAMES = (
 
 
 def interval_of(draws: Array, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Central interval of equally likely values (sets,)."""
+    """Return the central interval of equally likely values (sets,)."""
     low, high = np.quantile(draws, [(1 - confidence) / 2, (1 + confidence) / 2])
     return float(low), float(high)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Ripple(Value):
-    """How torque departs from its mean in steady motion of one direction, N·m: an entry per recording."""
+    """Deviation of the torque from its mean in steady motion in one direction, N·m.
+
+    Each tuple has one entry per recording.
+    """
 
     torque: tuple[Positive, ...]
-    """|mean torque| of the recording."""
+    """Magnitude of the mean torque."""
     ripple: tuple[NotNegative, ...]
-    """RMS of what repeats with the angle of the motor."""
+    """RMS of the part that is periodic in the motor angle."""
     noise: tuple[NotNegative, ...]
-    """RMS of the rest."""
+    """RMS of the remaining part."""
     peak: tuple[Positive, ...]
-    """Largest |torque| beyond the mean."""
+    """Largest deviation of |torque| above the mean."""
 
     def _check(self) -> None:
         for name in ("ripple", "noise", "peak"):
             if not 0 < len(getattr(self, name)) == len(self.torque):
                 raise self._wrong(
                     name,
-                    "not one figure for each recording",
-                    f"{len(self.torque)} figures, at least 1",
+                    "needs one value for each recording",
+                    f"{len(self.torque)} values, at least 1",
                 )
 
     def draw(self, rng: np.random.Generator, count: int, known: float = 0.0) -> Array:
-        """(count,) departures of single samples, N·m: a harmonic of unknown phase, and noise.
+        """Return random deviations of single samples, (count,) in N·m.
 
-        known: mean square of the ripple that is foreseen, N²·m².
+        Each deviation is the sum of a harmonic with random phase and noise. known is the mean
+        square of the predicted ripple in N²·m², which is subtracted.
         """
-        of = rng.integers(len(self.torque), size=count)
+        recording = rng.integers(len(self.torque), size=count)
         phase = rng.uniform(0, 2 * np.pi, count)
-        left = np.sqrt(np.maximum(np.square(self.ripple) - known, 0.0))
-        repeating = np.sqrt(2.0) * left[of] * np.sin(phase)
-        return np.asarray(repeating + np.array(self.noise)[of] * rng.standard_normal(count))
+        remaining = np.sqrt(np.maximum(np.square(self.ripple) - known, 0.0))
+        repeating = np.sqrt(2.0) * remaining[recording] * np.sin(phase)
+        return np.asarray(repeating + np.array(self.noise)[recording] * rng.standard_normal(count))
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
-        """(count,) largest departures of further recordings, N·m: log-normal, its mean and spread themselves uncertain."""
-        logs, known = np.log(self.peak), len(self.peak) - 1 + PEAK_DEGREES
-        square = (np.sum((logs - logs.mean()) ** 2) + PEAK_DEGREES * PEAK_SPREAD**2) / known
+        """Return random largest deviations of further recordings, (count,) in N·m.
+
+        They are log-normal with uncertain mean and spread.
+        """
+        logs, degrees = np.log(self.peak), len(self.peak) - 1 + PEAK_DEGREES
+        square = (np.sum((logs - logs.mean()) ** 2) + PEAK_DEGREES * PEAK_SPREAD**2) / degrees
         spread = math.sqrt(square * (1 + 1 / len(logs)))
-        return np.asarray(np.exp(logs.mean() + spread * rng.standard_t(known, size=count)))
+        return np.asarray(np.exp(logs.mean() + spread * rng.standard_t(degrees, size=count)))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Harmonics(Value):
-    """Torque about its mean in one direction: Σ_k cosine_k cos(order_k θ) + sine_k sin(order_k θ), θ the motor angle."""
+    """Torque deviation from its mean in one direction as a Fourier series in the motor angle θ.
+
+    The series is Σ_k cosine_k cos(order_k θ) + sine_k sin(order_k θ).
+    """
 
     orders: tuple[Positive, ...]
-    """Periods per turn of the motor; below 1: of the wheel."""
+    """Periods per turn of the motor. Orders of the wheel are below 1."""
     cosine: tuple[float, ...]
-    """N·m."""
+    """Cosine coefficients, N·m."""
     sine: tuple[float, ...]
-    """N·m."""
+    """Sine coefficients, N·m."""
     phased: bool
-    """Whether the angle was recorded, so that phases hold for other recordings too; else the amplitudes alone do."""
+    """True if the angle was recorded, so that the phases are valid for other recordings.
+
+    If False, only the amplitudes are valid.
+    """
 
     def _check(self) -> None:
         for name in ("cosine", "sine"):
             if len(getattr(self, name)) != len(self.orders):
                 raise self._wrong(
-                    name, "not one figure for each order", f"{len(self.orders)} figures"
+                    name, "needs one value for each order", f"{len(self.orders)} values"
                 )
 
     @property
     def amplitudes(self) -> Array:
-        """(orders,) N·m."""
+        """Amplitudes of the orders, (orders,) in N·m."""
         return np.hypot(self.cosine, self.sine)
 
     def torque(self, angle: Array) -> Array:
-        """(samples,) N·m at motor angles (samples,), rad."""
+        """Return the torque in N·m at the motor angles (samples,) in rad."""
         waves = np.outer(angle, self.orders)
         return np.asarray(
             np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
         )
 
     def turned(self, start: float) -> Harmonics:
-        """The same with the angle counted from `start`, rad."""
+        """Return the same series for an angle that is measured from `start` in rad."""
         turned = (np.array(self.cosine) - 1j * np.array(self.sine)) * np.exp(
             1j * start * np.array(self.orders)
         )
@@ -122,8 +137,8 @@ class Harmonics(Value):
             self.orders, tuple(turned.real.tolist()), tuple((-turned.imag).tolist()), self.phased
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """The object that `identify --json` prints of one direction."""
+    def to_dict(self) -> JsonObject:
+        """Return the object that `identify --json` prints for one direction."""
         return {
             "orders": self.orders,
             "amplitudes": self.amplitudes.tolist(),
@@ -133,77 +148,94 @@ class Harmonics(Value):
         }
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Posterior(Value):
-    """Sets of friction parameters that recordings make equally likely; SI."""
+    """Equally likely sets of friction parameters after identification, in SI units."""
 
     names: tuple[str, ...]
-    """Of the columns: parameters of Friction, `preload`, LOAD_OFFSET; LAW where not all sets are of the drive's law."""
+    """Names of the columns: parameters of Friction, `preload` and LOAD_OFFSET.
+
+    LAW is a further column if some sets have another law than the drive.
+    """
     draws: Annotated[Array, Shape((-1, -1))]
-    """(sets, parameters)."""
+    """Parameter sets, (sets, parameters)."""
     scatter: NotNegative = 0.0
-    """Of the mean torque from one recording to the next, N·m: t-distributed, since some recordings stand apart."""
+    """Standard deviation of the mean torque between recordings, N·m.
+
+    It is t-distributed because of outliers.
+    """
     common: NotNegative = 0.0
-    """Share of the scatter's variance that recordings of near speed have in common: the law's own error."""
+    """Share of the scatter's variance that recordings of similar speed have in common.
+
+    It is the error of the friction law itself.
+    """
     speeds: tuple[float, ...] = ()
-    """Motor speeds of the recordings, rad/s, outliers left out."""
+    """Motor speeds of the recordings without outliers, rad/s."""
     departures: tuple[float, ...] = ()
-    """Their mean torque beyond that of the drive's own parameters, N·m."""
+    """Differences between measured and modelled mean torque of these recordings, N·m."""
     forwards: Ripple | None = None
     """Ripple and noise in positive motion."""
     backwards: Ripple | None = None
     """Ripple and noise in negative motion."""
     harmonics_forwards: Harmonics | None = None
-    """What of the ripple repeats with the motor's angle in positive motion; None: not known."""
+    """Periodic part of the ripple in positive motion, or None if it is unknown."""
     harmonics_backwards: Harmonics | None = None
-    """The same in negative motion."""
+    """Periodic part of the ripple in negative motion, or None if it is unknown."""
 
     def _check(self) -> None:
-        known = (*FRICTION_NAMES, LOAD_OFFSET, LAW)
+        allowed_names = (*FRICTION_NAMES, LOAD_OFFSET, LAW)
         for name in self.names:
-            if name not in known:
-                raise self._wrong("names", "unknown parameter", ", ".join(known), name)
+            if name not in allowed_names:
+                raise self._wrong("names", "unknown parameter", ", ".join(allowed_names), name)
         if len(self.speeds) != len(self.departures) or 0.0 in self.speeds:
             raise self._wrong(
-                "departures", "not one for each moving recording", f"{len(self.speeds)} figures"
+                "departures",
+                "needs one value for each moving recording",
+                f"{len(self.speeds)} values",
             )
         if self.common >= 1:
-            raise self._wrong("common", "all of the scatter and more", "a share from 0, below 1")
+            raise self._wrong("common", "cannot exceed the whole scatter", "from 0 to below 1")
         if len(set(self.names)) != len(self.names):
-            raise self._wrong("names", "a parameter is named twice", "each once")
+            raise self._wrong("names", "a name occurs twice", "each name once")
         if self.draws.shape[1] != len(self.names) or len(self.draws) < 2:
             raise self._wrong(
                 "draws",
-                "not one column for each name",
+                "needs one column for each name",
                 "two sets of parameters or more",
                 f"shape {self.draws.shape}",
             )
         for name, column in zip(self.names, self.draws.T, strict=True):
             if name != LOAD_OFFSET and column.min() < 0:
                 raise self._wrong(
-                    "draws", f"friction is not negative: {name}", "0 or more", float(column.min())
+                    "draws",
+                    f"friction cannot be negative: {name}",
+                    "0 or more",
+                    float(column.min()),
                 )
         if LAW in self.names and not np.isin(self.column(LAW), range(len(LAWS))).all():
             allowed = ", ".join(f"{k} ({law})" for k, law in enumerate(LAWS))
-            raise self._wrong("draws", "not the number of a law", allowed)
+            raise self._wrong("draws", "not the index of a friction law", allowed)
 
     @property
     def recordings(self) -> int:
-        """How many stand behind it, as far as it tells."""
+        """Number of recordings with ripple data."""
         return sum(
             len(ripple.torque) for ripple in (self.forwards, self.backwards) if ripple is not None
         )
 
     def column(self, name: str) -> Array:
-        """(sets,) of one parameter."""
+        """Return the values of one parameter, (sets,)."""
         return np.asarray(self.draws[:, self.names.index(name)])
 
     def interval(self, name: str, confidence: float = CONFIDENCE) -> tuple[float, float]:
-        """Central interval of one parameter."""
+        """Return the central interval of one parameter."""
         return interval_of(self.column(name), confidence)
 
     def law_shares(self, law: str) -> dict[str, float]:
-        """Share of the sets of every law among them, the most first; law: the drive's."""
+        """Return the share of the sets for each friction law, largest first.
+
+        law is the drive's own law. All sets have it if there is no LAW column.
+        """
         if LAW not in self.names:
             return {law: 1.0}
         shares = {name: float(np.mean(self.column(LAW) == k)) for k, name in enumerate(LAWS)}
@@ -214,14 +246,17 @@ class Posterior(Value):
         }
 
     def ripple(self, direction: int) -> Ripple | None:
-        """In motion of a direction (±1)."""
+        """Return the ripple for a direction of motion (±1)."""
         return self.forwards if direction > 0 else self.backwards
 
     def harmonics(self, direction: int) -> Harmonics | None:
-        """In motion of a direction (±1)."""
+        """Return the harmonics for a direction of motion (±1)."""
         return self.harmonics_forwards if direction > 0 else self.harmonics_backwards
 
     def values(self, count: int | None = None) -> Mapping[str, Array]:
-        """Parameters by name, (count,) each: the sets one after the other, from the first again where there are too few."""
+        """Return the parameters by name, (count,) each.
+
+        The sets are repeated cyclically if count exceeds their number.
+        """
         rows = np.arange(len(self.draws) if count is None else count) % len(self.draws)
         return {name: self.draws[rows, i] for i, name in enumerate(self.names)}

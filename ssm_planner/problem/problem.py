@@ -1,10 +1,10 @@
-"""Problems as frozen values: points, motions, the eye, limits. SI floats and radians, arrays read-only."""
+"""Problems, the eye, and the limits of a task, in SI units and radians."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -44,53 +44,54 @@ from ssm_planner.problem.value import (
     Vector,
     unchecked,
 )
-from ssm_planner.typing import Range
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import Range, record
 from ssm_planner.units import shown
 
 MOST_OF_SPLINE = 20
-"""Points of a spline that optimal control times."""
+"""Largest number of points of a spline that optimal control can time."""
 SLACK = 1e-9
-"""rad or m, so that a point may sit on a limit."""
+"""Tolerance in rad or m for points on a limit."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Lens(Value):
-    """An ellipsoid that the shaft keeps clear of, base frame, m."""
+    """Ellipsoid that the shaft must not touch, in the base frame, m."""
 
     centre: Annotated[Vector, Quantity("length")]
     """Base frame, m, (3,)."""
     semi_axes: Annotated[Vector, Quantity("length")]
-    """m, (3,), along the columns of `frame`."""
+    """Semi-axes along the columns of `frame`, m, (3,)."""
     frame: Matrix
-    """(3, 3), rotation base ← lens."""
+    """Rotation base ← lens, (3, 3)."""
 
     def _check(self) -> None:
         for i, length in enumerate(self.semi_axes.tolist()):
             if not length > 0:
-                raise self._wrong(f"semi_axes[{i}]", "not the half of a lens", "above 0", length)
+                raise self._wrong(f"semi_axes[{i}]", "not positive", "above 0", length)
         check_rotation(self, "frame")
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Eye(Value):
-    """The eye about the remote centre, base frame, m: the retina as a sphere, and the lens where there is one."""
+    """Eye around the remote centre, in the base frame, m: a spherical retina and an optional lens."""
 
     centre: Annotated[Vector, Quantity("length")]
     """Base frame, m, (3,)."""
     radius: Annotated[Positive, Quantity("length")]
-    """Of the retina, m."""
+    """Radius of the retina, m."""
     clearance: Annotated[NotNegative, Quantity("length")]
-    """Least distance of the tip from the retina."""
+    """Smallest allowed distance of the tip from the retina, m."""
     port: Annotated[Positive, Quantity("length")] = 3e-3
-    """Within this distance of the remote centre there is no retina: the incision itself."""
+    """Radius of the incision around the remote centre, m. There is no retina within it."""
     shaft_radius: Annotated[NotNegative, Quantity("length")] = 0.0
-    """Added around the shaft where it passes the lens."""
+    """Distance that the axis of the shaft keeps from the lens, m."""
     lens: Lens | None = None
-    """What the shaft keeps clear of."""
+    """Lens that the shaft must not touch, or None."""
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
-        """What it limits."""
+        """Limits that the eye imposes."""
         retina = RetinaClearance(self.clearance, self.radius)
         if self.lens is None:
             return (retina,)
@@ -100,7 +101,7 @@ class Eye(Value):
         if not self.clearance < self.radius:
             raise self._wrong(
                 "clearance",
-                "nothing is left of the eye",
+                "the clearance leaves no room in the eye",
                 f"less than the radius, {_mm(self.radius)}",
             )
         if self.lens is not None:
@@ -111,26 +112,27 @@ class Eye(Value):
         for i, length in enumerate(lens.semi_axes.tolist()):
             if not length < self.radius:
                 allowed = f"above 0 and below {_mm(self.radius)}"
-                raise self._wrong(f"lens.semi_axes[{i}]", "not the half of a lens", allowed, length)
+                raise self._wrong(f"lens.semi_axes[{i}]", "larger than the eye", allowed, length)
         if np.linalg.norm(lens.centre - self.centre) > self.radius:
             allowed = f"within {_mm(self.radius)} of the eye's centre"
             raise self._wrong("lens.centre", "outside the eye", allowed, lens.centre.tolist())
 
     def _check_port(self) -> None:
-        """A tool through the remote centre can work in this eye."""
+        """Raise ProblemError if a tool through the remote centre cannot work in this eye."""
         distance = float(np.linalg.norm(self.centre))
         if abs(distance - self.radius) > self.port:
             raise self._wrong(
                 "centre",
-                f"the remote centre is {_mm(distance)} from the centre of an eye of radius {_mm(self.radius)}, "
-                f"so the port is not at its wall",
-                f"{_mm(self.radius - self.port)} to {_mm(self.radius + self.port)} from the remote centre",
+                f"the remote centre is {_mm(distance)} from the centre of an eye of radius "
+                f"{_mm(self.radius)}, so the port is not on its wall",
+                f"{_mm(self.radius - self.port)} to {_mm(self.radius + self.port)} from the remote "
+                "centre",
                 self.centre.tolist(),
             )
-        # without this the tip could not get from the port into the eye and keep the clearance all the way
+        # the tip must be able to enter the eye through the port with this clearance
         room = self.port - (distance - self.radius)
         if not self.clearance < room:
-            reason = "the tip cannot keep this distance from the wall where it leaves the port"
+            reason = "the tip cannot keep this distance from the wall when it leaves the port"
             raise self._wrong("clearance", reason, f"less than {_mm(room)}, or a larger port")
         if self.lens is None:
             return
@@ -139,8 +141,9 @@ class Eye(Value):
         if ratio <= least:
             raise self._wrong(
                 "lens.centre",
-                "the lens is where the shaft enters the eye",
-                f"a place from where the lens, enlarged {least:.4g} times, does not reach the remote centre",
+                "the lens blocks the shaft where it enters the eye",
+                f"a position where the lens, enlarged {least:.4g} times, does not contain the "
+                "remote centre",
                 self.lens.centre.tolist(),
             )
 
@@ -150,7 +153,7 @@ def _mm(length: float) -> str:
 
 
 def _text(name: str, value: float) -> str:
-    """A task coordinate or joint value as people read it."""
+    """Return a task coordinate or joint position as text with its unit."""
     unit, scale = shown("m" if name in ("depth", "insertion") else "rad")
     return f"{value * scale:.6g} {unit}"
 
@@ -159,38 +162,55 @@ def _range(name: str, ends: Range) -> str:
     return f"{_text(name, ends[0])} to {_text(name, ends[1])}"
 
 
-@dataclass(frozen=True, eq=False)
-class TaskLimits(Limited):
-    """Limits on where the tool is and how fast it goes, beside those of the joints."""
+@record
+class TaskLimits(Limited, ShortRepr):
+    """Limits on the pose and speed of the tool in addition to those of the joints."""
 
     limits: tuple[Limit, ...] = ()
     eye: Eye | None = None
     start_rate: Mapping[str, float] | None = field(default_factory=dict)
-    """Rates of task coordinates at the start, by name in TASK, 0 where not named; None: whatever the motion has."""
+    """Rates of task coordinates at the start by name in TASK, 0 for missing names.
+
+    None allows any rate.
+    """
     end_rate: Mapping[str, float] | None = field(default_factory=dict)
+    """Rates of task coordinates at the end, in the same form."""
     friction: float | None = None
-    """Share of what is known of the drives' friction within which motor torques hold; None: friction as stated."""
+    """Confidence level of the drives' friction at which motor torques must hold.
+
+    None uses the nominal friction.
+    """
     payload: Range | None = None
-    """Point masses at the tip, kg, with all of which they hold; None: none."""
+    """Range of the point mass at the tip for which motor torques must hold, kg.
+
+    None means no payload.
+    """
     duty: float | None = 0.0
-    """Pause before the motion repeats, s; None: it is done once."""
+    """Pause before the motion repeats, s. None means that the motion is done once."""
     motion: tuple[Straight | Free | Follow | Dwell | Scan, ...] = ()
-    """What the motion is made of, whose lines, rounded corners and constant speeds the check holds it against."""
+    """Motions with lines, rounded corners and constant speeds that the check evaluates."""
 
     def within(self, robot: Robot) -> TaskLimits:
-        """With the ranges of a robot: of two for a coordinate what both allow, or the robot's where that is nothing."""
+        """Return these limits with the ranges of a robot.
+
+        A coordinate with two ranges gets their intersection, or the robot's range if the
+        intersection is empty.
+        """
         limits = list(self.limits)
-        for own in robot.limits:
-            if not isinstance(own, TaskRange):
+        for robot_range in robot.limits:
+            if not isinstance(robot_range, TaskRange):
                 continue
-            same = next((limit for limit in limits if limit.key == own.key), own)
-            low, high = max(own.low, same.low), min(own.high, same.high)
-            both = replace(own, lower=low, upper=high) if low < high else own
-            limits = [*(limit for limit in limits if limit.key != own.key), both]
+            same = next((limit for limit in limits if limit.key == robot_range.key), robot_range)
+            low, high = max(robot_range.low, same.low), min(robot_range.high, same.high)
+            both = replace(robot_range, lower=low, upper=high) if low < high else robot_range
+            limits = [*(limit for limit in limits if limit.key != robot_range.key), both]
         return replace(self, limits=tuple(limits))
 
     def slower(self, stretch: float) -> TaskLimits:
-        """Those of the motion run slower by a factor: its rates at both ends and its constant speeds are lower by as much."""
+        """Return the limits of the motion slowed down by a factor.
+
+        The rates at both ends and the constant speeds are divided by this factor.
+        """
         if stretch == 1:
             return self
         motion = (
@@ -207,17 +227,17 @@ class TaskLimits(Limited):
 
     @property
     def promising(self) -> str:
-        """Names of the motions along given lines."""
+        """Names of the motions along prescribed lines."""
         lines = (
-            each
-            for each in self.motion
-            if isinstance(each, Straight) or getattr(each, "curve", "") in OF_TIP
+            entry
+            for entry in self.motion
+            if isinstance(entry, Straight) or getattr(entry, "curve", "") in OF_TIP
         )
-        return ", ".join(dict.fromkeys(each.name for each in lines))
+        return ", ".join(dict.fromkeys(entry.name for entry in lines))
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
-        """Those of the eye too."""
+        """Limits of the task and of the eye."""
         return self.limits if self.eye is None else (*self.limits, *self.eye.limits)
 
 
@@ -225,60 +245,89 @@ Objective = Literal["time", "time then heat", "effort"]
 Planner = Literal["optimal", "fast", "ipopt", "toppra"]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Problem(Value, Limited):
-    """A robot, where it starts, what it does, and within which limits. Raises ProblemError for what cannot be."""
+    """Robot, start, motions and limits of one planning task.
+
+    Raises ProblemError if the fields contradict each other.
+    """
 
     robot: Robot
     """Geometry, bodies, joint limits, drives and motors."""
     start: Task | Joints | Tip
-    """Task coordinates that it does not name are 0."""
+    """Start point. Missing task coordinates are 0."""
     motion: tuple[Straight | Free | Follow | Dwell | Scan, ...]
-    """One motion after the other."""
+    """Motions in order."""
     limits: tuple[Limit, ...] = ()
-    """Of the task: ranges, rates and speeds; those of the joints are in robot.
+    """Limits of the task: ranges, rates and speeds. The limits of the joints are in `robot`.
 
-    The robot's own ranges and the travel of joint 4 hold too: each range is what all of them leave.
+    Each range is narrowed to the robot's own range and the travel of joint 4.
     """
     objective: Objective = "time then heat"
-    """What is made least: "time"; "time then heat", the coolest of the fastest motions; or in a given duration "effort"."""
+    """Objective of the plan.
+
+    "time" minimises the duration. "time then heat" selects the coolest of the fastest motions.
+    "effort" minimises the effort in a requested duration.
+    """
     eye: Eye | None = None
-    """Retina and lens that the tool keeps clear of."""
+    """Retina and lens that the tool must not touch, or None."""
     start_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
-    """Rates of task coordinates at the very start, by name in TASK; 0 where not named."""
+    """Rates of task coordinates at the start by name in TASK, 0 for missing names."""
     start_acceleration: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    """Accelerations of the joints at the very start of a free motion, where jerk is limited; rad/s², m/s²."""
+    """Joint accelerations at the start of a free motion with jerk limits, rad/s² and m/s²."""
     end_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
-    """Rates of task coordinates at the very end, likewise."""
+    """Rates of task coordinates at the end by name in TASK, 0 for missing names."""
     duration: Annotated[Positive, Quantity("time")] | None = None
-    """Of everything together where it is asked for, s."""
+    """Requested duration of all motions together, s."""
     duty: Annotated[NotNegative, Quantity("time")] | None = 0.0
-    """Pause before the motion repeats, in which motors cool, s. Done once (None), continuous torque is no limit."""
+    """Pause before the motion repeats, s. The motors cool during it.
+
+    None means that the motion is done once, and the limits on continuous torque do not apply.
+    """
     planner: Planner = "optimal"
-    """"optimal": by the structured solver, whose optimum Ipopt confirms; by Ipopt alone where there is none to confirm.
-    "fast": the same optimal control problems by the structured solver, Ipopt where that does not converge. "ipopt": by
-    Ipopt alone. "toppra": straight motions timed by TOPP-RA alone, several times faster; without jerk limits."""
+    """Solvers to use.
+
+    "optimal" uses the structured solver and confirms its optimum with Ipopt. If it finds none,
+    Ipopt solves alone. "fast" uses the structured solver, and Ipopt only if it does not converge.
+    "ipopt" uses
+    Ipopt alone. "toppra" times straight motions with TOPP-RA alone, which is several times faster
+    and
+    does not support jerk limits.
+    """
     friction: Positive | None = None
-    """Share of what is known of the drives' friction within which motor torques hold, as 0.95; None: friction as stated."""
+    """Confidence level of the drives' friction at which motor torques must hold, such as 0.95.
+
+    None uses the nominal friction.
+    """
     payload: Interval | None = None
-    """Least and largest point mass at the tip, kg, with all of which motor torques hold; None: none."""
+    """Range of the point mass at the tip for which motor torques must hold, kg.
+
+    None means no payload.
+    """
     name: str = "problem"
     wider: Annotated[Mapping[str, Interval], Names(TASK)] = field(
         default_factory=dict, compare=False
     )
-    """Ranges asked for that reach beyond the robot's, by name in TASK; filled in where `limits` are narrowed."""
+    """Requested ranges that exceed those of the robot, by name in TASK.
+
+    The constructor fills it in.
+    """
     file: str | None = field(default=None, compare=False)
     from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]
-    """The problem that a mapping with the keys of a problem file describes. Raises ProblemError naming the key."""
-    from_yaml: ClassVar[Callable[[str], Problem]]
-    """The problem that the text of a problem file describes. Raises ProblemError naming line and key.
+    """Return the problem that a mapping with the keys of a problem file describes.
 
-    Both are readers of files, so `loading/load` gives them to this class.
+    Raises ProblemError with the key.
+    """
+    from_yaml: ClassVar[Callable[[str], Problem]]
+    """Return the problem that the text of a problem file describes.
+
+    Raises ProblemError with line and key. `loading/load` adds both functions because they read
+    files.
     """
 
     @cached_property
     def task_limits(self) -> TaskLimits:
-        """Limits on where the tool is and how fast it goes."""
+        """Limits on the pose and speed of the tool."""
         return TaskLimits(
             self.limits,
             self.eye,
@@ -292,7 +341,7 @@ class Problem(Value, Limited):
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
-        """Every limit that holds for a motion: those of joints and motors, of the task and of the eye."""
+        """All limits on a motion: those of joints and motors, of the task and of the eye."""
         of_joints = (limit for joint in self.robot.joints for limit in joint.limits)
         return (*of_joints, *self.task_limits.all_limits)
 
@@ -301,8 +350,8 @@ class Problem(Value, Limited):
         others = (limit for limit in self.limits if not isinstance(limit, TaskRange))
         object.__setattr__(self, "limits", (*self._narrowed(), *others))
         if isinstance(self.start, Task):
-            whole = Task(**{**dict.fromkeys(TASK, 0.0), **self.start.given}, line=self.start.line)
-            object.__setattr__(self, "start", whole)
+            start = Task(**{**dict.fromkeys(TASK, 0.0), **self.start.given}, line=self.start.line)
+            object.__setattr__(self, "start", start)
         if not self.motion:
             raise self._wrong("motion", "no entries", "at least one motion", "()")
         for i, entry in enumerate(self.motion):
@@ -310,8 +359,8 @@ class Problem(Value, Limited):
                 isinstance(entry, Follow) and entry.distance is not None
             ):
                 self._check_over_retina(entry, f"motion[{i}]")
-        for place, point in self._points():
-            self._check_point(place, point)
+        for key, point in self._points():
+            self._check_point(key, point)
         self._check_blends()
         self._check_durations()
         self._check_range()
@@ -319,26 +368,28 @@ class Problem(Value, Limited):
         self._check_for_toppra()
 
     def _narrowed(self) -> list[TaskRange]:
-        """The ranges of the robot, of the travel of joint 4 and of the problem, each narrowed by the others."""
-        left = self.robot.ranges
+        """Return the intersections of the ranges of robot, joint 4 and problem."""
+        ranges = self.robot.ranges
         for name, (lower, upper) in (("depth", self.robot.travel), *self.ranges.items()):
-            low, high = left.get(name, (-math.inf, math.inf))
-            asked, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
+            low, high = ranges.get(name, (-math.inf, math.inf))
+            requested, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
             if not lower < upper:
                 reason, allowed = (
-                    "nothing is left of the range that the robot allows",
+                    "no overlap with the range that the robot allows",
                     _range(name, (low, high)),
                 )
                 raise self._wrong(
                     f"limits.{name}", reason, allowed, _range(name, self.ranges[name])
                 )
-            left[name] = lower, upper
-            if name in self.ranges and (asked[0] < lower - SLACK or asked[1] > upper + SLACK):
+            ranges[name] = lower, upper
+            if name in self.ranges and (
+                requested[0] < lower - SLACK or requested[1] > upper + SLACK
+            ):
                 object.__setattr__(self, "wider", {**self.wider, name: self.ranges[name]})
-        return [TaskRange(name, *ends) for name, ends in left.items()]
+        return [TaskRange(name, *ends) for name, ends in ranges.items()]
 
     def _points(self) -> Iterator[tuple[str, Point]]:
-        """The points that are given, with their places."""
+        """Yield all points with their keys."""
         yield "start", self.start
         for i, entry in enumerate(self.motion):
             if isinstance(entry, Straight):
@@ -351,11 +402,14 @@ class Problem(Value, Limited):
                     (f"motion[{i}].through[{k}]", point) for k, point in enumerate(entry.through)
                 )
 
-    def _check_point(self, place: str, point: Point) -> None:
-        """What is given of a point is within its limits; what follows from it the planner looks at (feasibility)."""
+    def _check_point(self, key: str, point: Point) -> None:
+        """Raise ProblemError if a given coordinate of a point is outside its limits.
+
+        planning/feasibility checks the coordinates that follow from them.
+        """
         if isinstance(point, Task):
             for name, value in point.given.items():
-                self._check_within(f"{place}.{name}", name, value)
+                self._check_within(f"{key}.{name}", name, value)
         elif isinstance(point, Tip):
             distance, (low, high) = math.hypot(*point.position), self.ranges["depth"]
             if distance > max(abs(low), abs(high)) + SLACK:
@@ -363,22 +417,20 @@ class Problem(Value, Limited):
                     f"{distance * 1e3:.4g} mm from the remote centre, outside the limits of depth"
                 )
                 raise self._wrong(
-                    f"{place}.position", reason, _range("depth", (low, high)), list(point.position)
+                    f"{key}.position", reason, _range("depth", (low, high)), list(point.position)
                 )
-            self._check_within(f"{place}.spin", "spin", point.spin)
+            self._check_within(f"{key}.spin", "spin", point.spin)
         else:
             for i, (value, joint) in enumerate(zip(point.values, self.robot.joints, strict=True)):
                 reason = f"outside the position limits of joint {i + 1} ({joint.name})"
-                self._check_within(
-                    f"{place}.values[{i}]", joint.name, value, joint.position, reason
-                )
+                self._check_within(f"{key}.values[{i}]", joint.name, value, joint.position, reason)
             depth = self.robot.geometry.insertion_sign * point.values[3]
             reason = f"gives a depth of {depth * 1e3:g} mm, outside the limits"
-            self._check_within(f"{place}.values[3]", "depth", depth, None, reason)
+            self._check_within(f"{key}.values[3]", "depth", depth, None, reason)
 
     def _check_within(
         self,
-        place: str,
+        key: str,
         name: str,
         value: float,
         ends: Range | None = None,
@@ -387,79 +439,82 @@ class Problem(Value, Limited):
         low, high = ends or self.ranges.get(name, (-math.inf, math.inf))
         if not low - SLACK <= value <= high + SLACK:
             raise self._wrong(
-                place,
+                key,
                 reason or f"outside the limits of {name}",
                 _range(name, (low, high)),
                 _text(name, value),
             )
 
-    def _check_over_retina(self, scan: Scan | Follow, place: str) -> None:
+    def _check_over_retina(self, scan: Scan | Follow, key: str) -> None:
         eye = self.eye
         if eye is None:
-            reason = "the tip is to go along a retina, and no eye is given"
+            reason = "a curve along the retina needs an eye"
             if isinstance(scan, Scan):
-                reason = "a scan is of spots on a retina, and no eye is given"
-            raise self._wrong(place, reason, "a problem with an eye", scan.name)
+                reason = "a scan of the retina needs an eye"
+            raise self._wrong(key, reason, "a problem with an eye", scan.name)
         if scan.distance is not None and scan.distance < eye.clearance:
             allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"
             raise self._wrong(
-                f"{place}.distance",
-                "nearer to the retina than the clearance",
+                f"{key}.distance",
+                "smaller than the clearance from the retina",
                 allowed,
                 scan.distance,
             )
         if scan.distance is not None and scan.distance >= eye.radius:
-            reason = "farther from the retina than the middle of the eye"
-            raise self._wrong(
-                f"{place}.distance", reason, f"below {_mm(eye.radius)}", scan.distance
-            )
+            reason = "farther from the retina than the centre of the eye"
+            raise self._wrong(f"{key}.distance", reason, f"below {_mm(eye.radius)}", scan.distance)
         for diameter in scan.diameters if isinstance(scan, Scan) else ():
             if diameter >= eye.radius:
                 reason = "larger than the eye's radius"
-                raise self._wrong(
-                    f"{place}.diameters", reason, f"below {_mm(eye.radius)}", diameter
-                )
+                raise self._wrong(f"{key}.diameters", reason, f"below {_mm(eye.radius)}", diameter)
 
     def _check_blends(self) -> None:
-        """Corners are rounded between motions along given lines and arcs alone, of which none has a duration of its own."""
+        """Raise ProblemError unless rounded corners lie between lines and arcs without durations."""
         for i, entry in enumerate(self.motion):
             if not isinstance(entry, (Straight, Follow)) or entry.blend is None:
                 continue
-            behind = self.motion[i + 1] if i + 1 < len(self.motion) else None
+            following = self.motion[i + 1] if i + 1 < len(self.motion) else None
             allowed = "straight motions, lines and arcs one after the other; or no blend"
-            if behind is None:
+            if following is None:
                 raise self._wrong(
-                    f"motion[{i}].blend", "no motion follows, so the robot stops", allowed
+                    f"motion[{i}].blend",
+                    "the last motion cannot have a blend because the robot stops",
+                    allowed,
                 )
-            if not isinstance(behind, Straight) and not (
-                isinstance(behind, Follow) and behind.blends
+            if not isinstance(following, Straight) and not (
+                isinstance(following, Follow) and following.blends
             ):
-                reason = f"the robot stops before the next motion, a {behind.kind} ({behind.name})"
+                reason = (
+                    f"the robot stops before the next motion, a {following.kind} ({following.name})"
+                )
                 raise self._wrong(f"motion[{i}].blend", reason, allowed, _mm(entry.blend))
-            for k, each in ((i, entry), (i + 1, behind)):
-                if each.duration is not None:
-                    reason = "a motion that goes on into another one has no duration of its own"
+            for k, neighbour in ((i, entry), (i + 1, following)):
+                if neighbour.duration is not None:
+                    reason = "a motion with a rounded corner cannot have a duration"
                     allowed = "a duration of the whole problem, or no blend"
-                    raise self._wrong(f"motion[{k}].duration", reason, allowed, each.duration)
+                    raise self._wrong(f"motion[{k}].duration", reason, allowed, neighbour.duration)
 
     def _check_durations(self) -> None:
-        """The objective has the durations that it needs."""
+        """Raise ProblemError if the objective needs a duration that is missing."""
         timed = [entry.duration is not None for entry in self.motion]
         if self.objective == "effort" and self.duration is None and not all(timed):
             raise self._wrong(
                 "objective",
-                "the least effort has no duration of its own",
+                "the objective effort needs a duration",
                 "a duration of the whole problem, or one for every motion",
             )
 
     def _check_range(self) -> None:
-        """Of friction and payload: something is known of the friction of every motor's drive."""
+        """Raise ProblemError for an invalid payload or friction level.
+
+        A friction level requires uncertainty data for the drive of every motor.
+        """
         if self.payload is not None and self.payload[0] < 0:
-            raise self._wrong("payload", "not a mass", "[least, largest], from 0 kg")
+            raise self._wrong("payload", "a mass cannot be negative", "[least, largest], from 0 kg")
         if self.friction is None:
             return
         if not 0.5 <= self.friction <= 0.999:
-            raise self._wrong("friction", "not a share of what is known", "50 % to 99.9 %")
+            raise self._wrong("friction", "not a valid confidence level", "50 % to 99.9 %")
         for joint in self.robot.joints:
             drive = joint.drive
             if (
@@ -470,33 +525,40 @@ class Problem(Value, Limited):
             ):
                 continue
             if drive.friction.posterior is None and not drive.friction.covariance:
-                reason = f"nothing is known of how far the friction of {drive.name} (joint {joint.name}) may be off"
+                reason = f"the friction of {drive.name} (joint {joint.name}) has no uncertainty"
                 allowed = (
                     "drives with posterior, covariance or friction_ranges, or no range of friction"
                 )
                 raise self._wrong("friction", reason, allowed)
 
     def _check_stops(self) -> None:
-        """The way of a stop can be limited: there is one from every instant, along the path, without jerk limits."""
+        """Raise ProblemError if the travel of stops cannot be limited.
+
+        A stop must be possible at every instant along the path, so jerk limits are excluded.
+        """
         if self.stop_travel is None:
             return
         if any(self.end_rate.values()):
-            reason = "a motion that ends while it moves leaves no path to stop on"
+            reason = "a motion that does not end at rest leaves no path for a stop"
             raise self._wrong(
                 "end_rate",
                 reason,
                 "a motion that ends at rest, or no stop_travel",
                 dict(self.end_rate),
             )
-        jerk = next((joint.name for joint in self.robot.joints if joint.jerk is not None), None)
-        if jerk is not None:
-            reason = f"the jerk of joint {jerk} is limited, and the quickest stop begins at once"
+        if jerky := self.robot.jerk_limited:
+            reason = (
+                f"the jerk of joint {jerky[0]} is limited, so the acceleration cannot jump to stop"
+            )
             raise self._wrong(
                 "limits", reason, "a robot without jerk limits, or no stop_travel", "stop_travel"
             )
 
     def check_total(self) -> None:
-        """Raises ProblemError where the duration of the whole contradicts those of its motions; the planner says so too."""
+        """Raise ProblemError if the total duration contradicts the durations of the motions.
+
+        The planner calls it too.
+        """
         if self.duration is None:
             return
         timed = [entry.duration is not None for entry in self.motion]
@@ -504,8 +566,8 @@ class Problem(Value, Limited):
         if all(timed):
             raise self._wrong(
                 "duration",
-                "every motion has a duration of its own already",
-                "no duration of the whole",
+                "every motion already has a duration",
+                "no duration of the whole problem",
             )
         if fixed >= self.duration:
             raise self._wrong(
@@ -513,40 +575,47 @@ class Problem(Value, Limited):
             )
 
     def _check_for_toppra(self) -> None:
-        """TOPP-RA is asked for nothing but the fastest motion along a path, without jerk limits."""
-        asks = [
-            f"a jerk limit of joint {joint.name}"
-            for joint in self.robot.joints
-            if joint.jerk is not None
-        ]
+        """Raise ProblemError if TOPP-RA must time a motion that it does not support.
+
+        TOPP-RA supports no durations, no minimal effort and no jerk limits.
+        """
+        requests = [f"a jerk limit of joint {name}" for name in self.robot.jerk_limited]
         if self.duration is not None or self.objective == "effort":
-            asks.append("a duration or effort as the objective")
+            requests.append("a duration or effort as the objective")
         if self.planner == "toppra":
             moving = [entry for entry in self.motion if not isinstance(entry, Dwell)]
-            free = [each for each in moving if not isinstance(each, (Straight, Follow))]
-            asks += [f"a {each.kind} motion ({each.name})" for each in free]
-            asks += [f"a duration of {each.name}" for each in moving if each.duration is not None]
-            if asks:
+            free = [entry for entry in moving if not isinstance(entry, (Straight, Follow))]
+            requests += [f"a {entry.kind} motion ({entry.name})" for entry in free]
+            requests += [
+                f"a duration of {entry.name}" for entry in moving if entry.duration is not None
+            ]
+            if requests:
                 allowed = "straight motions and paths as fast as possible"
-                raise self._wrong("planner", f"TOPP-RA cannot take {asks[0]}", allowed)
+                raise self._wrong("planner", f"TOPP-RA does not support {requests[0]}", allowed)
         for i, entry in enumerate(self.motion):
-            own = [*asks, *["a duration"] * (entry.duration is not None)]
-            if not own or not isinstance(entry, Follow):
+            unsupported = [*requests, *["a duration"] * (entry.duration is not None)]
+            if not unsupported or not isinstance(entry, Follow):
                 continue
-            reason = f"TOPP-RA alone times it, and cannot take {own[0]}"
+            reason = f"only TOPP-RA can time it, and does not support {unsupported[0]}"
             if entry.constant_speed is not None:
                 allowed = "no constant_speed; or motions as fast as possible, without jerk limits"
                 raise self._wrong(f"motion[{i}].constant_speed", reason, allowed)
             points = len(entry.through) + 1
             if entry.curve == "samples" or (entry.curve == "spline" and points > MOST_OF_SPLINE):
-                allowed = f"a spline through {MOST_OF_SPLINE} points at most; or as fast as possible, without jerk limits"
+                allowed = (
+                    f"a spline through {MOST_OF_SPLINE} points at most; "
+                    f"or as fast as possible, without jerk limits"
+                )
                 raise self._wrong(f"motion[{i}]", reason, allowed, f"{points} points")
 
     def by_optimal_control(self, motion: Motion) -> bool:
-        """A spline that TOPP-RA does not time: where jerk is limited, or a duration or the least effort asked for."""
+        """Return True for a spline that TOPP-RA cannot time.
+
+        This is the case with jerk limits, a requested duration or minimal effort.
+        """
         if not isinstance(motion, Follow) or motion.curve != "spline":
             return False
         slower = (
             self.duration is not None or motion.duration is not None or self.objective == "effort"
         )
-        return slower or any(joint.jerk is not None for joint in self.robot.joints)
+        return slower or bool(self.robot.jerk_limited)

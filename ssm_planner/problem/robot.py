@@ -1,10 +1,10 @@
-"""Robots as frozen values: geometry, bodies, joints. SI floats and radians, arrays read-only."""
+"""Geometry, bodies and joints of robots, in SI units and radians."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeVar, get_args
 
@@ -39,33 +39,43 @@ from ssm_planner.problem.value import (
     check_name,
 )
 from ssm_planner.problem.value import frozen as frozen
-from ssm_planner.typing import Array, Range
+from ssm_planner.typing import Array, Range, record
 
 L = TypeVar("L", bound=Limit)
 
 JOINTS = ("roll", "tilt", "spin", "insertion")
-"""Names by which limits and results speak of joints 1 to 4."""
+"""Names of joints 1 to 4 in limits and results."""
 
 
 UNIT_TOLERANCE = 1e-6
 SMALLEST_ANGLE = math.radians(0.1)
-"""Between neighbouring axes; below it they count as parallel."""
+"""Smallest angle between neighbouring axes. They count as parallel below it."""
 TRIANGLE_SLACK = 1e-6
-"""Of the triangle inequality, relative to the largest moment: printed figures are rounded."""
-POSSIBLE = "principal moments about the centre of mass that are positive, none above the sum of the other two"
+"""Tolerance of the triangle inequality for rounded figures, relative to the largest moment."""
+POSSIBLE = (
+    "positive principal moments about the centre of mass, none above the sum of the other two"
+)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Geometry(Value):
-    """Axes of the mechanism in the base frame at q = 0 (paper, eq. 1); unit vectors, shape (3,)."""
+    """Axes of the mechanism in the base frame at q = 0 (paper, eq. 1).
+
+    Unit vectors of shape (3,).
+    """
 
     omega1: Vector
     omega2: Vector
     omega3: Vector
     tool_home: Matrix
-    """R_0, (3, 3), base ← tool at q = 0; its z column is omega3."""
+    """Rotation R_0 base ← tool at q = 0, (3, 3). Its z column is omega3."""
     insertion_sign: Sign = -1
-    """depth = insertion_sign · θ4."""
+    """Sign s in depth = s · θ4."""
+
+    @property
+    def axes(self) -> tuple[Array, Array, Array, Array]:
+        """Axes of joints 1 to 4, (3,) each. The tool slides along the axis of joint 3."""
+        return self.omega1, self.omega2, self.omega3, self.omega3
 
     def _check(self) -> None:
         for name in ("omega1", "omega2", "omega3"):
@@ -79,29 +89,33 @@ class Geometry(Value):
                 )
         check_rotation(self, "tool_home")
         if np.linalg.norm(self.tool_home[:, 2] - self.omega3) > UNIT_TOLERANCE:
-            found, wanted = (
+            actual, required = (
                 np.array2string(vector, precision=5)
                 for vector in (self.tool_home[:, 2], self.omega3)
             )
             raise self._wrong(
                 "tool_home",
-                f"the z axis of the tool is the tool axis, {wanted}, but this frame has its z along {found}",
+                f"the z axis of the tool is the tool axis, {required}, but the z axis of this "
+                f"frame is {actual}",
                 "rotations from the base to the tool at home, such as [y -113 deg, y 90 deg]",
             )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Body(Value):
-    """Inertial data of one moving body, in its own frame at the RCM."""
+    """Inertial data of one moving body in its own frame at the RCM."""
 
     name: str
-    """Such as the CAD part's."""
+    """Name such as that of the CAD part."""
     mass: Annotated[NotNegative, Quantity("mass")]
-    """kg; 0 where it is counted in another body."""
+    """Mass in kg, or 0 if another body includes it."""
     com: Annotated[Vector, Quantity("length")]
     """Centre of mass in the body frame, m, (3,)."""
     inertia: Matrix
-    """Inertia tensor about the body frame's origin, kg·m², (3, 3), products with the tensor's sign (−∫xy dm)."""
+    """Inertia tensor about the origin of the body frame, kg·m², (3, 3).
+
+    Products have the sign of −∫xy dm.
+    """
     frame: Matrix
     """Rotation base ← body at q = 0, (3, 3)."""
 
@@ -120,112 +134,124 @@ class Body(Value):
         moments = principal_moments(self.mass, self.com, self.inertia)
         if not possible(moments):
             listed = ", ".join(f"{moment:.4g}" for moment in moments)
-            reason = f"no body can have this inertia: its principal moments about the centre of mass are ({listed}) kg*m^2"
+            reason = f"impossible principal moments about the centre of mass, ({listed}) kg*m^2"
             raise self._wrong("inertia", reason, POSSIBLE)
 
 
 @lru_cache(maxsize=1024)
-def _kept(kind: Callable[..., Limit], *values: Any) -> Limit:
-    """A limit of these values: checks and plans ask for the same ones again and again."""
-    return kind(*values)
+def _cached_limit(limit_type: Callable[..., Limit], *values: Any) -> Limit:
+    """Return a cached limit, because checks and plans request the same limits repeatedly."""
+    return limit_type(*values)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Joint(Value):
-    """Limits and actuation of one joint; rad or m and their time derivatives."""
+    """Limits and actuation of one joint, in rad or m and their time derivatives."""
 
     name: str
     kind: Literal["revolute", "prismatic"]
     position: Annotated[Interval, Quantity("angle", "length")]
-    """Range."""
+    """Range of the position."""
     velocity: Annotated[Positive, Quantity("angular_velocity", "velocity")]
-    """Largest, by magnitude."""
+    """Largest |velocity|."""
     acceleration: Annotated[Positive, Quantity("angular_acceleration", "acceleration")]
-    """Largest, by magnitude."""
+    """Largest |acceleration|."""
     jerk: Annotated[Positive, Quantity("angular_jerk", "jerk")] | None = None
-    """Largest, by magnitude; without it jerk is not limited."""
+    """Largest |jerk|, or None if it is unlimited."""
     drive: Drive | None = None
-    """Gear or screw with its friction; without it torque and motor of the joint are not checked."""
+    """Gear or screw with its friction.
+
+    Without it, the torque and motor of the joint are not checked.
+    """
     motor: Motor | None = None
-    """Motor that turns the drive; without it motor torque and speed are not limited."""
+    """Motor that turns the drive. Without it, motor torque and speed are unlimited."""
     alternatives: tuple[Motor, ...] = ()
-    """Motors that it may be instead, where what is known of the robot leaves it open; `size` judges them beside."""
+    """Other motors that the robot may have at this joint. `size` checks them as well."""
     motor_direction: Sign = 1
-    """Sense in which the motor's controller counts when the joint moves forward."""
+    """Sign of the motor controller's position relative to the joint."""
 
     def _check(self) -> None:
-        check_name(self.name, JOINTS, "Joint.name", "not a joint known here")
+        check_name(self.name, JOINTS, "Joint.name", "unknown joint")
         drive, motor = self.drive, self.motor
         if drive is None:
             return
         if motor is not None and (motor.rotor_inertia or 0.0) > drive.input_inertia:
             reason = (
-                f"the rotor of {motor.name} ({motor.rotor_inertia:.4g} kg*m^2) has more inertia than the whole input "
+                f"the rotor of {motor.name} ({motor.rotor_inertia:.4g} kg*m^2) has more inertia "
+                "than the input "
                 f"side of the drive ({drive.input_inertia:.4g} kg*m^2), which includes it"
             )
             raise self._wrong(
-                "motor", reason, "a drive whose input_inertia counts the rotor in", motor.name
+                "motor", reason, "a drive whose input_inertia includes the rotor", motor.name
             )
         if self.alternatives and motor is None:
             raise self._wrong(
-                "alternatives", "instead of which motor?", "none, or a motor beside them"
+                "alternatives",
+                "alternatives need a motor that they replace",
+                "none, or a motor as well",
             )
-        revolute = self.kind == "revolute"
         if drive.friction is None:
             raise self._wrong(
                 "drive",
-                "the friction of this drive is still to be identified",
+                "the friction of this drive has not been identified",
                 "friction",
                 drive.name,
             )
-        if revolute == drive.slides:
-            kinds = [kind for kind in get_args(DriveKind) if (kind in TURNING) == revolute]
-            reason = f"a {drive.kind} drive, but this joint {'turns' if revolute else 'slides'}"
+        if self.slides != drive.slides:
+            kinds = [kind for kind in get_args(DriveKind) if (kind in TURNING) != self.slides]
+            reason = f"a {drive.kind} drive does not fit a {self.kind} joint"
             raise self._wrong("drive", reason, ", ".join(kinds), drive.name)
 
     @property
+    def slides(self) -> bool:
+        """True for a prismatic joint."""
+        return self.kind == "prismatic"
+
+    @property
     def unit(self) -> str:
-        """Of its positions: rad or m."""
-        return "rad" if self.kind == "revolute" else "m"
+        """Unit of the joint position: rad or m."""
+        return "m" if self.slides else "rad"
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """Everything that limits this joint, its motor and its drive."""
-        name, slides, drive, motor = self.name, self.kind == "prismatic", self.drive, self.motor
-        found = [
-            _kept(JointPosition, name, *self.position, slides),
-            _kept(JointVelocity, name, self.velocity, slides),
-            _kept(JointAcceleration, name, self.acceleration, slides),
+        """All limits of this joint, its motor and its drive."""
+        name, slides, drive, motor = self.name, self.slides, self.drive, self.motor
+        limits = [
+            _cached_limit(JointPosition, name, *self.position, slides),
+            _cached_limit(JointVelocity, name, self.velocity, slides),
+            _cached_limit(JointAcceleration, name, self.acceleration, slides),
         ]
         if self.jerk is not None:
-            found.append(_kept(JointJerk, name, self.jerk, slides))
+            limits.append(_cached_limit(JointJerk, name, self.jerk, slides))
         if drive is None:
-            return tuple(found)
+            return tuple(limits)
         if motor is not None:
-            found.append(_kept(MotorSpeed, name, motor.max_speed))
-            found.append(_kept(MotorTorque, name, motor.max_torque))
-            found.append(_kept(ContinuousTorque, name, motor.nominal_torque))
+            limits.append(_cached_limit(MotorSpeed, name, motor.max_speed))
+            limits.append(_cached_limit(MotorTorque, name, motor.max_torque))
+            limits.append(_cached_limit(ContinuousTorque, name, motor.nominal_torque))
         if drive.kind == "antibacklash_screw":
-            found.append(_kept(NutContact, name))
+            limits.append(_cached_limit(NutContact, name))
         if drive.self_locking and drive.friction is not None:
             lowest = drive.friction.mu_lowest
-            found.append(_kept(SelfLocking, name, drive.friction.mu if lowest is None else lowest))
-        return tuple(found)
+            limits.append(
+                _cached_limit(SelfLocking, name, drive.friction.mu if lowest is None else lowest)
+            )
+        return tuple(limits)
 
     def limit(self, kind: type[L]) -> L:
-        """The limit of one kind. Raises KeyError where there is none."""
+        """Return the limit of one kind. Raises KeyError if the robot does not have it."""
         for limit in self.limits:
             if isinstance(limit, kind):
                 return limit
         raise KeyError(kind.__name__)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Robot(Value, Limited):
-    """A serial spherical mechanism: geometry, bodies and joints with their limits, drives and motors; SI."""
+    """Serial spherical mechanism with geometry, bodies, joints, drives and motors, in SI units."""
 
     name: str
-    """By which results speak of it."""
+    """Name of the robot in results."""
     geometry: Geometry
     bodies: tuple[Body, Body, Body, Body]
     joints: tuple[Joint, Joint, Joint, Joint]
@@ -234,21 +260,23 @@ class Robot(Value, Limited):
     limits: tuple[Limit, ...] = ()
     """Ranges of task coordinates that the robot itself declares."""
     corners: tuple[Robot, ...] = ()
-    """The same robot with other friction and tool mass: where there are some, a planner keeps its motors' driving torques
-    with each of them."""
+    """Variants of the robot with other friction and tool mass.
+
+    If there are any, the planner respects the driving torques of the motors for each of them.
+    """
     lightest: tuple[Robot, ...] = ()
-    """The same for braking torques."""
+    """Variants for braking torques."""
     file: str | None = field(default=None, compare=False)
 
     def _check(self) -> None:
         task_limits(self.limits, "Robot.limits")
         for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
             if joint.name != name:
-                raise self._wrong(f"joints[{i}].name", "not in this place", name, joint.name)
+                raise self._wrong(f"joints[{i}].name", "wrong order of joints", name, joint.name)
             kind = "prismatic" if name == "insertion" else "revolute"
             if joint.kind != kind:
                 raise self._wrong(
-                    f"joints[{i}].kind", f"not the kind of joint {name}", kind, joint.kind
+                    f"joints[{i}].kind", f"wrong kind for joint {name}", kind, joint.kind
                 )
         low, high = self.travel
         for name, (lower, upper) in self.ranges.items():
@@ -259,20 +287,27 @@ class Robot(Value, Limited):
                 )
 
     @property
+    def jerk_limited(self) -> tuple[str, ...]:
+        """Names of the joints with a limit on their jerk."""
+        return tuple(joint.name for joint in self.joints if joint.jerk is not None)
+
+    @property
     def loads(self) -> tuple[Robot, ...]:
-        """One robot for each set of bodies, of itself and its corners."""
+        """One robot for each different set of bodies among the robot and its variants."""
         if not self.corners and not self.lightest:
             return (self,)
         different = {id(robot.bodies): robot for robot in (*self.lightest, *self.corners, self)}
-        found: dict[tuple[Body, ...], Robot] = {}
+        by_bodies: dict[tuple[Body, ...], Robot] = {}
         for robot in reversed(different.values()):
-            found.setdefault(robot.bodies, robot)
-        return tuple(found.values())
+            by_bodies.setdefault(robot.bodies, robot)
+        return tuple(by_bodies.values())
 
     def actuations(self, i: int) -> tuple[tuple[int, Drive, tuple[int, ...]], ...]:
-        """(position in `loads`, drive, sides) with which the motor of joint i has to manage, each once; none without one.
+        """Return the cases (index in `loads`, drive, sides) that the motor of joint i must handle.
 
-        sides: +1 where it drives, −1 where it brakes; a robot with corners has to manage with these alone.
+        Each case occurs once. The result is empty for a joint without motor. sides contains +1 if
+        the motor drives and −1 if it brakes. A robot with variants has only the cases of its
+        variants.
         """
         if self.joints[i].motor is None:
             return ()
@@ -281,18 +316,18 @@ class Robot(Value, Limited):
             return () if drive is None else ((0, drive, (1, -1)),)
         bodies = [robot.bodies for robot in self.loads]
         position: dict[int, int] = {}
-        found: dict[tuple[int, int], tuple[int, Drive, tuple[int, ...]]] = {}
-        wanted: list[tuple[Robot, tuple[int, ...]]] = [(each, (1,)) for each in self.corners]
-        wanted += [(each, (-1,)) for each in self.lightest]
-        for robot, sides in wanted:
+        cases: dict[tuple[int, int], tuple[int, Drive, tuple[int, ...]]] = {}
+        variants: list[tuple[Robot, tuple[int, ...]]] = [(corner, (1,)) for corner in self.corners]
+        variants += [(corner, (-1,)) for corner in self.lightest]
+        for robot, sides in variants:
             drive = robot.joints[i].drive
-            if id(robot.bodies) not in position:  # a comparison of bodies takes long
+            if id(robot.bodies) not in position:  # comparing bodies is slow
                 position[id(robot.bodies)] = bodies.index(robot.bodies)
             load = position[id(robot.bodies)]
             if drive is not None:
-                before = found.get((load, id(drive)), (load, drive, ()))[2]
-                found[load, id(drive)] = (load, drive, tuple(dict.fromkeys((*before, *sides))))
-        return tuple(found.values())
+                before = cases.get((load, id(drive)), (load, drive, ()))[2]
+                cases[load, id(drive)] = (load, drive, tuple(dict.fromkeys((*before, *sides))))
+        return tuple(cases.values())
 
     @property
     def travel(self) -> Range:
@@ -304,7 +339,10 @@ class Robot(Value, Limited):
 
 
 def unit_vector(vector: Array, where: str) -> Array:
-    """The vector (3,) at length 1. Raises ProblemError where its length differs by more than 1e-6."""
+    """Return the vector (3,) scaled to length 1.
+
+    Raises ProblemError if its length differs from 1 by more than 1e-6.
+    """
     length = float(np.linalg.norm(vector))
     if not abs(length - 1) <= UNIT_TOLERANCE:
         reason = f"the vector has length {length:.7g}"
@@ -315,19 +353,25 @@ def unit_vector(vector: Array, where: str) -> Array:
 
 
 def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
-    """Principal moments about the centre of mass, ascending, kg·m², (3,); inertia (3, 3) is about the origin."""
+    """Return the ascending principal moments about the centre of mass, kg·m², (3,).
+
+    inertia (3, 3) is about the origin.
+    """
     about_com = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
     return np.asarray(np.linalg.eigvalsh(about_com), dtype=float)
 
 
 def possible(moments: Array) -> bool:
-    """Whether a body can have these principal moments (3,), ascending: positive, none above the sum of the other two."""
+    """Return True if a body can have these ascending principal moments (3,).
+
+    They must be positive, and none may exceed the sum of the other two.
+    """
     low, middle, high = moments
     return bool(low > 0 and high <= low + middle + TRIANGLE_SLACK * high)
 
 
 def check_rotation(value: Value, name: str) -> None:
-    """Raises ProblemError where the field holds no rotation."""
+    """Raise ProblemError if the field is not a rotation matrix."""
     matrix = getattr(value, name)
     if (
         not np.allclose(matrix.T @ matrix, np.eye(3), rtol=0, atol=UNIT_TOLERANCE)

@@ -1,4 +1,4 @@
-"""Resolved values as JSON types and back: what plan.json holds of a problem, and the problem rebuilt from it."""
+"""Conversion of resolved values to JSON types and back, as plan.json stores them."""
 
 from __future__ import annotations
 
@@ -37,13 +37,17 @@ from ssm_planner.problem.value import (
     converted,
     wrong,
 )
+from ssm_planner.typing import JsonObject
 
 PRIMITIVE = {type(None), bool, int, float, str}
-"""What most fields hold, and JSON as it is."""
+"""Types that JSON represents directly."""
 
 
 def plain(value: Any) -> Any:
-    """Dataclasses, arrays and mappings as JSON types; limits by the names of what they limit."""
+    """Return dataclasses, arrays and mappings as JSON types.
+
+    Limits become a mapping from the limited quantity to its bound.
+    """
     kind: Any = type(value)
     if kind in PRIMITIVE:
         return value
@@ -63,17 +67,20 @@ def plain(value: Any) -> Any:
 
 
 def robot_hash(robot: Robot) -> str:
-    """SHA-256 of a robot's resolved values, whatever files they came from."""
+    """Return the SHA-256 of a robot's resolved values. It does not depend on the names of files."""
     return hashlib.sha256(robot_text(robot).encode()).hexdigest()
 
 
 def robot_text(robot: Robot) -> str:
-    """A robot's resolved values as JSON, whatever files they came from; of the one last asked for it is known."""
+    """Return a robot's resolved values as JSON text without the names of files.
+
+    The text of the last robot is cached.
+    """
     global _last
-    known = _last
-    if known is None or known[0] is not robot:
-        known = _last = robot, json.dumps(_without_files(plain(robot)), sort_keys=True)
-    return known[1]
+    cached = _last
+    if cached is None or cached[0] is not robot:
+        cached = _last = robot, json.dumps(_without_files(plain(robot)), sort_keys=True)
+    return cached[1]
 
 
 _last: tuple[Robot, str] | None = None
@@ -87,7 +94,7 @@ def _without_files(data: Any) -> Any:
 
 @cache
 def _names(cls: Any) -> tuple[str, ...]:
-    """Of the fields of a dataclass; none of another class."""
+    """Return the field names of a dataclass, or an empty tuple for any other class."""
     return (
         tuple(field.name for field in dataclasses.fields(cls))
         if dataclasses.is_dataclass(cls)
@@ -95,23 +102,23 @@ def _names(cls: Any) -> tuple[str, ...]:
     )
 
 
-def _robot(robot: Robot) -> dict[str, Any]:
+def _robot(robot: Robot) -> JsonObject:
     # corners and lightest are of a planner's making
-    own = {
+    fields = {
         name: plain(getattr(robot, name))
         for name in _names(Robot)
         if name not in ("corners", "lightest")
     }
-    return own | {"limits": plain(robot.ranges)}
+    return fields | {"limits": plain(robot.ranges)}
 
 
-def _problem(problem: Problem) -> dict[str, Any]:
+def _problem(problem: Problem) -> JsonObject:
     stated = {field: bound for field, bound in limits_to_plain(problem).items() if field != "eye"}
     return {name: plain(getattr(problem, name)) for name in _names(Problem)} | stated
 
 
-def _point(point: Point) -> dict[str, Any]:
-    """A point as plan.json states it: one of task, joints, tip (with spin)."""
+def _point(point: Point) -> JsonObject:
+    """Return a point as plan.json states it: one of task, joints and tip (with spin)."""
     return {
         "task": point.given if isinstance(point, Task) else None,
         "joints": list(point.values) if isinstance(point, Joints) else None,
@@ -121,8 +128,8 @@ def _point(point: Point) -> dict[str, Any]:
     }
 
 
-def _motion(motion: Motion) -> dict[str, Any]:
-    """An entry of the motion list as plan.json states it, whatever its kind."""
+def _motion(motion: Motion) -> JsonObject:
+    """Return an entry of the motion list as plan.json states it, whatever its kind."""
     scan: Any = None
     target: Point | None = None
     if isinstance(motion, Scan):
@@ -131,7 +138,7 @@ def _motion(motion: Motion) -> dict[str, Any]:
         scan |= {"order": motion.order} if motion.order != "given" else {}
     elif not isinstance(motion, Dwell):
         target = motion.to
-    entry = {
+    entry: JsonObject = {
         "kind": motion.kind,
         "name": motion.name,
         "target": None if target is None else _point(target),
@@ -142,22 +149,22 @@ def _motion(motion: Motion) -> dict[str, Any]:
         else [],
         "scan": scan,
     }
-    if isinstance(motion, Free) and motion.spin_free:
-        entry["spin_free"] = True
-    if isinstance(motion, (Straight, Follow)) and motion.blend is not None:
-        entry["blend"] = motion.blend
-    if not isinstance(motion, Follow):
-        return entry
-    more = {"constant_speed": motion.constant_speed, "distance": motion.distance}
-    return {
-        **entry,
-        "curve": motion.curve,
-        "file": motion.file,
-        **{k: v for k, v in more.items() if v is not None},
-    }
+    for name in _OF_KIND.get(motion.kind, ()):
+        value = getattr(motion, name)
+        if value or name in _ALWAYS:
+            entry[name] = value
+    return entry
 
 
 _SCAN = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
+_OF_KIND: dict[str, tuple[str, ...]] = {
+    Follow.kind: ("blend", "curve", "file", "constant_speed", "distance"),
+    Free.kind: ("spin_free",),
+    Straight.kind: ("blend",),
+}
+"""Keys that only motions of one kind have."""
+_ALWAYS = ("curve", "file")
+"""Those that are present even if they have no value."""
 _KINDS = {"straight": Straight, "free": Free, "path": Follow, "dwell": Dwell, "scan": Scan}
 
 
@@ -176,12 +183,7 @@ def _point_from(data: Any, where: str) -> Point:
 
 
 def _motion_from(data: Any, where: str) -> Motion:
-    more = {
-        Follow.kind: ("curve", "file", "blend", "constant_speed", "distance"),
-        Free.kind: ("spin_free",),
-        Straight.kind: ("blend",),
-    }
-    of_kind = more.get(str(data.get("kind")), ()) if isinstance(data, Mapping) else ()
+    of_kind = _OF_KIND.get(str(data.get("kind")), ()) if isinstance(data, Mapping) else ()
     check_mapping(
         data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), where
     )
@@ -195,7 +197,6 @@ def _motion_from(data: Any, where: str) -> Motion:
     }
     if cls is Scan:
         del values["duration"]
-    if cls is Scan:
         check_mapping(data.get("scan"), (*_SCAN, "order"), f"{where}.scan")
         values |= data["scan"]
     if cls is not Dwell:
@@ -214,8 +215,12 @@ def _motion_from(data: Any, where: str) -> Motion:
     return motion
 
 
-def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
-    """Limits of the task as plan.json states them: ranges and rates by coordinate, the tool's by field, the eye."""
+def limits_to_plain(value: Problem | TaskLimits) -> JsonObject:
+    """Return the limits of the task as plan.json states them.
+
+    The result has ranges and rates by task coordinate, limits of the tool by `ToolLimit.field`, and
+    the eye.
+    """
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.of_tool}}
     stated = {
         "limits": plain(value.ranges),
@@ -226,19 +231,19 @@ def limits_to_plain(value: Problem | TaskLimits) -> dict[str, Any]:
     return stated | {name: plain(getattr(value, name)) for name in ("friction", "payload")}
 
 
-_SPECIAL: dict[type, Callable[[Any], dict[str, Any]]] = {
+_SPECIAL: dict[type, Callable[[Any], JsonObject]] = {
     Robot: _robot,
     Problem: _problem,
     TaskLimits: limits_to_plain,
     **dict.fromkeys((Task, Joints, Tip), _point),
     **dict.fromkeys((Straight, Free, Follow, Dwell, Scan), _motion),
 }
-"""Values whose fields are not their keys."""
+"""Conversions of the values whose keys in plan.json differ from their fields."""
 
 
 @contextmanager
 def _named(file: str | None) -> Iterator[None]:
-    """Errors of what is read within name the file."""
+    """Add the name of the file to errors that the block raises."""
     try:
         yield
     except ProblemError as error:
@@ -247,35 +252,37 @@ def _named(file: str | None) -> Iterator[None]:
 
 
 def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Problem:
-    """The problem that `plain` made JSON types of, bit for bit; arrays read-only.
+    """Return the problem that `plain` converted to JSON types, identical bit for bit.
 
-    file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
+    file is named in messages. Raises ProblemError with the key, its value and the allowed values.
     """
     task = task_limits_from_plain(data, file)
-    given: dict[str, Any] = {
+    resolved: dict[str, Any] = {
         "robot": robot_from_plain(data.get("robot", {}), file),
         "limits": task.limits,
     }
     with _named(file):
-        given |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
-        given |= {"start": _point_from(data.get("start"), "problem.start")}
+        resolved |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
+        resolved |= {"start": _point_from(data.get("start"), "problem.start")}
         entries = data.get("motion")
         if not isinstance(entries, (list, tuple)):
             raise wrong("problem.motion", entries, "a list")
-        given["motion"] = tuple(
+        resolved["motion"] = tuple(
             _motion_from(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries)
         )
         rest = {
-            key: item for key, item in data.items() if key not in {*given, *limits_to_plain(task)}
+            key: item
+            for key, item in data.items()
+            if key not in {*resolved, *limits_to_plain(task)}
         }
-        problem: Problem = built(Problem, rest, "problem", given)
+        problem: Problem = built(Problem, rest, "problem", resolved)
     return problem
 
 
 def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
-    """The robot that `plain` made JSON types of, bit for bit; arrays read-only.
+    """Return the robot that `plain` converted to JSON types, identical bit for bit.
 
-    file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
+    file is named in messages. Raises ProblemError with the key, its value and the allowed values.
     """
     with _named(file):
         robot: Robot = built(
@@ -285,9 +292,10 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
 
 
 def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) -> TaskLimits:
-    """The limits of the task in a problem that `plain` made JSON types of; those that it does not name are none.
+    """Return the task limits of a problem that `plain` converted to JSON types.
 
-    file: named in messages. Raises ProblemError naming the key, its value and what is allowed.
+    A limit without a key is absent from the result. file is named in messages. Raises ProblemError
+    with the key, its value and the allowed values.
     """
     with _named(file):
         limits: list[Limit] = _ranges(problem.get("limits"), "problem.limits")
@@ -313,8 +321,8 @@ def _ranges(data: Any, where: str) -> list[Limit]:
 
 
 def _by_task(hint: Any, data: Any, where: str) -> dict[str, Any]:
-    """A mapping from task coordinates; none is an empty one."""
-    found: dict[str, Any] = converted(
+    """Return a mapping from task coordinates, empty if data is None."""
+    by_coordinate: dict[str, Any] = converted(
         Annotated[Mapping[str, hint], Names(TASK)], {} if data is None else data, where
     )
-    return found
+    return by_coordinate

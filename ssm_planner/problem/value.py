@@ -1,7 +1,10 @@
-"""What all public values share: they check themselves when made, are equal by content, and never change.
+"""Base class and conversions of all public values.
 
-A value is a frozen dataclass derived from `Value`. The types of its fields say what each may hold; `_check` says what the
-fields may not be together. Lists become tuples, arrays are copied and made read-only.
+A value is a frozen dataclass that derives from `Value`. It checks itself when it is made, is equal
+to another value with the same content, and never changes. The types of its fields state what each
+field may hold, and `_check` rejects fields that contradict each other. Lists become tuples. Arrays
+are
+copied and made read-only.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import math
 import textwrap
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -23,6 +26,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 import numpy as np
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array
 
 V = TypeVar("V", bound="Value")
@@ -30,7 +34,7 @@ V = TypeVar("V", bound="Value")
 
 @dataclass(frozen=True)
 class Bound:
-    """Of a number."""
+    """Interval that a number must lie in."""
 
     above: float = -math.inf
     at_least: float = -math.inf
@@ -38,7 +42,7 @@ class Bound:
 
     @property
     def allowed(self) -> str:
-        """In words, such as "above 0" or "from 1 to 50"; empty for any number."""
+        """Description such as "above 0" or "from 1 to 50", empty if every number is allowed."""
         words = {"above": self.above, "at least": self.at_least, "at most": self.at_most}
         if math.isfinite(self.at_least) and math.isfinite(self.at_most):
             return f"from {self.at_least:g} to {self.at_most:g}"
@@ -47,7 +51,7 @@ class Bound:
         )
 
     def fault(self, value: float) -> str | None:
-        """What is wrong with a number; None where it keeps the bound."""
+        """Return the reason why a number violates the bound, or None if it does not."""
         if not value > self.above:
             return "not greater than zero" if self.above == 0 else "too small"
         if not value >= self.at_least:
@@ -57,19 +61,19 @@ class Bound:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number with a unit in files: a kind in units.KINDS, of a joint that turns and of one that slides."""
+    """Units of a number in files, as keys of `units.KINDS` for revolute and for prismatic joints."""
 
     turning: str
     sliding: str = ""
 
     def kind(self, slides: bool = False) -> str:
-        """Of one of the two."""
+        """Return the key for a prismatic joint if slides is True, else that for a revolute joint."""
         return self.sliding if slides and self.sliding else self.turning
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Of an array; −1: any length."""
+    """Shape of an array. A length of −1 allows any length."""
 
     shape: tuple[int, ...]
 
@@ -82,7 +86,7 @@ class Names:
 
 
 class Ascending:
-    """A pair whose first is below its second."""
+    """Mark of a pair whose first number must be less than the second."""
 
 
 Positive = Annotated[float, Bound(above=0.0)]
@@ -94,21 +98,25 @@ Matrix = Annotated[Array, Shape((3, 3))]
 Sign = Literal[-1, 1]
 
 
-class Value:
-    """Base of the public values. Raises ProblemError naming type and field, the value, and what is allowed."""
+class Value(ShortRepr):
+    """Base of the public values.
+
+    The constructor raises ProblemError with type, field, value and allowed values if a field is
+    invalid.
+    """
 
     def __post_init__(self) -> None:
         cls: Any = type(self)
         for name, hint in hints(cls).items():
-            place = f"{cls.__name__}.{name}"
-            object.__setattr__(self, name, converted(hint, getattr(self, name), place))
+            key = f"{cls.__name__}.{name}"
+            object.__setattr__(self, name, converted(hint, getattr(self, name), key))
         self._check()
 
     def _check(self) -> None:
-        """Raises ProblemError where fields contradict each other."""
+        """Raise ProblemError if fields contradict each other."""
 
     def _wrong(self, field: str, reason: str, allowed: str, value: object = None) -> ProblemError:
-        """The error of a field (or of a part of it: `strokes[2].joint`)."""
+        """Return the error for a field, or for a part of it such as `strokes[2].joint`."""
         shown = getattr(self, field, None) if value is None else value
         return ProblemError(
             reason, key=f"{type(self).__name__}.{field}", value=shown, allowed=allowed
@@ -125,27 +133,33 @@ class Value:
         return hash((cls.__name__, *(_hashable(getattr(self, name)) for name in _compared(cls))))
 
 
-def unchecked(value: V, **changes: Any) -> V:
-    """Like dataclasses.replace without checks, for use within a computation.
+def attributes(value: object, names: Iterable[str]) -> dict[str, Any]:
+    """Return attributes of a value by name."""
+    return {name: getattr(value, name) for name in names}
 
-    Trial values of a fit, arrays that stand for many drives at once, friction left out, others' mistakes reproduced.
+
+def unchecked(value: V, **changes: Any) -> V:
+    """Return a copy with changed fields, like dataclasses.replace, but without checks.
+
+    Computations use it for trial values of a fit, for arrays that represent many drives, for drives
+    without friction, and to reproduce mistakes of other programs.
     """
     cls: Any = type(value)
-    copy, own = object.__new__(cls), value.__dict__
-    # what is worked out of the fields (cached properties) may be another
-    copy.__dict__.update({name: own[name] for name in _names(cls)}, **changes)
+    copy, fields = object.__new__(cls), value.__dict__
+    # cached properties are not copied because they may depend on the changed fields
+    copy.__dict__.update({name: fields[name] for name in hints(cls)}, **changes)
     return copy
 
 
 @cache
 def hints(cls: Any) -> dict[str, Any]:
-    """The types of the fields of a value, with their marks."""
-    found = typing.get_type_hints(cls, include_extras=True)
-    return {field.name: found[field.name] for field in dataclasses.fields(cls)}
+    """Return the annotated types of the fields of a value, by field name."""
+    resolved = typing.get_type_hints(cls, include_extras=True)
+    return {field.name: resolved[field.name] for field in dataclasses.fields(cls)}
 
 
 def bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """A type without None, and what bounds it: Bound, Shape and the like."""
+    """Return a type without None and annotations, and the annotations (Bound, Shape and others)."""
     if get_origin(hint) in (typing.Union, types.UnionType):
         inner = [part for part in get_args(hint) if part is not type(None)]
         return bare(inner[0]) if len(inner) == 1 else (hint, ())
@@ -156,35 +170,49 @@ def bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def descriptions(cls: type) -> dict[str, str]:
-    """What the docstrings below the fields of a class say, by field, on one line."""
-    found: dict[str, str] = {}
+    """Return the docstrings below the fields of a class, each on one line, by field name."""
+    texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         if not base.__module__.startswith("ssm_planner"):
             continue
         try:
             (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        except OSError:  # made by the program, without a source
+        except OSError:  # a class made at run time has no source
             continue
         body = tree.body if isinstance(tree, ast.ClassDef) else []
         for field, below in pairwise(body):
             if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
-                found[ast.unparse(field.target)] = " ".join(
+                texts[ast.unparse(field.target)] = " ".join(
                     str(ast.literal_eval(below.value)).split()
                 )
-    return found
+    return texts
 
 
 def frozen(value: object, shape: tuple[int, ...]) -> Array:
-    """A read-only float array of the given shape."""
+    """Return a read-only float array of the given shape."""
     array = np.array(value, dtype=float).reshape(shape)
     array.setflags(write=False)
     return array
 
 
 def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = None) -> Any:
-    """A dataclass from a mapping by its field names, those within it likewise. Raises ProblemError naming the key.
+    """Build a dataclass and its nested dataclasses from a mapping with the names of the fields.
 
-    given: values of fields that are not in the data.
+    Parameters
+    ----------
+    cls : type
+        Dataclass to build.
+    data : object
+        Mapping with a value for each field that has no default.
+    where : str
+        Key of the data, for messages.
+    given : Mapping, optional
+        Values of fields that are not in the data.
+
+    Raises
+    ------
+    ProblemError
+        If a key is unknown or missing, or a value is invalid.
     """
     fields = {field.name: field for field in dataclasses.fields(cls)}
     check_mapping(data, tuple(fields), where)
@@ -208,9 +236,22 @@ def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = 
 
 
 def converted(hint: Any, value: Any, where: str, build: bool = False) -> Any:
-    """The value in the form that the hint names. Raises ProblemError; where: what the message calls it.
+    """Return a value in the form that a type hint requires.
 
-    build: mappings become the values that the hint names.
+    Parameters
+    ----------
+    hint : type
+        Annotated type of the field.
+    value : object
+    where : str
+        Key of the value, for messages.
+    build : bool
+        Build the dataclasses that the hint names from mappings.
+
+    Raises
+    ------
+    ProblemError
+        If the value does not have the required type or violates an annotation.
     """
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
@@ -240,7 +281,7 @@ def converted(hint: Any, value: Any, where: str, build: bool = False) -> Any:
 
 
 def check_name(name: object, known: tuple[str, ...], where: str, reason: str) -> None:
-    """Raises ProblemError for a name that is not among the known ones, with the one probably meant."""
+    """Raise ProblemError if a name is not among the known ones, and suggest the most similar one."""
     if name not in known:
         close = difflib.get_close_matches(str(name), known, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
@@ -248,7 +289,7 @@ def check_name(name: object, known: tuple[str, ...], where: str, reason: str) ->
 
 
 def check_mapping(data: object, known: tuple[str, ...], where: str) -> None:
-    """Raises ProblemError for what is no mapping, or has a key that is not among the known ones."""
+    """Raise ProblemError if data is not a mapping or has an unknown key."""
     if not isinstance(data, Mapping):
         raise wrong(where, data, f"a mapping with the keys {', '.join(known)}")
     for key in data:
@@ -256,9 +297,9 @@ def check_mapping(data: object, known: tuple[str, ...], where: str) -> None:
 
 
 def wrong(where: str, value: object, allowed: str) -> ProblemError:
-    """The error for a value that its field cannot hold."""
+    """Return the error for a value of the wrong type."""
     shown = "None" if value is None else value
-    return ProblemError("not what belongs here", key=where, value=shown, allowed=allowed)
+    return ProblemError("wrong type of value", key=where, value=shown, allowed=allowed)
 
 
 def _annotated(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> Any:
@@ -336,11 +377,6 @@ def _array(shape: tuple[int, ...], value: Any, where: str) -> Array:
     if array.dtype.kind not in "iuf" or not fits or not np.isfinite(array).all():
         raise wrong(where, value, allowed)
     return frozen(array, array.shape)
-
-
-@cache
-def _names(cls: Any) -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(cls))
 
 
 @cache

@@ -1,4 +1,4 @@
-"""What is said of a plan and of its sizing, on the terminal and on pages: tables, what is not known, verdicts."""
+"""Format plans and sizing results as text and tables for the terminal and for pages."""
 
 from __future__ import annotations
 
@@ -6,13 +6,22 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, zip_longest
+from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ssm_planner.display import NOTHING, columns, fixed, number, percent, signed, words
-from ssm_planner.problem.limits import JUMPS, READ_IN, MotorTorque
+from ssm_planner.problem.limits import (
+    JUMPS,
+    READ_IN,
+    LensClearance,
+    MotorTorque,
+    RetinaClearance,
+    SelfLocking,
+)
+from ssm_planner.problem.motion import Free
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
 from ssm_planner.sizing.checks import Check
@@ -21,23 +30,28 @@ from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
 from ssm_planner.units import RPM, shown
 from ssm_planner.verification.certificate import LimitCheck
 
-if TYPE_CHECKING:  # `check` prints tables and never loads the planner
+if TYPE_CHECKING:  # `check` prints tables without loading the planner.
     from ssm_planner.plans import PhaseSummary, Plan
     from ssm_planner.simulation.simulate import SimulationResult
 
 SizingObject = Mapping[str, Any]
-"""What `size --json` prints and plan.json holds."""
+"""Object that `size --json` prints and plan.json contains."""
 ANSWERS = {True: "yes", False: "no", None: "not known"}
 LOUD = {**ANSWERS, False: "NO"}
 MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
 KELVIN = 273.15
+FLOORS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
+BINDING = 0.005
+"""Margin up to which a limit binds, as in the plots of the report."""
+LOWEST = {"max_torque": "torque", "max_speed": "speed", "nominal_torque": "continuous_torque"}
+"""Check that a motor would fail if this figure of its file were lower."""
 AGREES_IPOPT = 1e-6
-"""Share within which Ipopt's duration is the structured solver's, as `planning/ocp/refinement.SAME`."""
+"""Largest relative difference at which Ipopt confirms a duration, as in `planning/ocp`."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text; numbers: columns that are aligned to the right."""
+    """A table of text. `numbers` holds the indices of right-aligned columns."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -45,21 +59,22 @@ class Table:
     caption: str = ""
 
     def lines(self, width: int | None = None) -> list[str]:
-        """For the terminal (or a width of its own), under a ruled heading.
+        """Return the lines of the table for the terminal or another width, with a ruled heading.
 
-        Cells that are too wide are wrapped; columns that still do not fit stand in a table below.
+        Cells that are too wide are wrapped. Columns that still do not fit continue in a second
+        table below.
         """
-        most = columns() if width is None else width
-        widths = self._widths(most)
+        limit = columns() if width is None else width
+        widths = self._widths(limit)
         fit = sum(
-            end <= most for end in accumulate(width + 2 for width in [widths[0] - 2, *widths[1:]])
+            end <= limit for end in accumulate(width + 2 for width in [widths[0] - 2, *widths[1:]])
         )
         label = next((i for i in range(len(widths)) if i in self.numbers), 1)
         if label < fit < len(widths):
             return [
-                *self._of(range(fit)).lines(most),
+                *self._select(range(fit)).lines(limit),
                 "",
-                *self._of([*range(label), *range(fit, len(widths))]).lines(most),
+                *self._select([*range(label), *range(fit, len(widths))]).lines(limit),
             ]
         rows = [self.header, ["-" * width for width in widths], *self.rows]
         return [
@@ -68,20 +83,24 @@ class Table:
             for line in _wrapped(row, widths)
         ]
 
-    def _of(self, places: Sequence[int]) -> Table:
-        """Some of the columns."""
+    def _select(self, places: Sequence[int]) -> Table:
+        """Return a table with the selected columns."""
         rows = [[row[i] for i in places] for row in self.rows]
         numbers = [k for k, i in enumerate(places) if i in self.numbers]
         return Table([self.header[i] for i in places], rows, numbers)
 
     def _widths(self, most: int) -> list[int]:
-        """Of the columns; the widest become narrower, as far as words go, until all of them fit."""
+        """Return the widths of the columns.
+
+        The widest columns become narrower, down to their longest word, until all columns fit into
+        `most`.
+        """
         cells = [*zip(self.header, *self.rows, strict=True)]
         widths = [max(map(len, column)) for column in cells]
         least = [
             max(len(word) for cell in column for word in (cell.split() or [""])) for column in cells
         ]
-        for i in self.numbers:  # numbers stay on one line, their heading does not
+        for i in self.numbers:  # Numbers stay on one line, but their headings may be wrapped.
             least[i] = max([least[i], *map(len, cells[i][1:])])
         while sum(widths) + 2 * (len(widths) - 1) > most:
             spare = [width - smallest for width, smallest in zip(widths, least, strict=True)]
@@ -98,40 +117,48 @@ class Table:
 
 
 def _wrapped(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:
-    """The lines of a row, each cell wrapped to its column."""
-    parts = [
+    """Yield the lines of a row, with each cell wrapped to its column."""
+    cells = [
         wrap(cell, max(width, 1), break_on_hyphens=False) or [""]
         for cell, width in zip(row, widths, strict=True)
     ]
-    return zip_longest(*parts, fillvalue="")
+    return zip_longest(*cells, fillvalue="")
 
 
 class Judged(Protocol):
-    """A value beside its limit, from a check or a recording."""
+    """A limited quantity, from a certificate or a recording."""
 
     @property
     def name(self) -> str:
-        """Of the limit."""
+        """Name of the limit."""
 
     @property
     def unit(self) -> str:
-        """SI."""
+        """SI unit of the limit."""
 
 
 def unit_of_limit(limit: Judged, degree: str = "deg") -> tuple[str, float]:
-    """(unit to show, factor) of a limit's values: motors turn in rpm."""
+    """Return the display unit of a limit and its factor from SI. Motor speeds are in rpm."""
     return shown(READ_IN.get(limit.name, limit.unit), degree)
 
 
 def limit_cells(limit: LimitCheck, degree: str = "deg") -> tuple[str, str, str, str, str, str]:
-    """Name, joint, worst value, limit, unit and margin."""
+    """Return name, joint, worst value, limit with its sense, unit and margin of a limit as text."""
     unit, scale = unit_of_limit(limit, degree)
-    values = number(scale * limit.worst, 6), number(scale * limit.limit, 6)
-    return limit.name, limit.joint or "", *values, unit, percent(limit.margin, 4)
+    beyond = limit.worst - limit.limit
+    floor = limit.name in FLOORS or (
+        abs(beyond) > 1e-5 * abs(limit.limit) + 1e-9 and (beyond > 0) == limit.passed
+    )
+    worst, bound = number(scale * limit.worst, 6), number(scale * limit.limit, 6)
+    bound = f"{'≥' if floor else '≤'} {bound}"
+    return limit.name, limit.joint or "", worst, bound, unit, percent(limit.margin, 4)
 
 
 def limits_table(limits: Iterable[LimitCheck]) -> Table:
-    """Worst value, limit, margin, joint and time of every limit, worst first, without jumps that there are not."""
+    """Build the table of all limits, smallest margin first.
+
+    Limits on jumps are listed only if they are exceeded.
+    """
     rows = [
         (*limit_cells(limit), fixed(limit.time, 4), "" if limit.passed else "EXCEEDED")
         for limit in sorted(limits, key=lambda limit: limit.margin)
@@ -143,7 +170,7 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
 
 
 def phases_table(plan: Plan) -> Table:
-    """Duration of every phase beside TOPP-RA's and the bound."""
+    """Build the table of phase durations with TOPP-RA's durations and the lower bounds."""
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
     rows = [
         (
@@ -158,8 +185,35 @@ def phases_table(plan: Plan) -> Table:
     return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
 
 
+def candidates_table(plan: Plan) -> Table:
+    """Return the ways to move every phase that were tried, and why each was not taken."""
+    names = [phase.name for phase in plan.phases]
+    rows = []
+    for name, candidates in zip_longest(names, plan.candidates, fillvalue=()):
+        for each in candidates:
+            times = (each["bound"], each["estimate"], each["duration"])
+            shown_times = (NOTHING if value is None else fixed(value, 4) for value in times)
+            rows.append((name or NOTHING, each["kind"], *shown_times, each["outcome"]))
+    header = ("phase", "candidate", "bound s", "estimate s", "duration s", "outcome")
+    return Table(header, rows, (2, 3, 4))
+
+
+def explanation(plan: Plan) -> list[str]:
+    """Return the lines of `--explain`: the candidates, and what further reversals would save."""
+    remaining = [
+        f"{phase.name}: a further reversal would save {phase.reversal_multiplier:.1e} of the "
+        "duration, to first order"
+        for phase in plan.phases
+        if phase.reversal_multiplier is not None
+    ]
+    return [*candidates_table(plan).lines(), "", *remaining, *([""] if remaining else [])]
+
+
 def joints_table(plan: Plan) -> Table:
-    """Where the joints start and end: which of the configurations that reach the points the motion takes."""
+    """Build the table of joint positions at the start and the end of the motion.
+
+    They show which of the configurations that reach the points is used.
+    """
     if plan.trajectory is None:
         return Table(("joint", "from", "to", "unit"), [], (1, 2))
     ends = plan.trajectory.sample(np.array([0.0, plan.trajectory.duration])).q
@@ -171,20 +225,20 @@ def joints_table(plan: Plan) -> Table:
 
 
 def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
-    """What the motion requires of each motor beside the motor file's figures."""
+    """Build the table of the motors' requirements and ratings."""
     rows = []
     for r in requirements:
         motor = r.motor
-        need = (
+        required = (
             number(1e3 * r.peak_torque, 4),
             number(1e3 * r.rms_torque, 4),
             fixed(RPM * r.peak_speed, 0),
         )
-        have = (NOTHING,) * 3
+        rated = (NOTHING,) * 3
         if motor is not None:
             torques = number(1e3 * motor.max_torque, 4), number(1e3 * motor.nominal_torque, 4)
-            have = *torques, fixed(RPM * motor.max_speed, 0)
-        pairs = (f"{a} of {b}" for a, b in zip(need, have, strict=True))
+            rated = *torques, fixed(RPM * motor.max_speed, 0)
+        pairs = (f"{a} of {b}" for a, b in zip(required, rated, strict=True))
         placeholders = NOTHING if motor is None else str(len(motor.placeholders) or "none")
         rows.append((r.joint, motor.name if motor else "no motor given", *pairs, placeholders))
     header = (
@@ -198,34 +252,91 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     return Table(header, rows, (2, 3, 4, 5))
 
 
-def summary_lines(plan: Plan) -> list[str]:
-    """The verdicts, then phases, motors, limits and what is unknown."""
+def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False) -> list[str]:
+    """Return the summary of a plan, which ends with its `answers`.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path, optional
+        Folder of the written results.
+    verbose : bool, optional
+        Add solvers, motors, joints, limits and unknowns.
+    """
     if plan.trajectory is None:
         reason = plan.reason.message if plan.reason else plan.status
         lines = [f"{plan.problem.name}: no plan ({plan.status})", f"  reason: {reason}"]
         if plan.reason is not None and plan.reason.relaxation:
             lines.append(f"  relaxation: {plan.reason.relaxation}")
         return lines
-    lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}", "", *verdicts(plan)]
+    lines = verdicts(plan) if verbose else conditions(plan)
+    lines = [
+        f"{plan.problem.name}, robot {plan.problem.robot.name}",
+        *([""] if lines else []),
+        *lines,
+    ]
     if plan.reason is not None:
         lines += ["", plan.reason.message]
         if plan.reason.relaxation:
             lines.append(f"relaxation: {plan.reason.relaxation}")
-    limits = () if plan.certificate is None else plan.certificate.limits
-    for table in (
-        phases_table(plan),
-        joints_table(plan),
-        motors_table(plan.requirements),
-        limits_table(limits),
-    ):
+    tables = [phases_table(plan)]
+    if verbose:
+        limits = () if plan.certificate is None else plan.certificate.limits
+        tables += joints_table(plan), motors_table(plan.requirements), limits_table(limits)
+    for table in tables:
         lines += ["", *table.lines()] if table.rows else []
-    if plan.notes:
+    if verbose and plan.notes:
         lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
-    return lines
+    reason = "" if plan.sizing is None else motors_verdict(plan.sizing.to_dict())[2]
+    return [*lines, "", *([f"Motors: {reason}", ""] if reason else []), *answers(plan, folder)]
+
+
+def answers(plan: Plan, folder: Path | None = None) -> list[str]:
+    """Return the time, the check, the closest limit, the motors and the file of a plan.
+
+    Each answer is one line. The closest limit is the closest of those that do not bind by design.
+    """
+    bound = f"{fixed(plan.lower_bound, 4)} s"
+    lines = [
+        f"time     {fixed(plan.duration, 4)} s; no motion on this path is shorter than {bound}"
+    ]
+    if any(motion.kind == Free.kind for motion in plan.problem.motion):
+        lines = [
+            f"time     {fixed(plan.duration, 4)} s; lower bound {bound}, loose for free motions"
+        ]
+    certificate = plan.certificate
+    if plan.doubt is not None or certificate is None:
+        lines.append(f"check    NOT CERTIFIED: {plan.doubt or 'the plan has no certificate'}")
+    else:
+        limits, violations = certificate.limits, certificate.violations
+        bind = sum(limit.margin <= BINDING for limit in limits)
+        lines.append(
+            f"check    FAILED: {len(violations)} of {len(limits)} limits exceeded"
+            if violations
+            else f"check    PASSED: {len(limits)} limits kept; {bind} of them bind by design"
+        )
+        if (limit := closest_limit(limits)) is not None:
+            name, joint, worst, allowed, unit, _ = limit_cells(limit)
+            of = f" of {joint}" if joint else ""
+            margin = percent(limit.margin)
+            lines.append(f"closest  {name}{of}: {worst} ({allowed} {unit}), margin {margin}")
+    if plan.sizing is not None:
+        outcome = motors_verdict(plan.sizing.to_dict())[1]
+        lines.append(f"motors   {outcome.removeprefix('Motors ')}")
+    return [*lines, *([] if folder is None else [f"file     {folder / 'report.html'}"])]
+
+
+def closest_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
+    """Return the limit with the smallest margin among those that do not bind by design.
+
+    A limit binds by design if the motion uses it up, as the fastest motion and its points do.
+    """
+    rest = (each for each in limits if each.margin > BINDING and each.name not in JUMPS)
+    return min(rest, key=lambda each: each.margin, default=None)
 
 
 def rate_words(rates: Mapping[str, float]) -> str:
-    """Rates of task coordinates, such as tilt -10 deg/s."""
+    """Format rates of task coordinates, for example "tilt -10 deg/s"."""
     units = {name: shown("m" if name == "depth" else "rad") for name in rates}
     return ", ".join(
         f"{name} {number(units[name][1] * rate, 4)} {units[name][0]}/s"
@@ -235,7 +346,10 @@ def rate_words(rates: Mapping[str, float]) -> str:
 
 
 def solvers(plan: Plan) -> str:
-    """Which found the phases; Ipopt's are named, for the structured solver did not converge there."""
+    """Return the name of the solver. The phases that Ipopt solved are listed.
+
+    The structured solver did not converge for these phases.
+    """
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
     if not by_ipopt:
         return "structured"
@@ -247,143 +361,133 @@ def solvers(plan: Plan) -> str:
 
 
 def confirmation(plan: Plan) -> tuple[str, str]:
-    """Ipopt's iterations from the structured solver's motions, and how both durations agree; "" where either solved alone."""
+    """Return how Ipopt changes the structured solver's motions, and how the durations agree.
+
+    Both texts are empty if only one of the solvers was used. Iterations and the last digits of the
+    difference depend on rounding, so neither is shown.
+    """
     if plan.confirmation is None:
         return "", ""
-    iterations, difference = plan.confirmation
-    apart = f"{abs(difference):.0e}"
-    agreement = f"durations agree within {apart}"
-    if abs(difference) > AGREES_IPOPT:
-        agreement = f"durations differ by up to {apart}: the shorter motion is taken"
+    difference = abs(plan.confirmation[1])
+    verb, agreement = "confirms", f"durations agree within {AGREES_IPOPT:.0e}"
+    if difference > AGREES_IPOPT:
+        verb = "shortens"
+        agreement = f"durations differ by up to {difference:.0e}: the shorter motion is used"
     alone = [
         phase.name
         for phase in plan.phases
         if phase.solver == "Ipopt" and phase.confirmation_iterations is None
     ]
-    agreement += f"; Ipopt alone in {', '.join(alone)}" if alone else ""
-    return f"{iterations} iteration{'' if iterations == 1 else 's'}", agreement
+    return verb, agreement + (f"; only Ipopt solved {', '.join(alone)}" if alone else "")
 
 
 def range_lines(plan: Plan) -> list[str]:
-    """What a range of friction and payload costs, and where in it each motor has most to do."""
+    """Return the cost of a range of friction and payload, and the worst case for each motor."""
     friction, payload = plan.problem.friction, plan.problem.payload
     if friction is None and payload is None:
         return []
-    what = [f"friction within {100 * friction:g} %"] if friction else []
-    what += [f"payload up to {1e3 * payload[1]:g} g"] if payload else []
+    ranges = [f"friction within {100 * friction:g} %"] if friction else []
+    ranges += [f"payload up to {1e3 * payload[1]:g} g"] if payload else []
     cost = ""
     if plan.duration is not None and plan.nominal_duration:
-        longer = 100 * (plan.duration / plan.nominal_duration - 1)
-        cost = f": {longer:+.2f} % of the {plan.nominal_duration:.4f} s without"
-    lines = [f"range        {', '.join(what)}{cost}"]
+        increase = 100 * (plan.duration / plan.nominal_duration - 1)
+        cost = f": {increase:+.2f} % compared with {plan.nominal_duration:.4f} s without the range"
+    lines = [f"range        {', '.join(ranges)}{cost}"]
     for limit in () if plan.certificate is None else plan.certificate.limits:
         if limit.name == MotorTorque.name and limit.case:
             lines.append(
-                f"             joint {limit.joint}: worst, margin {100 * limit.margin:+.2f} %, at {limit.case}"
+                f"             joint {limit.joint}: worst, margin {100 * limit.margin:+.2f} %, at "
+                f"{limit.case}"
             )
     return lines
 
 
 def path_lines(plan: Plan) -> list[str]:
-    """How phases keep to their paths, where that is asked for."""
+    """Return the deviations at corners and the constant tip speeds of phases that request them."""
     corners = [
-        f"corners      {phase.name}: the tip is up to {1e3 * phase.corner_departure:.4g} mm off its lines, within "
+        f"corners      {phase.name}: the tip deviates from its lines by up to "
+        f"{1e3 * phase.corner_departure:.4g} mm, within "
         f"{1e3 * (phase.corner_reach or 0.0):.4g} mm of a corner"
         for phase in plan.phases
         if phase.corner_departure is not None
     ]
     constant = [
-        f"tip speed    {phase.name}: {1e3 * phase.constant_speed:.4g} mm/s from {phase.constant_from:.4f} s to "
-        f"{phase.constant_to:.4f} s of its {phase.duration:.4f} s, within {phase.constant_error:.0e}"
+        f"tip speed    {phase.name}: {1e3 * phase.constant_speed:.4g} mm/s from "
+        f"{phase.constant_from:.4f} s to "
+        f"{phase.constant_to:.4f} s of its {phase.duration:.4f} s, within "
+        f"{phase.constant_error:.0e}"
         for phase in plan.phases
         if phase.constant_speed is not None
     ]
     return corners + constant
 
 
-def verdicts(plan: Plan) -> list[str]:
-    """One line per question: planned, checked, motors."""
-    lines = []
-    if plan.duration is not None and plan.toppra_duration:
-        more = percent(plan.duration / plan.toppra_duration - 1, 3)
-        lines.append(
-            f"planned      {plan.duration:.4f} s, {more} of TOPP-RA's time on the same path"
-        )
-    lines += path_lines(plan)
-    if plan.problem.planner == "fast" and plan.phases:
-        lines.append(f"solver       {solvers(plan)}")
-    iterations, agreement = confirmation(plan)
-    if iterations:
-        lines.append(
-            f"cross-check  Ipopt confirms the structured solver's motion in {iterations}: {agreement}"
-        )
+def conditions(plan: Plan) -> list[str]:
+    """Return what a plan was asked to keep beyond its limits, and what it does not keep."""
+    lines = path_lines(plan)
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
         lines += [f"{verb:<12} at {rate_words(rates)}, as declared"] if any(rates.values()) else []
     lines += range_lines(plan)
     lines += [f"cross-check  FAILED: {text}" for text in plan.disagreements]
     if plan.certificate is not None:
-        worst = plan.certificate.worst
-        word = "PASSED" if plan.certificate.passed else "FAILED"
-        joint = f" of joint {worst.joint}" if worst.joint else ""
-        lines.append(
-            f"check        {word}: {len(plan.certificate.limits)} limits at {plan.certificate.instants} instants; "
-            f"smallest margin {percent(worst.margin, 4)} ({worst.name}{joint}, t = {worst.time:.4f} s)"
-        )
         for violation in plan.certificate.violations:
             lines.append(
-                f"             exceeded: {violation.name} {violation.joint or ''} at t = {violation.time:.4f} s"
+                f"exceeded     {violation.name} {violation.joint or ''} at t = "
+                f"{violation.time:.4f} s"
             )
-    if plan.doubt is not None:
-        lines.append(f"check        NOT CERTIFIED: {plan.doubt}")
-    for requirement in plan.requirements:
-        motor = requirement.motor
-        if motor is None:
-            lines.append(
-                f"motor        joint {requirement.joint}: not checked, needs a motor in the robot file"
-            )
-            continue
-        within = (
-            requirement.peak_torque <= motor.max_torque
-            and requirement.rms_torque <= motor.nominal_torque
-        )
-        within = within and requirement.peak_speed <= motor.max_speed
-        mark = " (placeholder figures: no verdict on the real motor)" if motor.placeholder else ""
+    return lines
+
+
+def verdicts(plan: Plan) -> list[str]:
+    """Return one line for each result beyond the `answers`: solvers and conditions."""
+    lines = []
+    if plan.duration is not None and plan.toppra_duration:
+        difference = percent(plan.duration / plan.toppra_duration - 1, 3)
         lines.append(
-            f"motor        joint {requirement.joint}: {'within' if within else 'BEYOND'} {motor.name}{mark}"
+            f"planned      {plan.duration:.4f} s, {difference} of TOPP-RA's time on the same path"
         )
-    if plan.sizing is not None:
-        _, word, reason = motors_verdict(plan.sizing.to_dict())
-        lines.append(f"sizing       {word}: {reason}")
+    if plan.problem.planner == "fast" and plan.phases:
+        lines.append(f"solver       {solvers(plan)}")
+    verb, agreement = confirmation(plan)
+    if verb:
+        lines.append(f"cross-check  Ipopt {verb} the structured solver's motion: {agreement}")
+    lines += conditions(plan)
     return lines
 
 
 def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
-    """("good", "bad" or "open", the verdict, its reason)."""
+    """Return ("good", "bad" or "open", verdict, reason) for the motors and gears."""
     motors, gears = sizing["motors"], sizing["gears"]
-    placeholders = ", ".join(motor["joint"] for motor in motors if motor["placeholder"])
-    without = ", ".join(
+    missing_motors = ", ".join(
         sorted({gear["joint"] for gear in gears} - {motor["joint"] for motor in motors})
     )
     if sizing["adequate"] is False:
         return "bad", "Motors or gears do not suffice", "; ".join(_failures(sizing))
     if not gears:
         return "open", "Motors open", "no joint has a drive"
-    if without:
-        return "open", "Motors open", f"no motor given for {without}"
-    if sizing["adequate"] is None:
-        kept, open_ = _by_outcome(sizing)
-        reasons = [
-            f"{', '.join(kept)} are enough" if kept else "",
-            f"not checked or not decided: {', '.join(open_)}",
-        ]
-        reasons.append(f"placeholder figures: {placeholders}" if placeholders else "")
-        return "open", "Motors suffice: not known", "; ".join(filter(None, reasons))
-    if placeholders:
-        return (
-            "open",
-            "Motors suffice by placeholder figures",
-            f"no verdict on the real ones of {placeholders}",
-        )
+    if missing_motors:
+        return "open", "Motors open", f"no motor given for {missing_motors}"
+    undecided = _undecided(sizing)
+    margins = [
+        (margin, f"{words(name)} of {motor['joint']} is the tightest check")
+        for motor in motors
+        for name, margin in motor["margins"].items()
+        if margin is not None
+    ]
+    margin, tightest = min(margins)
+    lacking = f"Not checked or undecided: {', '.join(undecided)}"
+    if margin < 0:
+        return "open", "Motors suffice: not known", lacking
+    figures = list(stand_ins(sizing))
+    outcome, reasons = f"Motors suffice with {fixed(100 * margin, 1)} % margin", [tightest]
+    if figures:
+        outcome += f" if {len(figures)} stand-in figure{'s hold' if figures[1:] else ' holds'}"
+        reasons.append(f"Stand-in figures: {', '.join(figures)}")
+    if undecided:
+        outcome += f"; {len(undecided)} check{'s' if undecided[1:] else ''} open"
+        reasons.append(lacking)
+    if figures or undecided:
+        return "open", outcome, ". ".join(reasons)
     return (
         "good",
         "Motors and gears suffice",
@@ -391,8 +495,25 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
     )
 
 
+def stand_ins(sizing: SizingObject) -> Iterator[str]:
+    """Yield each placeholder on which a check rests, with the error that the check permits."""
+    for motor in sizing["motors"]:
+        margins = motor["margins"]
+        electrical = margins["voltage"] is not None or margins["heat"] is not None
+        for name in motor["placeholders"]:
+            margin = margins.get(LOWEST.get(name))
+            if margin is not None:
+                spare = f" (may be {fixed(100 * margin, 1)} % lower)"
+                yield f"{motor['joint']} {words(name)}{spare}"
+            elif electrical and name not in (*LOWEST, "encoder_counts"):
+                yield f"{motor['joint']} {words(name)}"
+    for gear in sizing["gears"]:
+        if any(margin is not None for margin in gear["margins"].values()):
+            yield from (f"{gear['joint']} {words(name)}" for name in gear["placeholders"])
+
+
 def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
-    """(joint, motor or gear, checks not made, figures they need) for every part of which something is not known."""
+    """Yield (joint, motor or gear, skipped checks, missing values) for each part with unknowns."""
     of_gears = _gear_checks(sizing)
     for motor in sizing["motors"]:
         lacking = {
@@ -405,27 +526,20 @@ def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]
             yield (gear["joint"], gear["drive"], *_lacking(gear["not_checked"]))
 
 
-def gear_margin(motor: Mapping[str, Any], sizing: SizingObject) -> float | None:
-    """The smallest margin of the gear that a motor drives; None where none could be checked."""
-    margins = [margin for name, margin in motor["margins"].items() if name in _gear_checks(sizing)]
-    return min((margin for margin in margins if margin is not None), default=None)
-
-
-def _by_outcome(sizing: SizingObject) -> tuple[list[str], list[str]]:
-    """Checks that were made on every joint, and those that some joint lacks figures for; a gear's are one."""
+def _undecided(sizing: SizingObject) -> list[str]:
+    """Return the checks that lack a value for some joint. All checks of gears count as one."""
     of_gears = _gear_checks(sizing)
-    every: dict[str, bool] = {}
-    for part in (*sizing["motors"], *sizing["gears"]):
-        for name in dict.fromkeys((*part["margins"], *part["not_checked"])):
-            word = "gear" if name in of_gears else words(name)
-            every[word] = every.get(word, True) and name not in part["not_checked"]
-    return [word for word, made in every.items() if made], [
-        word for word, made in every.items() if not made
-    ]
+    return list(
+        dict.fromkeys(
+            "gear" if name in of_gears else words(name)
+            for part in (*sizing["motors"], *sizing["gears"])
+            for name in part["not_checked"]
+        )
+    )
 
 
 def _failures(sizing: SizingObject) -> list[str]:
-    """Joint, check and margin of everything that does not suffice."""
+    """Return joint, check and margin of each failed check."""
     failed = {
         (motor["joint"], check["name"]): check["margin"]
         for motor in sizing["motors"]
@@ -448,28 +562,28 @@ def _lacking(lacking: Mapping[str, str]) -> tuple[str, str]:
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
-    """The verdict, then requirement, split, candidates, gears and what could not be checked."""
-    known = all(joint.band.known for joint in sizing.joints)
-    sure = (
+    """Return the text of a sizing: verdict, requirements, split, candidates, gears and unknowns."""
+    has_bands = all(joint.band.known for joint in sizing.joints)
+    confidence = (
         f"at {100 * sizing.conditions.confidence:g} % confidence"
-        if known
+        if has_bands
         else "at the stated friction"
     )
     lines = [*_verdict(sizing), "", "Required of the motors", *_requirements(sizing).lines(), ""]
     lines += [
-        "Parts of the peak torque, mN·m (+ adds to it, − relieves it)",
+        "Parts of the peak torque, mN·m (+ increases it, − reduces it)",
         *_split(sizing).lines(),
         "",
     ]
-    lines += [f"Margins {sure}", *_candidates(sizing), "", "Gears", *_gears(sizing).lines()]
-    unknown = [*_not_checked(sizing), *_notes(sizing)]
-    if unknown:
-        lines += ["", "What is not known", *(f"  {line}" for line in unknown)]
+    lines += [f"Margins {confidence}", *_candidates(sizing), "", "Gears", *_gears(sizing).lines()]
+    unknowns = [*_not_checked(sizing), *_notes(sizing)]
+    if unknowns:
+        lines += ["", "What is not known", *(f"  {line}" for line in unknowns)]
     return lines
 
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
-    """One line for each question."""
+    """Return the lines for the largest payload and the shortest duration."""
     mass = "" if payload.value is None else f"{payload.value:.4g} kg"
     times = "" if duration.value is None else f"{duration.value:.4f} times the present one"
     lines = []
@@ -479,15 +593,18 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
     ):
         text = {
             "found": f"{value} (then joint {answer.joint}: {answer.binds})",
-            "never": f"none: joint {answer.joint}: {answer.binds} is exceeded whatever it is",
-            "unlimited": "no limit found by the checks that can be made",
+            "never": f"none: joint {answer.joint}: {answer.binds} is exceeded for every value",
+            "unlimited": "the checks found no limit",
         }[answer.status]
         lines.append(f"{question:18} {text}")
     return lines
 
 
 def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
-    """Of `selection` in what `size --json` prints: the best pairs of each joint, and what rules out the others."""
+    """Return the best pairs of motor and gear for each joint, and reasons that exclude others.
+
+    selection: object `selection` of `size --json`.
+    """
     head = (
         "motor",
         "gear",
@@ -502,29 +619,30 @@ def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
     lines = []
     for joint in selection:
         answers = [answer for row in joint["adequate"] for answer in row]
-        counts = [sum(each is word for each in answers) for word in (True, None, False)]
+        counts = [sum(answer is word for answer in answers) for word in (True, None, False)]
         lines += [
             "",
             f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears",
         ]
         lines[-1] += (
-            f": {counts[0]} suffice, {counts[1]} not known, {counts[2]} ruled out; by {joint['rank']}"
+            f": {counts[0]} suffice, {counts[1]} not known, {counts[2]} ruled out; by "
+            f"{joint['rank']}"
         )
         rows = []
         for pair in joint["best"]:
             margin = None if pair["binds"] is None else pair["margins"].get(pair["binds"])
-            figures = (
+            quantities = (
                 (pair["mass"], 1e3),
                 (pair["length"], 1e3),
                 (pair["inertia_ratio"], 1.0),
                 (pair["energy_to_bus"], 1e3),
             )
             cells = (
-                NOTHING if value is None else number(scale * value) for value, scale in figures
+                NOTHING if value is None else number(scale * value) for value, scale in quantities
             )
-            says = (LOUD[pair["adequate"]], words(pair["binds"] or NOTHING), percent(margin))
-            rows.append((pair["motor"], pair["gear"], *says, *cells))
-        lines += Table(head, rows, range(4, len(head))).lines() if rows else ["nothing is left"]
+            verdict = (LOUD[pair["adequate"]], words(pair["binds"] or NOTHING), percent(margin))
+            rows.append((pair["motor"], pair["gear"], *verdict, *cells))
+        lines += Table(head, rows, range(4, len(head))).lines() if rows else ["no pair remains"]
         reasons = [f"{words(name)} {count}" for name, count in joint["reasons"].items()]
         missing = {
             f"{words(name)}: {needs}"
@@ -532,7 +650,7 @@ def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
             for name, needs in pair["not_checked"].items()
         }
         lines += [f"ruled out by: {', '.join(reasons)}"] if reasons else []
-        lines += [f"not known: {each}" for each in sorted(missing)]
+        lines += [f"not known: {answer}" for answer in sorted(missing)]
     return lines
 
 
@@ -608,32 +726,35 @@ def _winding(verdict: MotorVerdict) -> str:
 def _gears(sizing: Sizing) -> Table:
     rows = []
     for joint in sizing.joints:
-        made = [
+        margins = [
             f"{words(check.name)} {percent(check.margin)}"
             for check in joint.gear
             if check.margin is not None
         ]
         rows.append(
-            (joint.load.joint, joint.load.drive.name, ", ".join(made) or "nothing could be checked")
+            (joint.load.joint, joint.load.drive.name, ", ".join(margins) or "no check was possible")
         )
     return Table(("joint", "drive", "margins"), rows)
 
 
 def _not_checked(sizing: Sizing) -> list[str]:
-    """What was not checked or not decided, a line for each motor, gear and joint, and what is missing."""
+    """Return one line per motor, gear and joint with its skipped or undecided checks.
+
+    Each line names the missing values.
+    """
     groups: dict[tuple[str, str], tuple[dict[str, None], dict[str, None]]] = {}
-    judged = (*sizing.verdicts, *sizing.alternatives)
-    pairs = [(_subject(verdict, check), check) for verdict in judged for check in verdict.checks]
+    assessed = (*sizing.verdicts, *sizing.alternatives)
+    pairs = [(_subject(verdict, check), check) for verdict in assessed for check in verdict.checks]
     pairs += [(joint.load.drive.name, check) for joint in sizing.joints for check in joint.gear]
     for subject, check in pairs:
         if check.needs is not None:
-            how = "not checked" if check.margin is None else "not decided"
-            names, needs = groups.setdefault((subject, how), ({}, {}))
+            state = "not checked" if check.margin is None else "not decided"
+            names, needs = groups.setdefault((subject, state), ({}, {}))
             names[words(check.name)] = None
             needs.update(dict.fromkeys(check.needs.split(" and ")))
     return [
-        f"{subject}: {', '.join(names)} {how}: needs {'; '.join(needs)}"
-        for (subject, how), (names, needs) in groups.items()
+        f"{subject}: {', '.join(names)} {state}: needs {'; '.join(needs)}"
+        for (subject, state), (names, needs) in groups.items()
     ]
 
 
@@ -647,13 +768,13 @@ def _subject(verdict: MotorVerdict, check: Check) -> str:
 
 def _notes(sizing: Sizing) -> list[str]:
     lines = []
-    judged = (*sizing.verdicts, *sizing.alternatives)
-    for verdict in judged:
+    assessed = (*sizing.verdicts, *sizing.alternatives)
+    for verdict in assessed:
         heat = verdict.heat
         if heat is not None and heat.time_until_limit is not None:
-            until = f"reaches {heat.limit - KELVIN:.0f} °C after {heat.time_until_limit:.4g} s"
-            lines.append(f"joint {verdict.joint}, {verdict.motor.name}: the winding {until}")
-    return [*lines, *dict.fromkeys(note for verdict in judged for note in verdict.notes)]
+            duration = f"reaches {heat.limit - KELVIN:.0f} °C after {heat.time_until_limit:.4g} s"
+            lines.append(f"joint {verdict.joint}, {verdict.motor.name}: the winding {duration}")
+    return [*lines, *dict.fromkeys(note for verdict in assessed for note in verdict.notes)]
 
 
 def _verdict(sizing: Sizing) -> list[str]:
@@ -663,23 +784,23 @@ def _verdict(sizing: Sizing) -> list[str]:
             f"  {joint.load.joint:10} {_joint_verdict(joint, sizing.conditions.confidence)}"
         )
         lines += [
-            f"  {'':10} if it is {each.motor.name}: {LOUD[each.adequate]}"
-            for each in joint.alternatives
+            f"  {'':10} with {alternative.motor.name}: {LOUD[alternative.adequate]}"
+            for alternative in joint.alternatives
         ]
-    of_what = (
-        "motors and gears" if sizing.joints else "no joint has a drive: there is nothing to judge"
-    )
-    return [*lines, f"  all        {LOUD[sizing.adequate]} ({of_what})"]
+    scope = "motors and gears" if sizing.joints else "no joint has a drive"
+    return [*lines, f"  all        {LOUD[sizing.adequate]} ({scope})"]
 
 
 def _joint_verdict(joint: JointSizing, confidence: float) -> str:
-    best = joint.smallest
-    if best is not None:
-        mark = " (placeholder figures)" if best.motor.placeholder else ""
-        return f"{best.motor.name} suffices with at least {100 * confidence:g} %: the smallest that does{mark}"
+    smallest = joint.smallest
+    if smallest is not None:
+        mark = " (placeholder figures)" if smallest.motor.placeholder else ""
+        return f"{smallest.motor.name}: smallest suitable motor at {100 * confidence:g} %{mark}"
     if joint.adequate is None:
         return (
-            "not known: what would decide it stands below" if joint.candidates else "no motor given"
+            "not known: the missing values are listed below"
+            if joint.candidates
+            else "no motor given"
         )
     return (
         "no motor of the list suffices"
@@ -689,12 +810,17 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
 
 
 def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
-    """Tracking errors joint by joint, and what the motors did, of a simulated playback."""
+    """Build the tables of a simulated playback: tracking errors by joint, and loads by motor."""
     errors = []
-    for each in result.tracking:
-        unit = "mm" if each.joint == JOINTS[3] else "mrad"
+    driven = [motor.joint for motor in result.motors]
+    for tracking in (each for each in result.tracking if each.joint in driven):
+        unit = "mm" if tracking.joint == JOINTS[3] else "mrad"
         errors.append(
-            (each.joint, *(number(1e3 * value, 4) for value in (each.worst, each.rms)), unit)
+            (
+                tracking.joint,
+                *(number(1e3 * value, 4) for value in (tracking.worst, tracking.rms)),
+                unit,
+            )
         )
     motors = [
         (

@@ -1,11 +1,14 @@
-"""The cascade of a motor controller in CasADi: position PID with feed-forward, current loop, supply voltage, encoder.
+"""The control cascade of a motor controller in CasADi.
 
-Position loop (maxon, EPOS4 Application Notes, "Controller Architecture"), e = demanded − measured motor angle:
+It consists of a position PID loop with feed-forward, a current loop, the supply voltage and the
+encoder. The position loop (maxon, EPOS4 Application Notes, "Controller Architecture") uses the
+error e = demanded − measured motor angle:
 
     i_demand = P·e + I·∫e dt + D·ė filtered + FF_v·w + FF_a·ẇ + torque offset / k
 
-The derivative's filter has the time constant D / (10 P). The current follows its demand with a lag, within the largest
-current and within what the supply drives through the winding against the back-EMF: |k·w + R·i| ≤ U.
+The filter of the derivative has the time constant D / (10 P). The current follows its demand with a
+lag. It is limited by the largest current and by the current that the supply can drive through the
+winding against the back-EMF: |k·w + R·i| ≤ U.
 """
 
 from __future__ import annotations
@@ -23,13 +26,16 @@ from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import Joint
 
 MARGIN = 30.0
-"""Phase margin of the default position loop on the motor's own inertia, degrees: the least that is usual, because a worm that
-its load drives needs a fast loop."""
+"""Phase margin (degrees) of the default position loop on the motor's inertia.
+
+It is the smallest usual value, because a worm that its load drives needs a fast loop.
+"""
 DAMPING = 0.7
+"""Damping ratio of the default position loop."""
 FILTER = 10.0
-"""The derivative's filter: D / (FILTER · P)."""
+"""Filter constant of the derivative: its time constant is D / (FILTER · P)."""
 INTEGRAL_SHARE = 0.1
-"""Of the bandwidth at which the integral takes over."""
+"""Share of the bandwidth at which the integral takes over."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +45,18 @@ class Electrics:
     torque_constant: float
     """k, N·m/A, and V·s/rad."""
     resistance: float
-    """R of the winding, ohm; 0: unknown, its voltage drop is left out."""
+    """Resistance R of the winding, ohm. A value of 0 means that the motor file omits it."""
     voltage: float
-    """U, the largest that reaches the motor, V; infinite where no voltage is known."""
+    """Largest voltage U at the motor, V. Infinite if no voltage is stated."""
     max_current: float
+    """Largest current, A."""
     lag: float
     """Time constant of the closed current loop, s."""
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Of one position loop, in A and rad at the motor."""
+    """Gains of one position loop, in A and rad at the motor."""
 
     p: float
     i: float
@@ -60,7 +67,7 @@ class Gains:
 
 @dataclass(frozen=True)
 class LoopStep:
-    """After one period of the position loop: current, whether more was demanded, and what the loop remembers."""
+    """State of the loop after one period: current, saturation, integral and derivative."""
 
     current: ca.SX
     saturated: ca.SX
@@ -69,11 +76,14 @@ class LoopStep:
 
 
 def electrics_of(joint: Joint, controller: Controller) -> Electrics:
-    """Winding and supply of a joint's motor. Raises ProblemError where its torque constant is missing."""
+    """Return winding and supply of a joint's motor.
+
+    Raises ProblemError without a torque constant.
+    """
     motor = joint.motor
     if motor is None or motor.torque_constant is None:
         raise ProblemError(
-            f"missing for the motor of joint {joint.name}: a current has no torque without it",
+            f"missing for the motor of joint {joint.name}: the torque of a current depends on it",
             file=None if motor is None else motor.file,
             key="torque_constant",
             allowed="a torque constant such as 14.8 mN*m/A",
@@ -91,10 +101,11 @@ def electrics_of(joint: Joint, controller: Controller) -> Electrics:
 
 @lru_cache
 def bandwidth_of(period: float, lag: float) -> float:
-    """The bandwidth, Hz, at which a position loop sampled every `period` (s) keeps MARGIN on an inertia; lag: of the current.
+    """Return the bandwidth (Hz) at which a sampled position loop has the phase margin MARGIN.
 
-    With P, I and D as `gains_of` makes them the inertia cancels out of the open loop
-    (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) / s², which half a period of sampling and the current's lag follow.
+    `period` (s) is the sampling period and `lag` (s) that of the current. With P, I and D from
+    `gains_of`, the inertia cancels out of the open loop (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) /
+    s². Half a sampling period and the lag of the current delay this loop.
     """
     low, high = 1e-3 / period, 1.0 / period
     for _ in range(60):
@@ -104,7 +115,10 @@ def bandwidth_of(period: float, lag: float) -> float:
 
 
 def phase_margin(bandwidth: float, period: float, lag: float) -> float:
-    """Of the default position loop with a bandwidth (Hz), degrees; −180 where it is not stable at all."""
+    """Return the phase margin (degrees) of the default position loop with a bandwidth (Hz).
+
+    It is −180 if the loop is unstable.
+    """
     omega = 2.0 * math.pi * bandwidth
     s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
     derivative = 2.0 * DAMPING * omega * s / (1.0 + 2.0 * DAMPING / (FILTER * omega) * s)
@@ -116,15 +130,19 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
     )
     crossing = int(np.flatnonzero(np.abs(loop) > 1.0).max(initial=0))
     phase = np.degrees(np.unwrap(np.angle(loop)))
-    # the integral and both poles at 0 begin at −270 degrees
+    # The phase of the integral and both poles at 0 begins at −270 degrees.
     return float(180.0 + phase[crossing] - 360.0 * round((phase[0] + 180.0) / 360.0))
 
 
 def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gains:
-    """The file's gains, and for the rest those that give the loop its bandwidth on the motor's own inertia.
+    """Return the gains of the controller file.
 
-    With J the drive's input inertia and ω = 2π·bandwidth: P = J·ω²/k, D = 2·0.7·J·ω/k, I = 0.1·ω·P; where the drive adds
-    no torque offsets, FF_v = b_v/k and FF_a = J/k, else 0, for the offsets hold both.
+    Gains that it lacks follow from the loop's bandwidth.
+
+    With input inertia J and ω = 2π·bandwidth, P = J·ω²/k, D = 2·0.7·J·ω/k and I = 0.1·ω·P. If the
+    drive adds no torque offsets, FF_v = b_v/k and FF_a = J/k. Otherwise both are 0, because the
+    offsets contain these torques. Raises ProblemError if the joint has no drive or the gains need
+    an inertia that the drive file does not give.
     """
     drive, axis = joint.drive, controller.axis(joint.name)
     if drive is None:
@@ -137,27 +155,34 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
     inertia = drive.input_inertia / electrics.torque_constant
     if inertia == 0.0 and (axis.p is None or axis.d is None):
         raise ProblemError(
-            f"the drive of joint {joint.name} has no input inertia to tune gains from",
+            f"the drive of joint {joint.name} has no input inertia, from which default gains "
+            "follow",
             file=controller.file,
             key=f"joints.{joint.name}",
             allowed="p and d, or an input_inertia in the drive file",
         )
-    without = 0.0 if controller.torque_offset else 1.0
+    feedforward = 0.0 if controller.torque_offset else 1.0
     tuned = Gains(
         p=inertia * omega**2,
         i=INTEGRAL_SHARE * omega * inertia * omega**2,
         d=2.0 * DAMPING * inertia * omega,
-        ff_velocity=without * friction_of(drive).b_v / electrics.torque_constant,
-        ff_acceleration=without * inertia,
+        ff_velocity=feedforward * friction_of(drive).b_v / electrics.torque_constant,
+        ff_acceleration=feedforward * inertia,
     )
-    given = {name: getattr(axis, name) for name in vars(tuned)}
+    overrides = {name: getattr(axis, name) for name in vars(tuned)}
     return Gains(
-        **{name: getattr(tuned, name) if value is None else value for name, value in given.items()}
+        **{
+            name: getattr(tuned, name) if value is None else value
+            for name, value in overrides.items()
+        }
     )
 
 
 def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """(least, largest) current at motor speed w, A: by the power stage, and by the supply against the back-EMF."""
+    """Return the smallest and largest current (A) at motor speed w.
+
+    They follow from the power stage and from the supply voltage minus the back-EMF.
+    """
     low, high = ca.SX(-electrics.max_current), ca.SX(electrics.max_current)
     if not math.isfinite(electrics.voltage):
         return low, high
@@ -182,10 +207,29 @@ def loop_step(
     w: ca.SX,
     feedforward: ca.SX,
 ) -> LoopStep:
-    """One period of the position loop and the current after it.
+    """Build one period of the position loop and of the current loop.
 
-    error (2,): demanded − measured motor angle now and one period ago, rad; before (3,): current, integral and derivative
-    terms, A; w: motor speed; feedforward: current, A. While the current is limited the integral does not grow further.
+    The integral does not grow further while the current is limited.
+
+    Parameters
+    ----------
+    gains, electrics
+        Gains of the loop, and the motor winding with its supply.
+    period
+        Period of the loop, s.
+    error
+        (2,), demanded − measured motor angle now and one period ago, rad.
+    before
+        (3,), current, integral term and derivative term, A.
+    w
+        Motor speed, rad/s.
+    feedforward
+        Feed-forward current, A.
+
+    Returns
+    -------
+    LoopStep
+        State of the loop after the period.
     """
     current, integral, derivative = ca.vertsplit(before)
     delay = gains.d / (FILTER * gains.p) if gains.p > 0 else period
@@ -201,6 +245,6 @@ def loop_step(
 
 
 def encoder(angle: ca.SX, counts_per_turn: int) -> ca.SX:
-    """The motor angle as an encoder of so many increments reads it, rad."""
+    """Return the motor angle (rad) rounded to the increments of an encoder."""
     increment = 2.0 * math.pi / counts_per_turn
     return increment * ca.floor(angle / increment + 0.5)

@@ -1,4 +1,4 @@
-"""One playback under many frictions at once, each drawn from what the drive files know of it."""
+"""Simulate one playback under many frictions at once, drawn from the data of the drive files."""
 
 from __future__ import annotations
 
@@ -13,41 +13,45 @@ from ssm_planner.dynamics.spread import drawn, spread_of
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.robot import Robot
+from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.plant import FRICTION, Q, W
 from ssm_planner.simulation.playback import CURRENT, TRIP, Commands, ControlledArm
 from ssm_planner.typing import Array, Mask
 
 SEED = 20_261_122
-LOOKED = 5
-"""Periods between two looks at where the tip is."""
-TOLD = 1000
-"""Periods between two reports of progress."""
+TIP_INTERVAL = 5
+"""Number of periods between two evaluations of the tip position."""
+PROGRESS_INTERVAL = 1000
+"""Number of periods between two progress reports."""
 
 
 @dataclass(frozen=True, eq=False)
-class Draws:
-    """What n frictions make of one playback; arrays (n,) and (n, 4), SI."""
+class Draws(ShortRepr):
+    """Results of one playback under n frictions. Arrays are (n,) and (n, 4), in SI units."""
 
     friction: Array
-    """(n, 28) as `ArmPlant.friction` has it."""
+    """Friction parameters (n, 28) in the layout of `ArmPlant.friction`."""
     tip_error: Array
     peak_torque: Array
-    """Of the motors; 0 without a drive."""
+    """Largest motor torques. 0 for joints without a drive."""
     following_error: Array
-    """rad at the motor."""
+    """Largest following errors, rad at the motor."""
     saturated: Mask
     tripped: Mask
     tip_limit: float
 
     @property
     def passed(self) -> Mask:
-        """(n,): no motor saturates or trips, and the tip stays within its limit."""
+        """(n,), True if no motor saturates or trips and the tip stays within its limit."""
         fine = np.logical_not(self.saturated.any(axis=1) | self.tripped.any(axis=1))
         passed: Mask = fine & (self.tip_error <= self.tip_limit)
         return passed
 
     def to_dict(self) -> dict[str, Any]:
-        """`draws` in what `simulate --json` prints; SI. Quantiles: 2.5 %, median, 97.5 %."""
+        """Return `draws` in the output of `simulate --json`, in SI units.
+
+        Quantiles are 2.5 %, median and 97.5 %.
+        """
 
         def quantiles(values: Array) -> list[float]:
             return [float(x) for x in np.quantile(values, [0.025, 0.5, 0.975])]
@@ -65,28 +69,31 @@ class Draws:
 def drawn_frictions(
     robot: Robot, count: int, spread: float | None = None
 ) -> tuple[Array, tuple[str, ...]]:
-    """(count, 28) friction of every joint as `ArmPlant.friction` has it, and notes on what is not known.
+    """Draw the friction of every joint and return (count, 28) and notes on missing uncertainties.
 
-    From the posterior or covariance of each drive file, uniform within its stated ranges; spread: range, as a share, of what
-    a drive file says nothing of. The same draws every time. Raises ProblemError.
+    The draws follow the posterior or covariance of each drive file and are uniform within its
+    stated ranges. They are the same at every call. Columns are in the layout of
+    `ArmPlant.friction`. `spread` is the relative range of parameters without uncertainty in the
+    drive file. Raises ProblemError.
     """
     rng = np.random.default_rng(SEED)
     table, notes = np.zeros((count, 4, len(FRICTION))), []
     for k, joint in enumerate(robot.joints):
         if joint.drive is None:
             continue
-        known = spread_of(joint.drive, spread)
-        if not known.known:
+        uncertainty = spread_of(joint.drive, spread)
+        if not uncertainty.known:
             notes.append(
-                f"joint {joint.name}: its drive file says nothing of how uncertain its friction is: as stated"
+                f"joint {joint.name}: its drive file does not state the uncertainty of its "
+                "friction, which is used as stated"
             )
-        deviations = known.deviations(count)
-        values: dict[str, Any] = known.values(deviations[np.arange(count) % len(deviations)])
+        deviations = uncertainty.deviations(count)
+        values: dict[str, Any] = uncertainty.values(deviations[np.arange(count) % len(deviations)])
         values |= {
-            name: rng.uniform(low, high, count) for name, (low, high) in known.ranges.items()
+            name: rng.uniform(low, high, count) for name, (low, high) in uncertainty.ranges.items()
         }
         friction = drawn(
-            joint.drive, {name: value for name, value in values.items() if name in _TAKEN}
+            joint.drive, {name: value for name, value in values.items() if name in _DRAWN}
         ).friction
         table[:, k] = np.stack(
             [np.broadcast_to(getattr(friction, name), count) for name in FRICTION], axis=1
@@ -94,13 +101,13 @@ def drawn_frictions(
     return table.reshape(count, -1), tuple(notes)
 
 
-_TAKEN = (*FRICTION, "mu_lowest")
+_DRAWN = (*FRICTION, "mu_lowest")
 
 
 def play_draws(
     arm: ControlledArm,
     start: Array,
-    told: Commands,
+    commands: Commands,
     *,
     offsets: Array,
     friction: Array,
@@ -108,13 +115,35 @@ def play_draws(
     tip_limit: float,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Draws:
-    """From one state (44,) with the encoders' offsets (4,), the same commands (m periods) under frictions (n, 28).
+    """Play the same commands from one state under many frictions.
 
-    planned (m, 4): where the joints should be. The energy of each is not kept.
+    Parameters
+    ----------
+    arm
+        The simulated arm.
+    start
+        Initial state, (44,).
+    told
+        Commands of m periods.
+    offsets
+        Offsets of the encoders, (4,), rad.
+    friction
+        Friction parameters, (n, 28).
+    planned
+        Planned joint positions, (m, 4), rad or m.
+    tip_limit
+        Permitted tip error, m.
+    progress
+        Called with progress messages.
+
+    Returns
+    -------
+    Draws
+        Results by draw, without energies.
     """
     count = len(friction)
-    whole, halves = Vectorised(arm.one), Vectorised(arm.one_in_halves)
-    halved, table = arm.halved(told), told.table()
+    full_step, half_steps = Vectorised(arm.one), Vectorised(arm.one_in_halves)
+    halved, table = arm.halved(commands), commands.table()
     x = np.tile(start, (count, 1))
     inputs = np.empty((count, table.shape[1] + len(offsets) + friction.shape[1]), order="F")
     inputs[:, table.shape[1] : table.shape[1] + 4], inputs[:, table.shape[1] + 4 :] = (
@@ -128,13 +157,13 @@ def play_draws(
     tip, peak, error = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 4))
     saturated = np.zeros((count, 4), dtype=bool)
     for m, row in enumerate(table):
-        if m % TOLD == 0:
+        if m % PROGRESS_INTERVAL == 0:
             progress(f"{count} frictions, {100 * m // len(table)} %")
-        if m % LOOKED == 0:
-            there = tip_position(mechanism, planned[m : m + 1])
-            tip = np.fmax(tip, np.linalg.norm(tip_position(mechanism, x[:, Q]) - there, axis=1))
+        if m % TIP_INTERVAL == 0:
+            target = tip_position(mechanism, planned[m : m + 1])
+            tip = np.fmax(tip, np.linalg.norm(tip_position(mechanism, x[:, Q]) - target, axis=1))
         inputs[:, : table.shape[1]] = row
-        x, following, cut = (halves if halved[m] else whole)(np.asfortranarray(x), inputs)
+        x, following, cut = (half_steps if halved[m] else full_step)(np.asfortranarray(x), inputs)
         peak = np.fmax(peak, np.abs(x[:, CURRENT]))
         error = np.fmax(error, np.abs(following))
         saturated |= cut > 0

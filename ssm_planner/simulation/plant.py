@@ -1,11 +1,13 @@
-"""The arm as a plant: rigid bodies, self-locking drives, and the spring, damper and backlash between drive and joint.
+"""The arm as a plant: rigid bodies, self-locking drives, and a spring, damper and backlash at each.
 
-With rigid drives the arm would have no unique motion wherever a load's inertia makes a drive's effective inertia
-negative (dynamics/transmission.py), which is so at joints 1 and 2 of the published robot; with some compliance at the output,
-as every gearbox has, every drive is a sliding mesh of its own under a smooth load, and standstill, breakaway and jamming
-are exact at each of them. Joints without a drive take the accelerations they are given.
+With rigid drives the motion of the arm is not unique wherever the inertia of a load makes the
+effective inertia of a drive negative (dynamics/transmission.py). This is the case for joints 1 and
+2 of the published robot. Every real gearbox has some compliance at its output. With it, each drive
+is a separate sliding mesh under a smooth load, and standstill, breakaway and jamming are exact.
+Joints without a drive have prescribed accelerations.
 
-Midpoint steps in CasADi. The energies that went where are kept, so that a motion can be held against their balance.
+The integrator takes midpoint steps in CasADi. It accumulates the energies, so that their balance
+can be checked.
 """
 
 from __future__ import annotations
@@ -29,8 +31,10 @@ from ssm_planner.typing import Array
 
 @dataclass(frozen=True, eq=False)
 class Compliance:
-    """Spring, damper and backlash between each drive and its joint, (4,): N·m/rad, N·m·s/rad and rad; N/m, N·s/m and m
-    for joint 4."""
+    """Spring, damper and backlash between each drive and its joint.
+
+    All arrays are (4,): N·m/rad, N·m·s/rad and rad, or N/m, N·s/m and m for joint 4.
+    """
 
     stiffness: Array
     damping: Array
@@ -46,9 +50,9 @@ class Compliance:
         damping_ratio: float = 0.3,
         backlash: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> Compliance:
-        """Stiffness from the natural frequency (Hz) of each joint with its drive locked, at q (4,).
+        """Compute stiffness and damping from natural frequencies (Hz) with locked drives at q (4,).
 
-        The default figures are assumptions, not measurements.
+        The default values are assumptions, not measurements.
         """
         inertia = np.diag(body.mass_matrix(np.reshape(q, (1, 4)))[0])
         omega = 2.0 * math.pi * np.asarray(frequency)
@@ -59,7 +63,10 @@ class Compliance:
         )
 
     def stretch(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
-        """How far the spring of joint k (from 0) is bent while drive and joint differ by `twist`; shape of twist."""
+        """Return the deflection of the spring of joint k (counted from 0) at a twist of the drive.
+
+        It has the shape of `twist`.
+        """
         free = 0.5 * float(self.backlash[k])
         if free == 0.0:
             return twist
@@ -69,7 +76,10 @@ class Compliance:
 
 @dataclass(frozen=True, eq=False)
 class ArmMotion:
-    """A simulated motion at the control instants: arrays (n,) and (n, 4), SI; motor columns are NaN without a drive."""
+    """A simulated motion at the control instants. Arrays are (n,) and (n, 4), in SI units.
+
+    Motor columns are NaN for joints without a drive.
+    """
 
     time: Array
     q: Array
@@ -79,41 +89,35 @@ class ArmMotion:
     tau: Array
     """Motor torque during the period that begins at each instant."""
     work: Array
-    """Energy put in by the motors, and by what moves the joints without a drive, since the start, J."""
+    """Energy since the start from the motors and from prescribed accelerations, J."""
     friction_loss: Array
     damping_loss: Array
     kinetic: Array
     potential: Array
-    """Of gravity and of the springs, J."""
+    """Energy of gravity and of the springs, J."""
     status: str
-    """`done`, or what makes the motion worthless."""
-
-    @property
-    def energy_error(self) -> float:
-        """Largest |work − (kinetic + potential + dissipated)| over the largest of these."""
-        stored = self.kinetic + self.potential
-        lost = self.friction_loss + self.damping_loss
-        error = self.work - (stored - stored[0]) - lost
-        scale = max(float(np.abs(x).max()) for x in (self.work, lost, stored - stored[0]))
-        return float(np.abs(error).max() / scale) if scale > 1e-12 else 0.0
+    """`done`, or the reason why the motion is invalid."""
 
 
 FRICTION = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "b_ov")
-"""Friction parameters that may differ from run to run, by their names in Friction."""
+"""Names in Friction of the parameters that may differ from run to run."""
 
 Q, QD, MOTOR, W, INTEGRAL, REST, ENERGY = (slice(4 * k, 4 * k + 4) for k in range(7))
 STATE = 28
 """Length of a state: four numbers for each of the slices above."""
 STILL = 1e-12
-"""A twist that changes by less in a step stays, rad or m."""
+"""Change of twist per step (rad or m) below which the twist counts as constant."""
 CORRECTIONS = 2
-"""Of the forces in a step, by the speeds that they lead to: what is left of the balances is a tenth each time."""
+"""Corrections of the forces in a step for the resulting speeds.
+
+Each correction reduces the error of the energy balance to a tenth.
+"""
 _WORK, _LOCKED_WORK, _FRICTION, _DAMPING = range(4)
 
 
 @dataclass(frozen=True)
 class _Forces:
-    """Of the springs and dampers on the joints, (4,), and what the drives do under them."""
+    """Forces of the springs and dampers on the joints (4,), and the motion of the drives."""
 
     load: ca.SX
     damper: ca.SX
@@ -133,7 +137,7 @@ class ArmPlant:
         self.driven = tuple(k for k, joint in enumerate(robot.joints) if joint.drive is not None)
 
     def at_rest(self, q: Array) -> Array:
-        """State (28,) at q (4,) with every drive standing and its spring carrying the weight."""
+        """Return the state (28,) at rest at q (4,), with the weight on the springs."""
         weight = self.body.gravity_load(np.reshape(q, (1, 4)))[0]
         state = np.zeros(STATE)
         state[Q] = q
@@ -146,7 +150,7 @@ class ArmPlant:
         return state
 
     def motion(self, time: Array, x: Array, tau: Array) -> ArmMotion:
-        """States (n, 28) at times (n,) as a result, energies computed."""
+        """Build a result with energies from states (n, 28) at times (n,)."""
         driven = list(self.driven)
         kinetic, potential = self.body.energy(x[:, Q], x[:, QD])
         for k in driven:
@@ -180,51 +184,61 @@ class ArmPlant:
         return "done" if all(always_unique(self.drive(k)) for k in self.driven) else NOT_UNIQUE
 
     def step_function(self) -> ca.Function:
-        """(state, motor torques, given accelerations, held, friction) → state one step later.
+        """Build the function of one step.
 
-        The midpoint rule: speeds and positions of the middle from the forces at the start, then the forces of the middle,
-        corrected CORRECTIONS times by the middle that they lead to; inertia and weight are those of the first.
-        Given accelerations (4,) are those of joints without a drive. held (4,): 1 where the motor is held fast.
-        friction (28,): FRICTION of every joint, as `friction` gives it.
+        It maps (state, motor torques, prescribed accelerations, held, friction) to the state one
+        step later by the midpoint rule. Forces at the start give speeds and positions of the
+        middle, which give the forces of the step. They are corrected CORRECTIONS times with the
+        speeds that result from them. Inertia and weight are those of the first middle. The
+        prescribed accelerations (4,) apply to joints without a drive. `held` (4,) is 1 for a
+        blocked motor. `friction` (28,) has the layout of the method `friction`.
         """
         h = self.h
         x, tau, locked = ca.SX.sym("x", STATE), ca.SX.sym("tau", 4), ca.SX.sym("locked", 4)
         held, friction = ca.SX.sym("held", 4), ca.SX.sym("friction", 4 * len(FRICTION))
         inputs = (x, tau, locked, held, friction)
         q, qd, w, motor = x[Q], x[QD], x[W], x[MOTOR]
-        # forces at the speeds of the start tell the speeds of the middle, and these the forces of the step
-        first = self._forces(inputs, q + 0.5 * h * qd, motor + 0.5 * h * w, qd, w)
-        middle_qd = qd + 0.5 * h * self.accelerations(q + 0.5 * h * qd, qd, first.load, locked)
-        middle_w = first.mean
+        # Forces at the initial speeds give the speeds of the middle, and these give the forces of
+        # the
+        # step.
+        predictor = self._forces(inputs, q + 0.5 * h * qd, motor + 0.5 * h * w, qd, w)
+        middle_qd = qd + 0.5 * h * self.accelerations(q + 0.5 * h * qd, qd, predictor.load, locked)
+        middle_w = predictor.mean
         middle_q, middle_motor = q + 0.5 * h * middle_qd, motor + 0.5 * h * middle_w
-        found = self._forces(inputs, middle_q, middle_motor, middle_qd, middle_w)
-        qdd = self.accelerations(middle_q, middle_qd, found.load, locked)
+        forces = self._forces(inputs, middle_q, middle_motor, middle_qd, middle_w)
+        qdd = self.accelerations(middle_q, middle_qd, forces.load, locked)
         for _ in range(CORRECTIONS):
-            mean_qd, mean_w = qd + 0.5 * h * qdd, found.mean
-            found = self._forces(
+            mean_qd, mean_w = qd + 0.5 * h * qdd, forces.mean
+            forces = self._forces(
                 inputs, q + 0.5 * h * mean_qd, motor + 0.5 * h * mean_w, mean_qd, mean_w
             )
-            qdd = self.accelerations(middle_q, middle_qd, found.load, locked)
+            qdd = self.accelerations(middle_q, middle_qd, forces.load, locked)
         qd_after = qd + h * qdd
-        mean_qd, mean_w = 0.5 * (qd + qd_after), found.mean
+        mean_qd, mean_w = 0.5 * (qd + qd_after), forces.mean
         effort = self.body.symbolic(middle_q, middle_qd, qdd)
         work = h * ca.dot(tau, mean_w)
         locked_work = h * sum(
             (effort[k] * mean_qd[k] for k in range(4) if k not in self.driven), ca.SX(0)
         )
         bent = [
-            found.damper[k] * (mean_w[k] / self.drive(k).ratio - mean_qd[k]) for k in self.driven
+            forces.damper[k] * (mean_w[k] / self.drive(k).ratio - mean_qd[k]) for k in self.driven
         ]
-        energy = x[ENERGY] + ca.vertcat(work, locked_work, found.loss, h * sum(bent, ca.SX(0)))
+        energy = x[ENERGY] + ca.vertcat(work, locked_work, forces.loss, h * sum(bent, ca.SX(0)))
         y = ca.vertcat(
-            q + h * mean_qd, qd_after, motor + h * mean_w, found.w, x[INTEGRAL], found.rest, energy
+            q + h * mean_qd,
+            qd_after,
+            motor + h * mean_w,
+            forces.w,
+            x[INTEGRAL],
+            forces.rest,
+            energy,
         )
         return ca.Function("step", list(inputs), [y], {"cse": True})
 
     def _forces(
         self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX
     ) -> _Forces:
-        """Forces at q, motor angle and speeds (4,) of the middle, and the drives' motion under them over a whole step."""
+        """Return the forces at the middle of the step (4,), and the motion of the drives."""
         x, tau, _, held, friction = inputs
         load, damper, speed, mean, rest = ([ca.SX(0)] * 4 for _ in range(5))
         loss = ca.SX(0)
@@ -241,15 +255,16 @@ class ArmPlant:
             moved = drive_step(drive, begin, still, tau[k], load[k], h=self.h, middle=w[k])
             moved = stalled(drive, moved, held[k], w=begin, load=load[k], tau=tau[k], h=self.h)
             speed[k], mean[k], rest[k], loss = moved.w, moved.mean, moved.rest, loss + moved.loss
-        parts = [ca.vertcat(*each) for each in (load, damper, speed, mean, rest)]
+        parts = [ca.vertcat(*column) for column in (load, damper, speed, mean, rest)]
         return _Forces(parts[0], parts[1], w=parts[2], mean=parts[3], rest=parts[4], loss=loss)
 
     def _mean_stretch(self, k: int, start: ca.SX, middle: ca.SX) -> tuple[ca.SX, ca.SX | float]:
-        """Mean over a step of the spring's stretch, and the share of the step in which it bears.
+        """Return the mean deflection of the spring over a step, and the share with contact.
 
-        The twist between drive and joint goes evenly from `start` through `middle`, so that contact begins and ends where it
-        does: the mean force times the way is the change of the spring's energy (a discrete gradient; O. Gonzalez, Time
-        Integration and Discrete Hamiltonian Systems, J. Nonlinear Sci. 6, 1996).
+        The twist between drive and joint changes linearly from `start` through `middle`, so contact
+        begins and ends at its exact position. The mean force times the travel is the change of the
+        spring's energy (a discrete gradient; O. Gonzalez, Time Integration and Discrete Hamiltonian
+        Systems, J. Nonlinear Sci. 6, 1996).
         """
         if not self.compliance.backlash[k] > 0:
             return middle, 1.0
@@ -260,7 +275,7 @@ class ArmPlant:
         return contact * (first + last) / 2, contact
 
     def friction(self, scale: float = 1.0) -> Array:
-        """FRICTION of every joint, joint after joint, (28,); scale: times all of it."""
+        """Return FRICTION of every joint, joint after joint, (28,), multiplied by `scale`."""
         values = np.zeros((4, len(FRICTION)))
         for k in self.driven:
             friction = friction_of(self.drive(k))
@@ -268,32 +283,32 @@ class ArmPlant:
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
-        """The drive of joint k, counted from 0."""
+        """Return the drive of joint k, counted from 0. Raises GeometryError if it has none."""
         drive = self.robot.joints[k].drive
         if drive is None:
             raise GeometryError(f"joint {k + 1} has no drive")
         return drive
 
     def accelerations(self, q: ca.SX, qd: ca.SX, force: ca.SX, locked: ca.SX) -> ca.SX:
-        """Accelerations of the driven joints under the spring forces, the locked ones as given."""
+        """Return the joint accelerations (4,), with `locked` for joints without a drive."""
         free = list(self.driven)
-        held = [k for k in range(4) if k not in free]
+        undriven = [k for k in range(4) if k not in free]
         probe = ca.SX.sym("qdd", 4)
         effort = self.body.symbolic(q, qd, probe)
         mass = ca.densify(ca.jacobian(effort, probe))
-        given = ca.SX.zeros(4)
-        for k in held:
-            given[k] = locked[k]
-        bias = ca.substitute(effort, probe, given)
+        prescribed = ca.SX.zeros(4)
+        for k in undriven:
+            prescribed[k] = locked[k]
+        bias = ca.substitute(effort, probe, prescribed)
         solved = ca.ldl_solve(force[free] - bias[free], *ca.ldl(mass[free, free]))
-        qdd = ca.SX(given)
-        for place, k in enumerate(free):
-            qdd[k] = solved[place]
+        qdd = ca.SX(prescribed)
+        for row, k in enumerate(free):
+            qdd[k] = solved[row]
         return qdd
 
 
 def _with_friction(drive: Drive, values: ca.SX) -> Drive:
-    """The drive with FRICTION of symbols, which no file or user gives: nothing to check."""
+    """Return the drive with symbols for FRICTION, without the checks of user input."""
     friction, changed = copy.copy(friction_of(drive)), copy.copy(drive)
     for name, value in zip(FRICTION, ca.vertsplit(values), strict=True):
         object.__setattr__(friction, name, value)

@@ -1,4 +1,4 @@
-"""Set points played on the simulated arm: what the drives are told at every period of their position loop."""
+"""Play set points on the simulated arm, period by period of the position loop."""
 
 from __future__ import annotations
 
@@ -28,55 +28,62 @@ from ssm_planner.typing import Array, Mask
 from ssm_planner.units import rpm
 
 STEPS = 2
-"""Of the plant in one period of the position loop."""
+"""Steps of the plant in one period of the position loop."""
 FREQUENCIES = (30.0, 30.0, 30.0, 100.0)
-"""Natural frequencies of the joints with their drives locked, Hz: assumed."""
+"""Assumed natural frequencies of the joints with locked drives, Hz."""
 BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
-"""Free play between drive and joint, rad and m: assumed."""
+"""Assumed free play between drive and joint, rad and m."""
 
 CURRENT, DERIVATIVE, ERROR, TRIP = (slice(STATE + 4 * k, STATE + 4 * k + 4) for k in range(4))
-"""Of a state (44,) behind that of the plant: A, A, rad, and 1 where the drive has tripped."""
+"""Slices of a state (44,) after those of the plant.
+
+They hold currents (A), derivative terms (A), following errors (rad), and 1 for a tripped drive.
+"""
 WHOLE = STATE + 16
+"""Length of a state with the controllers."""
 _CHUNK = 250
 _BREAKAWAY = 100
-"""Periods that breaking away takes."""
+"""Number of periods in which a drive breaks away."""
 
 
 @dataclass(frozen=True, eq=False)
 class Commands:
-    """What reaches the drives in every period of the position loop, (n, 4) each; SI, in the joints' positive directions."""
+    """Commands to the drives in every period of the position loop.
+
+    Arrays are (n, 4), in SI units and in the positive directions of the joints.
+    """
 
     demand: Array
     """Motor angle, rad."""
     speed: Array
-    """rad/s, of the velocity offset."""
+    """Velocity offset, rad/s."""
     acceleration: Array
-    """rad/s², difference of the velocity offsets."""
+    """Difference quotient of the velocity offsets, rad/s²."""
     torque: Array
-    """N·m, of the torque offset."""
+    """Torque offset, N·m."""
     given: Array
-    """Accelerations of joints without a drive."""
+    """Prescribed accelerations of joints without a drive."""
     power: Array
-    """(n,): 1 where the drives have power."""
+    """(n,), 1 while the drives have power."""
     stalled: Array
-    """1 where something holds the motor fast."""
+    """1 while the motor is blocked."""
 
     def table(self) -> Array:
-        """(n, 25)."""
+        """Return all columns side by side, (n, 25)."""
         parts = (self.demand, self.speed, self.acceleration, self.torque, self.given, self.stalled)
         return np.column_stack([*parts, self.power])
 
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """A motion in n periods."""
+    """A simulated motion of n periods."""
 
     states: Array
-    """(n + 1, 44): before the first period and after every one."""
+    """States (n + 1, 44) before the first period and after every period."""
     error: Array
     """Following errors (n, 4), rad at the motor."""
     saturated: Array
-    """(n, 4): 1 where less current could flow than was demanded."""
+    """(n, 4), 1 if the demanded current exceeded the possible current."""
 
 
 def commands(
@@ -86,11 +93,28 @@ def commands(
     given: tuple[Array, Array],
     period: float,
 ) -> Commands:
-    """Set points every `period` (s) as the drives take them up at their loop period.
+    """Convert set points every `period` (s) to the commands at the loop period.
 
-    Between two set points the position is interpolated (0x60C2); velocity and torque offsets hold for a period. The
-    delay of one period that this costs is common to all drives and left out. given: times (n,) of the loop and
-    accelerations (n, 4) of what has no drive.
+    Positions are interpolated between set points (0x60C2). Velocity and torque offsets hold for a
+    period. Interpolation delays all drives by the same period, which is left out.
+
+    Parameters
+    ----------
+    streams
+        Set points by joint, in units of the controller.
+    axes
+        Axis settings by joint.
+    controller
+        The motor controller.
+    given
+        Times (n,) of the loop in s, and accelerations (n, 4) of joints without a drive.
+    period
+        Period of the set points, s.
+
+    Returns
+    -------
+    Commands
+        Commands of n periods.
     """
     t, accelerations = given
     columns = {
@@ -99,25 +123,28 @@ def commands(
     for name, stream in streams.items():
         axis, k = axes[name], JOINTS.index(name)
         sent = period * np.arange(len(stream["target_position_inc"]))
-        coming = np.minimum(np.floor(t / period + 1e-9).astype(int) + 1, len(sent) - 1)
+        next_index = np.minimum(np.floor(t / period + 1e-9).astype(int) + 1, len(sent) - 1)
         increment = 2.0 * np.pi / axis.counts_per_turn * axis.direction
         columns["demand"][:, k] = increment * np.interp(t, sent, stream["target_position_inc"])
         speed = axis.direction * stream["velocity_offset_mrpm"] * rpm / 1000.0
         bend = np.append(np.diff(speed), 0.0) / period
         columns["speed"][:, k], columns["acceleration"][:, k] = (
-            speed[coming],
-            bend[np.maximum(coming - 1, 0)],
+            speed[next_index],
+            bend[np.maximum(next_index - 1, 0)],
         )
         if controller.torque_offset:
             offset = axis.direction * stream["torque_offset_permille"] * axis.rated_torque / 1000.0
-            columns["torque"][:, k] = offset[coming]
+            columns["torque"][:, k] = offset[next_index]
     return Commands(
         **columns, given=accelerations, power=np.ones(len(t)), stalled=np.zeros((len(t), 4))
     )
 
 
 def compliance_of(plant_robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
-    """Springs, dampers and backlash as the controller file has them, or as assumed; stiffness and damping times scale."""
+    """Return springs, dampers and backlash of the controller file, or the assumed ones.
+
+    `scale` multiplies stiffness and damping.
+    """
     body = ArmPlant(plant_robot, None, controller.loop_period).body
     frequency, backlash, ratios = list(FREQUENCIES), list(BACKLASH), [0.3] * 4
     for k, name in enumerate(JOINTS):
@@ -126,15 +153,15 @@ def compliance_of(plant_robot: Robot, controller: Controller, scale: float = 1.0
             frequency[k] = part.frequency or frequency[k]
             backlash[k] = backlash[k] if part.backlash is None else part.backlash
             ratios[k] = part.damping_ratio
-    found = Compliance.of_frequency(
+    default = Compliance.of_frequency(
         body, np.zeros(4), (frequency[0], frequency[1], frequency[2], frequency[3])
     )
-    damping = found.damping * np.asarray(ratios) / 0.3
-    return Compliance(found.stiffness * scale, damping * scale, np.asarray(backlash))
+    damping = default.damping * np.asarray(ratios) / 0.3
+    return Compliance(default.stiffness * scale, damping * scale, np.asarray(backlash))
 
 
 class ControlledArm(ArmPlant):
-    """An arm with its drives' controllers; built once, played any number of set points and frictions."""
+    """An arm with the controllers of its drives, for playing any set points under any friction."""
 
     def __init__(
         self,
@@ -146,7 +173,10 @@ class ControlledArm(ArmPlant):
         compliance: Compliance | None = None,
         steps: int = STEPS,
     ) -> None:
-        """windows: following error, rad at the motor, beyond which a drive trips, by joint."""
+        """Build the arm.
+
+        `windows` are the following errors (rad at the motor) that trip a drive, by joint.
+        """
         self.period, self.steps = controller.loop_period, steps
         super().__init__(robot, compliance or compliance_of(robot, controller), self.period / steps)
         self.controller, self.axes, self.windows = controller, axes, windows
@@ -157,41 +187,43 @@ class ControlledArm(ArmPlant):
         self._many = self.one.mapaccum("arm", _CHUNK)
 
     def start(self, q: Array) -> Array:
-        """State (44,) at rest at q (4,); the drives' encoders were set there."""
+        """Return the state (44,) at rest at q (4,), where the encoders were set."""
         return np.concatenate([self.at_rest(q), np.zeros(WHOLE - STATE)])
 
     def offsets(self, state: Array, q: Array) -> Array:
-        """Motor angle (4,) beyond ratio · q, which the encoders take for nothing: they were set at q (4,)."""
-        found = np.zeros(4)
-        for k in self.driven:
-            found[k] = state[MOTOR][k] - self.drive(k).ratio * q[k]
-        return found
+        """Return the motor angles (4,) beyond ratio · q that the encoders read as zero.
 
-    def play(self, state: Array, told: Commands, offsets: Array, friction: Array) -> Played:
-        """From a state (44,): commands (n periods), encoder offsets (4,), friction as `ArmPlant.friction` gives it."""
-        table = told.table()
+        The encoders were set at q (4,).
+        """
+        angles = np.zeros(4)
+        for k in self.driven:
+            angles[k] = state[MOTOR][k] - self.drive(k).ratio * q[k]
+        return angles
+
+    def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Played:
+        """Play commands from a state (44,).
+
+        `offsets` (4,) are those of the encoders, and `friction` has the layout of
+        `ArmPlant.friction`.
+        """
+        table = command.table()
         table = np.hstack([table, np.tile(np.concatenate([offsets, friction]), (len(table), 1))])
-        halved = self.halved(told)
-        whole, rest = divmod(len(table), _CHUNK)
+        halved = self.halved(command)
         states, errors, saturated = [state[:, None]], [], []
-        for k in range(whole + (rest > 0)):
-            part = table[k * _CHUNK : (k + 1) * _CHUNK]
-            used = len(part)
-            part = (
-                np.vstack([part, np.repeat(part[-1:], _CHUNK - used, axis=0)])
-                if used < _CHUNK
-                else part
-            )
-            play = self._many_halves if halved[k * _CHUNK] else self._many
-            after, error, cut = play(states[-1][:, -1], part.T)
-            states.append(after.full()[:, :used])
+        for begin in range(0, len(table), _CHUNK):
+            rows = table[begin : begin + _CHUNK]
+            used = len(rows)
+            rows = np.pad(rows, ((0, _CHUNK - used), (0, 0)), "edge")
+            play = self._many_halves if halved[begin] else self._many
+            chunk_states, error, cut = play(states[-1][:, -1], rows.T)
+            states.append(chunk_states.full()[:, :used])
             errors.append(error.full()[:, :used])
             saturated.append(cut.full()[:, :used])
         return Played(np.hstack(states).T, np.hstack(errors).T, np.hstack(saturated).T)
 
-    def halved(self, told: Commands) -> Mask:
-        """(n,): periods played in half steps, those about a drive's breaking away: there a step errs most."""
-        turns = told.speed != 0
+    def halved(self, command: Commands) -> Mask:
+        """Select the periods (n,) for half steps: near breakaway a full step errs most."""
+        turns = command.speed != 0
         starts = (turns & ~np.vstack([np.zeros((1, 4), dtype=bool), turns[:-1]])).any(axis=1)
         chunks = range(0, len(starts), _CHUNK)
         return np.repeat(
@@ -200,7 +232,7 @@ class ControlledArm(ArmPlant):
 
     @cached_property
     def one_in_halves(self) -> ca.Function:
-        """`one` in steps half as long."""
+        """The function `one` with steps half as long."""
         h, steps = self.h, self.steps
         self.h, self.steps = h / 2, 2 * steps
         function = self._period_function()
@@ -212,7 +244,7 @@ class ControlledArm(ArmPlant):
         return self.one_in_halves.mapaccum("halves", _CHUNK)
 
     def _period_function(self) -> ca.Function:
-        """(state, commands of one period) → (state after it, following errors, saturation)."""
+        """Build the function (state, commands) → (next state, following errors, saturation)."""
         x, u = ca.SX.sym("x", WHOLE), ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
         demand, speed, acceleration, torque, given, stalled = (
             u[4 * k : 4 * k + 4] for k in range(6)
@@ -243,7 +275,7 @@ class ControlledArm(ArmPlant):
             loops["i"][k], loops["d"][k], loops["e"][k] = step.integral, step.derivative, error
             late = ca.logic_and(power, ca.fabs(error) > self.windows[joint.name])
             loops["trip"][k] = ca.fmax(x[TRIP][k], late)
-        # what has no drive stops where it is without power: nothing is known of how it is moved
+        # Without power a joint without a drive stops, because its actuation is not modelled.
         locked = ca.if_else(power, given, -x[QD] / self.period)
         y = ca.vertcat(x[: INTEGRAL.start], *loops["i"], x[INTEGRAL.stop : STATE])
         step_once = self.step_function()

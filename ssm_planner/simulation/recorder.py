@@ -1,4 +1,4 @@
-"""A simulated playback as the drive's own recorder would export it, so that `compare` and `identify` read it."""
+"""Write a simulated playback in the format of the recorder, for `compare` and `identify`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ssm_planner.typing import Array, Indices
 from ssm_planner.units import SPEEDS
 
 SAMPLING = 1e-3
-"""s."""
+"""Default sampling period, s."""
 _CHANNELS = (
     "Velocity actual value averaged",
     "Torque actual value averaged",
@@ -24,7 +24,10 @@ _CHANNELS = (
 def write_recordings(
     result: SimulationResult, folder: Path, sampling: float = SAMPLING
 ) -> dict[str, Path]:
-    """One recording of each driven joint into a folder; their paths by joint. Raises ExportError."""
+    """Write one recording of each driven joint into a folder. Returns the paths by joint.
+
+    Raises ExportError.
+    """
     return {
         name: write_recording(result, name, folder / f"{name}.csv", sampling)
         for name in result.axes
@@ -34,25 +37,33 @@ def write_recordings(
 def write_recording(
     result: SimulationResult, joint: str, path: Path, sampling: float = SAMPLING
 ) -> Path:
-    """One joint in the layout of the EPOS recorder: ms, whole rpm, 0.1 % of the rated torque, increments.
+    """Write one joint in the EPOS recorder's layout: ms, rpm, % of rated torque, increments.
 
-    Speed and torque are averaged over the sampling period (s), signs are the controller's. Raises ExportError.
+    Speed and torque are averaged over the sampling period (s). Signs are those of the controller.
+    Raises ExportError.
     """
     axis, k = result.axes[joint], JOINTS.index(joint)
     count = int(result.time[-1] / sampling) + 1
-    place = np.minimum(np.arange(count) * sampling, result.time[-1])
-    at = np.minimum(
-        np.rint(place / (result.time[1] - result.time[0])).astype(int), len(result.time) - 1
+    times = np.minimum(np.arange(count) * sampling, result.time[-1])
+    indices = np.minimum(
+        np.rint(times / (result.time[1] - result.time[0])).astype(int), len(result.time) - 1
     )
     rows = np.column_stack(
         [
-            1000.0 * place,
-            np.rint(axis.direction * _averaged(result.w[:, k], at) / SPEEDS["rpm"]),
+            1000.0 * times,
+            np.rint(axis.direction * _averaged(result.w[:, k], indices) / SPEEDS["rpm"]),
             np.round(
-                axis.direction * 100.0 * _averaged(result.torque[:, k], at) / axis.rated_torque, 1
+                axis.direction
+                * 100.0
+                * _averaged(result.torque[:, k], indices)
+                / axis.rated_torque,
+                1,
             ),
             np.floor(
-                axis.direction * result.motor_angle[at, k] * axis.counts_per_turn / (2.0 * np.pi)
+                axis.direction
+                * result.motor_angle[indices, k]
+                * axis.counts_per_turn
+                / (2.0 * np.pi)
                 + 0.5
             ),
         ]
@@ -71,9 +82,9 @@ def write_recording(
     return path
 
 
-def _averaged(values: Array, at: Indices) -> Array:
+def _averaged(values: Array, indices: Indices) -> Array:
     total = np.concatenate([[0.0], np.cumsum(values)])
-    step = max(1, int(np.median(np.diff(at)))) if len(at) > 1 else 1
-    end = np.minimum(at + step, len(values))
-    found: Array = (total[end] - total[at]) / (end - at)
-    return found
+    step = max(1, int(np.median(np.diff(indices)))) if len(indices) > 1 else 1
+    end = np.minimum(indices + step, len(values))
+    means: Array = (total[end] - total[indices]) / (end - indices)
+    return means

@@ -1,9 +1,10 @@
-"""A plan played on the simulated arm: its exported set points, the drives' controllers, and what may go wrong."""
+"""Simulate a plan on the arm with its drives' controllers, and disturbances of the playback."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -15,9 +16,10 @@ from ssm_planner.formats.epos4_setup import QUADRATURE, Axis, axes_of, following
 from ssm_planner.formats.spline_points import at_times
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.plans import Plan
+from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.cascade import electrics_of
 from ssm_planner.simulation.draws import Draws, drawn_frictions, play_draws
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
@@ -30,113 +32,125 @@ from ssm_planner.simulation.playback import (
     commands,
     compliance_of,
 )
+from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 
 PERIOD = 1
-"""Of the set points, ms, as exported."""
+"""Period of the exported set points, ms."""
 COUNTS = 4096
-"""Increments per motor turn where neither the motor's nor the controller's file gives them: as on the authors' rigs."""
+"""Default increments per motor turn, if neither motor nor controller file gives them.
+
+The authors' rigs have this value.
+"""
 TIP_ERROR = 1e-4
-"""Largest tip error that passes unless another is given, m: about the tremor of an unaided hand (0.05 to 0.18 mm RMS)."""
+"""Default of the largest permitted tip error, m.
+
+It is about the tremor of an unaided hand (0.05 to 0.18 mm RMS).
+"""
 SETTLE = 0.2
-"""Time that the drives hold the target before the power goes, s."""
+"""Time for which the drives hold the target before they lose power, s."""
 HORIZON = 1.0
-"""Time after a loss of power within which the arm must stand, s."""
+"""Time after a loss of power within which the arm must stand still, s."""
 STILL = 0.05
-"""A joint that swings on its spring turns back within this time, s: only what is still for as long stands."""
+"""Time for which motion must be absent before the arm counts as standing still, s.
+
+A joint that swings on its spring turns back within this time.
+"""
 STANDS = 1e-3
-"""A joint slower than this share of its velocity limit, with its motor at rest, stands."""
+"""Share of the velocity limit below which a joint stands still if its motor is at rest."""
 EVERYWHERE: Literal["everywhere"] = "everywhere"
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """What happens while a plan is played; all of it may be combined."""
+    """Conditions and disturbances of a playback. All of them may be combined."""
 
     speed: float = 1.0
-    """Of the playback, relative to the plan."""
+    """Speed of the playback relative to the plan."""
     payload: float = 0.0
     """Point mass at the tip, kg."""
     payload_time: float = 0.0
-    """When it is taken up, s."""
+    """Time at which the payload is picked up, s."""
     power_loss: float | Literal["everywhere"] | None = None
-    """When all drives lose their power, s from the start; None: after the target has been held for SETTLE."""
+    """Time at which all drives lose their power, s.
+
+    None means after holding the target for SETTLE.
+    """
     instants: int = 1000
-    """Of a power loss everywhere."""
+    """Number of instants of a power loss everywhere."""
     stall: tuple[str, float] | None = None
-    """Joint whose motor something holds fast, and from when, s."""
+    """Joint whose motor is blocked, and the time at which it is blocked, s."""
     supply: float | None = None
-    """V; None: the controller's."""
+    """Supply voltage, V. None means that of the controller."""
     friction: float = 1.0
-    """Times the friction of every drive."""
+    """Factor on the friction of every drive."""
     dropped: float | None = None
-    """When one set point of every drive is lost, s."""
+    """Time at which one set point of every drive is lost, s."""
     wrong_direction: str | None = None
-    """Joint whose controller counts the other way than the robot file says."""
+    """Joint whose controller counts in the direction opposite to that of the robot file."""
     compliance: float = 1.0
-    """Times the assumed stiffness and damping between motor and joint."""
+    """Factor on the assumed stiffness and damping between motor and joint."""
     draws: int = 0
-    """Frictions under which the motion is played besides, drawn from what the drive files know of them."""
+    """Number of additional playbacks with friction drawn from the data of the drive files."""
     spread: float | None = None
-    """Range of the friction of which a drive file says nothing, as a share; None: as stated."""
+    """Relative range of friction without stated uncertainty. None means the stated values."""
     tip_error: float = TIP_ERROR
-    """Largest that passes, m."""
+    """Largest permitted tip error, m."""
     travel: float | None = None
-    """Largest way of the tip after a loss of power that passes, m; None: any."""
+    """Largest permitted travel of the tip after a loss of power, m. None means any."""
 
     def __post_init__(self) -> None:
         if self.power_loss is not None and self.power_loss != EVERYWHERE:
             object.__setattr__(self, "power_loss", float(self.power_loss))
 
     def check(self, robot: Robot, duration: float) -> None:
-        """Raises ProblemError for what cannot happen to this robot within the duration (s) of the playback."""
+        """Raise ProblemError if the robot cannot play the scenario in this duration (s)."""
         driven = [joint.name for joint in robot.joints if joint.drive is not None]
-        if not 0 < self.speed <= 1:
-            raise ProblemError(
-                "no playback", key="speed", value=self.speed, allowed="above 0 and up to 1 (100 %)"
-            )
-        if not 0 <= self.draws <= 100_000:
-            raise ProblemError(
-                "no such number", key="draws", value=self.draws, allowed="0 to 100 000"
-            )
-        if self.spread is not None and not 0 <= self.spread < 1:
-            raise ProblemError(
-                "no range of friction",
-                key="spread",
-                value=self.spread,
-                allowed="0 up to, not including, 1",
-            )
-        if self.draws and self.payload and self.payload_time > 0:
-            raise ProblemError(
-                "not with draws", key="payload_time", value=self.payload_time, allowed="0"
-            )
-        if not 0 < self.friction <= 10:
-            raise ProblemError(
-                "no such friction",
-                key="friction",
-                value=self.friction,
-                allowed="above 0 and up to 10",
-            )
+        for key, holds, fault, allowed in (
+            ("speed", 0 < self.speed <= 1, "out of range", "above 0 and up to 1 (100 %)"),
+            ("draws", 0 <= self.draws <= 100_000, "out of range", "0 to 100 000"),
+            (
+                "spread",
+                self.spread is None or 0 <= self.spread < 1,
+                "out of range",
+                "at least 0 and below 1",
+            ),
+            (
+                "payload_time",
+                not (self.draws and self.payload and self.payload_time > 0),
+                "not possible with draws",
+                "0",
+            ),
+            ("friction", 0 < self.friction <= 10, "out of range", "above 0 and up to 10"),
+        ):
+            if not holds:
+                raise ProblemError(fault, key=key, value=getattr(self, key), allowed=allowed)
         for key, joint in (
             ("stall", self.stall and self.stall[0]),
             ("wrong_direction", self.wrong_direction),
         ):
             if joint is not None and joint not in driven:
                 raise ProblemError(
-                    "no driven joint", key=key, value=joint, allowed=", ".join(driven)
+                    "no joint of this name has a drive",
+                    key=key,
+                    value=joint,
+                    allowed=", ".join(driven) or "none: no joint has a drive",
                 )
         loss = None if self.power_loss == EVERYWHERE else self.power_loss
         times = {"power_loss": loss, "stall": self.stall and self.stall[1], "dropped": self.dropped}
         for key, time in {**times, "payload_time": self.payload_time}.items():
             if time is not None and not 0 <= time <= duration:
                 raise ProblemError(
-                    "not during the motion", key=key, value=time, allowed=f"0 s to {duration:.4g} s"
+                    "outside the motion", key=key, value=time, allowed=f"0 s to {duration:.4g} s"
                 )
 
 
 @dataclass(frozen=True)
-class Tracking:
-    """Of one joint, rad or m: simulated minus planned position while the drives have power."""
+class Tracking(ShortRepr):
+    """Tracking error of one joint while the drives have power, rad or m.
+
+    The error is the simulated minus the planned position.
+    """
 
     joint: str
     worst: float
@@ -144,97 +158,100 @@ class Tracking:
 
 
 @dataclass(frozen=True)
-class MotorUse:
-    """What one motor did."""
+class MotorUse(ShortRepr):
+    """Use of one motor in the simulation."""
 
     joint: str
     peak_torque: float
     """N·m."""
     limit: float
-    """Its largest torque, N·m."""
+    """Largest torque of the motor, N·m."""
     saturated: bool
-    """More current was demanded than the drive or its supply could give."""
+    """True if more current was demanded than the drive or its supply can give."""
     tripped: bool
-    """The following error left its window."""
+    """True if the following error left its window."""
     following_error: float
-    """Largest, increments."""
+    """Largest following error, increments."""
     window: int
-    """Increments."""
+    """Window of the following error, increments."""
     placeholder: bool
-    """Some of the motor's figures stand in for unknown ones."""
+    """True if values of the motor are placeholders."""
 
 
 @dataclass(frozen=True, eq=False)
-class PowerLosses:
-    """What the arm does when all drives lose their power at each of n instants."""
+class PowerLosses(ShortRepr):
+    """Behaviour of the arm after all drives lose their power, at each of n instants."""
 
     time: Array
-    """(n,), s from the start."""
+    """(n,), time since the start, s."""
     travel: Array
-    """(n,): largest distance of the tip from where it was, m."""
+    """(n,), largest distance of the tip from its position at the loss of power, m."""
     standing: Array
-    """(n,): time until the arm stands, s; infinite where it does not within HORIZON."""
+    """(n,), time until the arm stands still, s. Infinite if it exceeds HORIZON."""
 
     @property
     def holds(self) -> bool:
-        """The arm came to stand everywhere."""
+        """True if the arm stopped after every loss of power."""
         return bool(np.all(np.isfinite(self.standing)))
 
     @property
     def worst(self) -> int:
-        """Place of the largest travel."""
+        """Index of the largest travel."""
         return int(np.argmax(self.travel))
 
 
 @dataclass(frozen=True, eq=False)
-class SimulationResult:
-    """A simulated playback: motion beside the plan, and a verdict. Arrays (n,) and (n, 4), SI."""
+class SimulationResult(ShortRepr):
+    """A simulated playback, the planned motion, and the verdict.
+
+    Arrays are (n,) and (n, 4), in SI units.
+    """
 
     time: Array
     planned: Array
-    """Joint positions that the plan wants."""
+    """Planned joint positions."""
     q: Array
     qd: Array
     motor_angle: Array
-    """As the encoder counts, rad, from ratio · q at the start."""
+    """Motor angle that the encoder counts, rad, from ratio · q at the start."""
     w: Array
     torque: Array
     tip: Array
-    """Distance of the tip from where the plan wants it, m, (n,)."""
+    """Distance of the tip from its planned position, m, (n,)."""
     following: Array
     """Following errors, rad at the motor."""
     powered: Array
-    """(n,): whether the drives have power, which goes and does not come back."""
+    """(n,), True while the drives have power. Power does not return once it is lost."""
     tracking: tuple[Tracking, ...]
     motors: tuple[MotorUse, ...]
     losses: PowerLosses
     scenario: Scenario
     reasons: tuple[str, ...]
-    """Why it did not pass; empty where it did."""
+    """Reasons for not passing. Empty if the simulation passed."""
     axes: dict[str, Axis] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    """Assumptions of the simulation."""
     draws: Draws | None = None
-    """Of the same motion under drawn frictions; None where none were asked for."""
-    """What was assumed."""
+    """Results of the same motion under drawn frictions. None if none were requested."""
 
     @property
     def passed(self) -> bool:
-        """Followed, without a trip or saturation, and stood without power."""
+        """True if no drive tripped or saturated and the arm stood still without power."""
         return not self.reasons
 
     @property
     def tip_error(self) -> float:
-        """Largest while the drives have power, m."""
+        """Largest tip error while the drives have power, m."""
         return float(self.tip[: self._powered].max())
 
     @property
     def holds(self) -> bool:
-        """The arm stands after every loss of power that was simulated."""
+        """True if the arm stands after every simulated loss of power."""
         return self.losses.holds
 
     @property
     def travel(self) -> float:
-        """Largest way of the tip after a loss of power, m."""
+        """Largest travel of the tip after a loss of power, m."""
         return float(self.losses.travel.max())
 
     @property
@@ -242,7 +259,7 @@ class SimulationResult:
         return max(int(np.sum(self.powered)), 1)
 
     def to_dict(self) -> dict[str, Any]:
-        """What `simulate --json` prints; SI."""
+        """Return the output of `simulate --json`, in SI units."""
         losses, worst = self.losses, self.losses.worst
         return {
             "passed": self.passed,
@@ -264,15 +281,38 @@ class SimulationResult:
 
 
 def simulate(
-    plan: Plan,
+    plan: Plan | Trajectory | str | Path,
     scenario: Scenario | None = None,
     controller: Controller | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    robot: Robot | None = None,
 ) -> SimulationResult:
     """Play a plan's exported set points on the simulated arm.
 
-    Raises ProblemError, TrajectoryError or ExportError for what cannot be played.
+    Parameters
+    ----------
+    plan
+        Plan, trajectory, or the path of a plan.json.
+    scenario
+        Conditions and disturbances. The default is `Scenario()`.
+    controller
+        The motor controller. The default is `Controller()`.
+    progress
+        Called with progress messages.
+    robot
+        Robot of a trajectory. A plan names its robot.
+
+    Returns
+    -------
+    SimulationResult
+        The simulated motion and the verdict.
+
+    Raises
+    ------
+    ProblemError, TrajectoryError, ExportError
+        If the plan cannot be played in this scenario.
     """
+    plan = as_plan(plan, robot)
     scenario, controller = scenario or Scenario(), controller or Controller()
     duration = plan.motion.duration / scenario.speed if scenario.speed > 0 else 0.0
     scenario.check(plan.robot, duration)
@@ -292,7 +332,7 @@ def simulate(
 
 
 class _Stage:
-    """A plan, what happens to it, and the arm that plays it."""
+    """A plan, a scenario, and the arm that plays the plan."""
 
     def __init__(self, plan: Plan, scenario: Scenario, controller: Controller) -> None:
         self.plan, self.scenario, self.controller = plan, scenario, controller
@@ -312,7 +352,7 @@ class _Stage:
         self.told = self._commands(given)
 
     def arm(self, payload: float) -> ControlledArm:
-        """The arm with a mass at its tip."""
+        """Return the arm with a point mass (kg) at its tip."""
         if payload not in self.arms:
             springs = compliance_of(self.plan.robot, self.controller, self.scenario.compliance)
             robot = with_payload(self.plan.robot, payload)
@@ -326,16 +366,16 @@ class _Stage:
         return self.arms[payload]
 
     def play(self) -> Played:
-        """The whole motion, the payload taken up where the scenario has it."""
+        """Play the whole motion. The payload is picked up at the time that the scenario states."""
         scenario = self.scenario
-        first = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
-        state = first.start(self.planned[0])
-        self.offsets = first.offsets(state, self.planned[0])
-        self.friction = first.friction(scenario.friction)
+        empty_arm = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
+        state = empty_arm.start(self.planned[0])
+        self.offsets = empty_arm.offsets(state, self.planned[0])
+        self.friction = empty_arm.friction(scenario.friction)
         change = round(scenario.payload_time / self.period) if scenario.payload_time > 0 else 0
         if not change or not scenario.payload:
-            return first.play(state, self.told, self.offsets, self.friction)
-        before = first.play(
+            return empty_arm.play(state, self.told, self.offsets, self.friction)
+        before = empty_arm.play(
             state, part_of(self.told, slice(0, change)), self.offsets, self.friction
         )
         second = self.arm(scenario.payload)
@@ -349,7 +389,7 @@ class _Stage:
         )
 
     def lose_power(self, played: Played, progress: Callable[[str], None]) -> PowerLosses:
-        """All drives off at the scenario's instant, at `instants` instants of the motion, or at the end."""
+        """Cut the power at the scenario's instant, at many instants, or at the end."""
         loss, duration = self.scenario.power_loss, self.plan.motion.duration
         if loss == EVERYWHERE:
             instants = np.linspace(0.0, duration, self.scenario.instants)
@@ -366,15 +406,15 @@ class _Stage:
         return PowerLosses(instants, travel, standing)
 
     def _stop(self, state: Array, off: Commands, instant: float) -> tuple[float, float]:
-        """(way of the tip, time until the arm stands), as long as it takes, at most HORIZON."""
+        """Return the travel of the tip (m) and the time (s) until the arm stands still."""
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
-        states, part, still = [state[None, :]], 250, round(STILL / self.period)
-        for k in range(0, len(off.power), part):
-            found = arm.play(
-                states[-1][-1], part_of(off, slice(k, k + part)), self.offsets, self.friction
+        states, chunk, still = [state[None, :]], 250, round(STILL / self.period)
+        for k in range(0, len(off.power), chunk):
+            continuation = arm.play(
+                states[-1][-1], part_of(off, slice(k, k + chunk)), self.offsets, self.friction
             )
-            states.append(found.states[1:])
-            if np.all(self._standing(found.states)[-still:]):
+            states.append(continuation.states[1:])
+            if np.all(self._standing(continuation.states)[-still:]):
                 break
         path = np.vstack(states)
         moving = np.flatnonzero(np.logical_not(self._standing(path)))
@@ -384,12 +424,12 @@ class _Stage:
         return float(np.linalg.norm(tips - tips[0], axis=1).max()), standing if stood else np.inf
 
     def _standing(self, states: Array) -> Array:
-        """(n,): every motor at rest and every joint still."""
+        """Return flags (n,), True if every motor is at rest and every joint stands still."""
         still = np.array([STANDS * joint.velocity for joint in self.plan.robot.joints])
         return np.all(states[:, W] == 0.0, axis=1) & np.all(np.abs(states[:, QD]) <= still, axis=1)
 
     def draws(self, progress: Callable[[str], None]) -> Draws | None:
-        """The same set points under many frictions."""
+        """Play the same set points under many frictions. None if the scenario requests none."""
         scenario = self.scenario
         if not scenario.draws:
             return None
@@ -409,7 +449,7 @@ class _Stage:
     def result(
         self, played: Played, losses: PowerLosses, draws: Draws | None = None
     ) -> SimulationResult:
-        """Everything found, and the verdict."""
+        """Build the result and its verdict."""
         states, robot = played.states[:-1], self.plan.robot
         mechanism = Mechanism.from_geometry(robot.geometry)
         tip = np.linalg.norm(
@@ -474,10 +514,10 @@ class _Stage:
         )
 
     def _window(self, axis: Axis) -> int:
-        given = self.controller.axis(axis.name).following_error
-        if given is None:
+        window = self.controller.axis(axis.name).following_error
+        if window is None:
             return following_error_window(axis, PERIOD)
-        return max(round(given * abs(axis.increments_per_unit)), 1)
+        return max(round(window * abs(axis.increments_per_unit)), 1)
 
     def _commands(self, given: Array) -> Commands:
         scenario = self.scenario
@@ -487,18 +527,18 @@ class _Stage:
             for stream in streams.values():
                 for column in stream.values():
                     column[min(lost, len(column) - 1)] = column[min(lost, len(column) - 1) - 1]
-        told = commands(streams, self.axes, self.controller, (self.time, given), PERIOD / 1000)
+        result = commands(streams, self.axes, self.controller, (self.time, given), PERIOD / 1000)
         if scenario.wrong_direction is not None:
             k = JOINTS.index(scenario.wrong_direction)
-            for column in (told.speed, told.acceleration, told.torque):
+            for column in (result.speed, result.acceleration, result.torque):
                 column[:, k] *= -1
-            told.demand[:, k] = 2 * told.demand[0, k] - told.demand[:, k]
+            result.demand[:, k] = 2 * result.demand[0, k] - result.demand[:, k]
         if isinstance(scenario.power_loss, float):
-            told.power[self.time >= scenario.power_loss - 1e-9] = 0.0
+            result.power[self.time >= scenario.power_loss - 1e-9] = 0.0
         if scenario.stall is not None:
             joint, begin = scenario.stall
-            told.stalled[self.time >= begin - 1e-9, JOINTS.index(joint)] = 1.0
-        return told
+            result.stalled[self.time >= begin - 1e-9, JOINTS.index(joint)] = 1.0
+        return result
 
     def _notes(self) -> tuple[str, ...]:
         notes = ["spring, damper and backlash between motor and joint are assumed, not measured"]
@@ -508,28 +548,31 @@ class _Stage:
                 continue
             if motor.encoder_counts is None and self.controller.counts_per_turn is None:
                 notes.append(
-                    f"joint {joint.name}: its motor file gives no encoder; {COUNTS} increments per turn assumed"
+                    f"joint {joint.name}: its motor file gives no encoder; {COUNTS} increments per "
+                    "turn are assumed"
                 )
             elif motor.encoder_counts is not None and not motor.encoder_known:
                 notes.append(
-                    f"joint {joint.name}: its encoder, {motor.encoder_counts} counts, is a placeholder figure"
+                    f"joint {joint.name}: its encoder with {motor.encoder_counts} counts is a "
+                    "placeholder"
                 )
             if motor.terminal_resistance is None:
                 notes.append(
-                    f"joint {joint.name}: terminal_resistance unknown; the winding's voltage drop is left out"
+                    f"joint {joint.name}: terminal_resistance is not known; the voltage drop of "
+                    "the winding is ignored"
                 )
             if motor.placeholder:
                 notes.append(f"joint {joint.name}: figures of motor {motor.name} are placeholders")
         return tuple(notes)
 
 
-def part_of(told: Commands, rows: slice | Array) -> Commands:
-    """Some rows (m,) of the commands."""
-    return Commands(**{name: column[rows] for name, column in vars(told).items()})
+def part_of(source: Commands, rows: slice | Array) -> Commands:
+    """Return rows (m,) of the commands."""
+    return Commands(**{name: column[rows] for name, column in vars(source).items()})
 
 
 def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
-    """Increments per motor turn: the motor file's, else the controller's, else those of the authors' rigs."""
+    """Return the increments per motor turn from the motor file, the controller file, or COUNTS."""
     counts = {}
     for joint in robot.joints:
         encoder = None if joint.motor is None else joint.motor.encoder_counts
@@ -542,7 +585,7 @@ def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
 def _reasons(result: SimulationResult) -> list[str]:
     scenario, reasons = result.scenario, []
     if not np.all(np.isfinite(result.q)):
-        return ["the simulated motion diverged: gains that the plant does not bear"]
+        return ["the simulated motion diverged: the controller gains make the plant unstable"]
     for motor in result.motors:
         if motor.tripped:
             k = JOINTS.index(motor.joint)
@@ -550,24 +593,28 @@ def _reasons(result: SimulationResult) -> list[str]:
             late = np.abs(result.following[:, k]) * counts / (2 * np.pi) > motor.window
             when = float(result.time[int(np.argmax(late))])
             reasons.append(
-                f"joint {motor.joint}: the following error left its window of {motor.window} increments at {when:.4f} s; "
+                f"joint {motor.joint}: the following error left its window of {motor.window} "
+                f"increments at {when:.4f} s; "
                 "the drives lost their power"
             )
         if motor.saturated:
             reasons.append(
-                f"joint {motor.joint}: the motor saturated (peak torque {1e3 * motor.peak_torque:.3g} mN·m, largest "
+                f"joint {motor.joint}: the motor saturated (peak torque "
+                f"{1e3 * motor.peak_torque:.3g} mN·m, largest "
                 f"{1e3 * motor.limit:.3g} mN·m)"
             )
     if result.tip_error > scenario.tip_error:
         when = float(result.time[int(np.argmax(result.tip * result.powered))])
         reasons.append(
-            f"the tip was {1e3 * result.tip_error:.3g} mm away from the plan at {when:.4f} s (allowed: "
+            f"the tip was {1e3 * result.tip_error:.3g} mm away from the plan at {when:.4f} s "
+            "(allowed: "
             f"{1e3 * scenario.tip_error:.3g} mm)"
         )
     if result.draws is not None and not result.draws.passed.all():
         failed = int(np.sum(~result.draws.passed))
         reasons.append(
-            f"with {failed} of {len(result.draws.passed)} drawn frictions a motor saturates, a drive trips or the tip strays"
+            f"with {failed} of {len(result.draws.passed)} drawn frictions a motor saturates, a "
+            "drive trips or the tip error is too large"
         )
     losses = result.losses
     if not losses.holds:
@@ -577,7 +624,8 @@ def _reasons(result: SimulationResult) -> list[str]:
         )
     if scenario.travel is not None and result.travel > scenario.travel:
         reasons.append(
-            f"without power at {float(losses.time[losses.worst]):.4f} s the tip travels {1e3 * result.travel:.3g} mm "
+            f"without power at {float(losses.time[losses.worst]):.4f} s the tip travels "
+            f"{1e3 * result.travel:.3g} mm "
             f"(allowed: {1e3 * scenario.travel:.3g} mm)"
         )
     return reasons

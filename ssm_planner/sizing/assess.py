@@ -1,10 +1,13 @@
-"""One motor on one joint: every check that the figures allow, what binds first, and the verdict."""
+"""Assess one motor on one joint.
+
+The assessment runs every check that the data of the motor, drive and controller permit. It names
+the binding check and gives a verdict: adequate, not adequate, or not known.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +15,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.spread import FrictionSpread, spread_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
+from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.checks import (
     TOLERANCE,
     Case,
@@ -44,28 +48,30 @@ from ssm_planner.sizing.motor_limits import (
 )
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
 from ssm_planner.sizing.thermal_network import FIGURES
-from ssm_planner.typing import Range
+from ssm_planner.typing import JsonObject, Range, record
 
 CONFIDENCE = "confidence"
 
 
-@dataclass(frozen=True, eq=False)
-class MotorVerdict:
-    """A motor on a joint. adequate: True, False, or None (not known); a True one holds at the stated confidence."""
+@record
+class MotorVerdict(ShortRepr):
+    """The assessment of one motor on one joint, in SI units."""
 
     load: JointLoad
-    """With the candidate's rotor in the drive."""
+    """Load of the joint. Its drive contains the rotor of the assessed motor."""
     motor: Motor
     requirement: MotorRequirement
     band: Band
     checks: tuple[Check, ...]
-    """Of the motor."""
+    """Checks of the motor."""
     gear: tuple[Check, ...]
+    """Checks of the gear or screw."""
     probability: float | None
-    """That all limits of the motor hold together."""
+    """Probability that the motor keeps all its limits at once. None if it could not be computed."""
     heat: Heat | None
+    """Winding temperatures. None if the motor file lacks thermal data."""
     regions: dict[str, float] | None
-    """Shares of the time in the continuous and the short-term region, and beyond."""
+    """Shares of the time in the continuous region, in the short-term region, and beyond both."""
     notes: tuple[str, ...]
 
     @property
@@ -75,23 +81,30 @@ class MotorVerdict:
 
     @property
     def adequate(self) -> bool | None:
-        """The motor's checks are all made and passed, and no check of its gear fails."""
+        """True if every check of the motor passes and no check of its gear fails.
+
+        None if not known.
+
+        True is claimed at the confidence that `Conditions` states.
+        """
         gear_fails = any(check.passed is False for check in self.gear)
         return False if gear_fails else all_of(check.passed for check in self.checks)
 
     @property
     def binds(self) -> str | None:
-        """The limit with the smallest margin, of motor or gear."""
-        first = binding(check for check in (*self.checks, *self.gear) if check.name != CONFIDENCE)
+        """Name of the check with the smallest margin among the checks of the motor and its gear."""
+        tightest = binding(
+            check for check in (*self.checks, *self.gear) if check.name != CONFIDENCE
+        )
         failed = [
             check.name for check in self.checks if check.margin is not None and not check.passed
         ]
         if failed == [CONFIDENCE]:
             return CONFIDENCE
-        return None if first is None else first.name
+        return None if tightest is None else tightest.name
 
-    def to_dict(self) -> dict[str, Any]:
-        """An entry of `motors` in what `size --json` prints; SI."""
+    def to_dict(self) -> JsonObject:
+        """Return an entry of `motors` in the output of `size --json`, in SI units."""
         checks = (*self.checks, *self.gear)
         return {
             "joint": self.joint,
@@ -106,37 +119,42 @@ class MotorVerdict:
             "heat": None if self.heat is None else self.heat.to_dict(),
             "regions": self.regions,
             "placeholder": self.motor.placeholder,
+            "placeholders": list(self.motor.placeholders),
             "notes": list(self.notes),
         }
 
 
 def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdict:
-    """Judge a motor on a joint by the motion in `load`, repeated for ever with the pause of the conditions."""
+    """Assess a motor on a joint.
+
+    The motion in `load` repeats forever, with the pause of the conditions.
+    """
     drive, inertia, rotors = with_rotor(load, motor)
     load = replace(load, drive=drive, motor=motor)
     spread = replace(spread_of(drive, conditions.spread), inertia=inertia, rotors=rotors)
-    case = Case(load, band_of(load, motor, spread, conditions), spread, conditions)
+    case = Case(load, band_of(load, spread, conditions), spread, conditions)
     share = math.sqrt(load.duration / (load.duration + conditions.pause))
     heat = heat_of(
         load, motor, conditions, share * case.band.high("rms_torque", conditions.confidence)
     )
     limits = limits_of(motor, conditions, share, heat)
-    made = [_check(case, name, limit) for name, limit in limits.items()]
-    made.insert(1, below("speed", float(np.abs(load.speed()).max()), motor.max_speed, "rad/s"))
+    checks = [_check(case, name, limit) for name, limit in limits.items()]
+    checks.insert(1, below("speed", load.peak_speed, motor.max_speed, "rad/s"))
     confidence = _confidence(case, limits)
     requirement = motor_requirement(load)
     notes = tuple(_notes(load, motor, conditions))
     if inertia is not None:
         ends = " to ".join(f"{1e7 * end:.3g}" for end in inertia)
         notes += (
-            f"joint {load.joint}: {' and '.join(rotors)} not stated: input inertia {ends} g·cm², looked at whole",
+            f"joint {load.joint}: {' and '.join(rotors)} not stated: input inertia {ends} g·cm²; "
+            "the whole range is checked",
         )
     return MotorVerdict(
         load=load,
         motor=motor,
         requirement=requirement,
         band=case.band,
-        checks=(*made, confidence),
+        checks=(*checks, confidence),
         gear=gear_checks(case),
         probability=confidence.worst,
         heat=heat,
@@ -147,29 +165,31 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     )
 
 
-def band_of(
-    load: JointLoad, motor: Motor | None, spread: FrictionSpread, conditions: Conditions
-) -> Band:
-    """Monte Carlo where the conditions ask for draws, else linearised."""
+def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
+    """Return the range of the demands by Monte Carlo (if draws are requested) or linearised."""
     if conditions.draws:
-        return monte_carlo(load, load.drive, spread, conditions.draws, motor)
-    return linear_band(load, load.drive, spread, motor)
+        return monte_carlo(load, spread, conditions.draws)
+    return linear_band(load, spread)
 
 
 def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tuple[str, ...]]:
-    """The joint's drive with the motor's rotor in place of the one that its input inertia includes.
+    """Replace the rotor in the joint's drive by the rotor of `motor`.
 
-    Where a rotor's inertia is not stated: the largest input inertia that there can be, the range of it (kg·m²), and the
-    names of the figures that would settle it.
+    `input_inertia` of a drive includes the rotor of the joint's original motor. If both rotor
+    inertias are stated, the result is the drive with its new input inertia, None and an empty
+    tuple. Otherwise it is the drive with the largest possible input inertia, the range of that
+    inertia (kg·m²), and the names of the values that would determine it.
     """
     low, high = shaft_inertia(load, motor)
     original, drive = load.motor, load.drive
     if original is not None and _same_rotor(original, motor):
         return drive, None, ()
     missing_from = [
-        each for each in (original, motor) if each is not None and each.rotor_inertia is None
+        candidate
+        for candidate in (original, motor)
+        if candidate is not None and candidate.rotor_inertia is None
     ]
-    rotors = [f"rotor_inertia of {each.name}" for each in missing_from]
+    rotors = [f"rotor_inertia of {candidate.name}" for candidate in missing_from]
     if original is None:
         rotors.insert(0, "the motor whose rotor input_inertia includes")
     drive = replace(drive, input_inertia=high)
@@ -177,7 +197,7 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
 
 
 def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
-    """Smallest and largest inertia that there can be on the shaft with this motor, kg·m²."""
+    """Return the smallest and largest possible inertia (kg·m²) on the shaft with this motor."""
     original, inertia = load.motor, load.drive.input_inertia
     if original is not None and _same_rotor(original, motor):
         return inertia, inertia
@@ -186,18 +206,21 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
     return max(inertia - old[1], 0.0) + new[0], max(inertia - old[0], 0.0) + new[1]
 
 
-def _same_rotor(one: Motor, other: Motor) -> bool:
-    return (one.name, one.rotor_inertia) == (other.name, other.rotor_inertia)
+def _same_rotor(motor: Motor, candidate: Motor) -> bool:
+    return (motor.name, motor.rotor_inertia) == (candidate.name, candidate.rotor_inertia)
 
 
 Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
-"""Demand, factor on it, what it must not exceed (None: not known), unit, and what is missing."""
+"""Demand, factor on it, upper limit (None if not known), unit, and names of missing data."""
 
 
 def limits_of(
     motor: Motor, conditions: Conditions, share: float, heat: Heat | None
 ) -> dict[str, Limit]:
-    """The limits of a motor by the names of their checks; share: of the RMS over motion and pause by that of the motion."""
+    """Return the limits of a motor by the names of their checks.
+
+    `share` is the RMS torque over motion and pause divided by the RMS torque over the motion alone.
+    """
     torque, torque_needs = _peak_limit(motor, conditions)
     continuous = continuous_torque(motor, conditions.ambient)
     voltage_needs = missing(motor, *ELECTRICAL)
@@ -219,7 +242,10 @@ def limits_of(
 
 
 def _peak_limit(motor: Motor, conditions: Conditions) -> tuple[float | None, tuple[str, ...]]:
-    """Largest torque of motor and controller, with the magnets as hot as they may get."""
+    """Return the largest torque (N·m) of motor and controller, and the names of missing data.
+
+    The magnets are assumed to be at the largest winding temperature, because heat weakens them.
+    """
     if conditions.current_limit is None:
         return motor.max_torque, ()
     needs = missing(motor, "torque_constant", "max_winding_temperature")
@@ -230,63 +256,69 @@ def _peak_limit(motor: Motor, conditions: Conditions) -> tuple[float | None, tup
 
 
 def _check(case: Case, name: str, limit: Limit) -> Check:
-    demand, factor, largest, unit, needs = limit
+    demand, factor, bound, unit, needs = limit
     return (
-        unchecked(name, *needs)
-        if largest is None
-        else case.below(name, demand, largest, unit, factor)
+        unchecked(name, *needs) if bound is None else case.below(name, demand, bound, unit, factor)
     )
 
 
 def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
-    """That all limits of the motor hold together with the stated confidence; `worst` is the probability."""
-    least = case.conditions.confidence
+    """Check that the motor keeps all its limits at once with the required confidence.
+
+    `worst` of the result is the probability.
+    """
+    required = case.conditions.confidence
     if not case.spread.known:
-        needs = "posterior, covariance or friction_ranges in the drive file, or a stated spread of the friction"
-        return unchecked(CONFIDENCE, needs)
+        return unchecked(
+            CONFIDENCE,
+            "posterior, covariance or friction_ranges in the drive file, "
+            "or a stated spread of the friction",
+        )
     probability, at_best = (
-        _together(demands, limits) for demands in (case.band.worst, case.band.best)
+        _joint_probability(demands, limits) for demands in (case.band.worst, case.band.best)
     )
-    margin, best = (probability - least) / least, (at_best - (1 - least)) / least
+    margin, optimistic = (probability - required) / required, (at_best - (1 - required)) / required
     check = Check(
         CONFIDENCE,
         margin,
         worst=probability,
-        limit=least,
+        limit=required,
         nominal=probability,
-        best_margin=max(margin, best),
+        best_margin=max(margin, optimistic),
     )
     return (
         check
         if check.passed is not None
-        else replace(check, needs="what decides the limits that are open")
+        else replace(check, needs="data that decide the open limits")
     )
 
 
-def _together(demands: Demands, limits: dict[str, Limit]) -> float:
-    """Share of the draws in which every limit that is known holds."""
-    kept = [
+def _joint_probability(demands: Demands, limits: dict[str, Limit]) -> float:
+    """Return the share of the draws in which every limit with a value is kept."""
+    satisfied = [
         factor * getattr(demands, name) <= limit * (1 + TOLERANCE)
         for name, factor, limit, _, _ in limits.values()
         if limit is not None
     ]
-    return float(np.mean(np.all(np.broadcast_arrays(*kept), axis=0)))
+    return float(np.mean(np.all(np.broadcast_arrays(*satisfied), axis=0)))
 
 
 def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
     notes = []
     if motor.placeholder:
         notes.append(f"motor {motor.name}: placeholder figures ({', '.join(motor.placeholders)})")
-    known = friction_of(load.drive).identified_speed
-    peak = float(np.abs(load.speed()).max())
-    if known is None:
+    identified = friction_of(load.drive).identified_speed
+    peak = load.peak_speed
+    if identified is None:
         notes.append(
-            f"joint {load.joint}: the drive file does not say up to which speed friction was identified"
+            f"joint {load.joint}: the drive file does not say up to which speed friction was "
+            "identified"
         )
-    elif peak > known:
+    elif peak > identified:
         notes.append(
-            f"joint {load.joint}: friction extrapolated {peak / known:.1f}× beyond the identified speeds "
-            f"({known:.3g} rad/s, used up to {peak:.3g} rad/s)"
+            f"joint {load.joint}: friction extrapolated {peak / identified:.1f}× beyond the "
+            "identified speeds "
+            f"({identified:.3g} rad/s, used up to {peak:.3g} rad/s)"
         )
     if motor.torque_constant is not None and motor.torque_constant_per_kelvin is None:
         notes.append(f"assumed: the torque constant falls by {-100 * MAGNET:g} % per kelvin")

@@ -1,7 +1,7 @@
-"""Checks with margins, three-valued verdicts made of them, and the checks of a gear or screw by its ratings.
+"""Checks of limits with margins, their combination, and the checks of a gear or screw.
 
-A verdict is yes, no, or not known. A gear is held against its speed, load, duty and self-locking, a screw against
-whirling and buckling besides.
+A combined answer is True, False or None (not known). A gear is checked against its rated speed,
+load and duty and for self-locking. A screw is also checked for whirling and buckling.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -17,21 +16,24 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.spread import FrictionSpread
 from ssm_planner.dynamics.transmission import self_locking_margin
 from ssm_planner.problem.drive import Ratings, ScrewEnds
+from ssm_planner.problem.value import attributes
+from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.units import RPM
 
 TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Check:
-    """One limit: what is needed against what is allowed; SI.
+class Check(ShortRepr):
+    """The result of comparing one demand with its limit, in SI units.
 
-    margin = (limit − worst)/limit with `worst` taken at the stated confidence; for a lower limit (worst − limit)/limit.
-    A check that lacks a figure has no margin; `needs` names the figure, or what would decide an open answer.
+    The margin is (limit − worst)/limit, where `worst` is the demand at the required confidence. For
+    a lower limit it is (worst − limit)/limit. The margin is None if data are missing. Then `needs`
+    names these data. `needs` also says which data would decide an open check.
     """
 
     name: str
@@ -40,57 +42,56 @@ class Check:
     limit: float | None = None
     unit: str = ""
     nominal: float | None = None
-    """What is needed at the stated friction."""
+    """Demand at the stated friction."""
     probability: float | None = None
-    """That the limit holds; None where nothing is known of the friction's uncertainty."""
+    """Probability that the limit is kept. None if the uncertainty of the friction is not known."""
     needs: str | None = None
     best_margin: float | None = None
-    """At the favourable end of what is not known; None: nothing is open, it is `margin`."""
+    """Margin at the favourable end of the uncertain data. None if `margin` is certain."""
 
     @property
     def passed(self) -> bool | None:
-        """None: lacks a figure, or holds at one end of what is not known and fails at the other."""
+        """True if the limit is kept, False if it is exceeded, None if the check is open.
+
+        A check is open if data are missing or if the two ends of uncertain data give opposite
+        answers.
+        """
         if self.margin is None:
             return None
-        best = self.margin if self.best_margin is None else self.best_margin
-        return True if self.margin >= -TOLERANCE else False if best < -TOLERANCE else None
+        optimistic = self.margin if self.best_margin is None else self.best_margin
+        return True if self.margin >= -TOLERANCE else False if optimistic < -TOLERANCE else None
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON types; SI."""
+    def to_dict(self) -> JsonObject:
+        """Return the check as JSON types in SI units."""
         return {
             "name": self.name,
             "passed": self.passed,
             "margin": self.margin,
             "best_margin": self.margin if self.best_margin is None else self.best_margin,
-            "worst": self.worst,
-            "nominal": self.nominal,
-            "limit": self.limit,
-            "unit": self.unit,
-            "probability": self.probability,
-            "needs": self.needs,
+            **attributes(self, ("worst", "nominal", "limit", "unit", "probability", "needs")),
         }
 
 
 def unchecked(name: str, *needs: str) -> Check:
-    """A check that cannot be made without the figures named."""
+    """Build a check that cannot be evaluated because the named data are missing."""
     return Check(name, needs=" and ".join(needs))
 
 
 def below(name: str, worst: float, limit: float, unit: str) -> Check:
-    """A check of an upper limit against a figure of the motion alone, which is certain."""
+    """Build a check of an upper limit on a quantity that does not depend on friction."""
     return Check(
         name, _margin(worst, limit), worst, limit=limit, unit=unit, nominal=worst, probability=1.0
     )
 
 
 def _margin(worst: float, limit: float) -> float:
-    """(limit − worst)/limit; where the limit is 0 nothing is allowed and the margin is −1."""
+    """Return (limit − worst)/limit. A limit of 0 permits nothing, so its margin is −1."""
     return (limit - worst) / limit if limit > 0 else -1.0
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Case:
-    """What the checks of one joint are made of."""
+    """The data from which the checks of one joint are computed."""
 
     load: JointLoad
     band: Band
@@ -100,29 +101,32 @@ class Case:
     def below(
         self, name: str, demand: DemandName, limit: float, unit: str, factor: float = 1.0
     ) -> Check:
-        """A check of an upper limit against a demand, times a factor, that is uncertain."""
+        """Check an upper limit on `factor` times an uncertain demand."""
         band, confidence = self.band, self.conditions.confidence
         worst, nominal = factor * band.high(demand, confidence), factor * band.at(demand)
         if math.isinf(limit):
             return Check(name, 1.0, worst=worst, unit=unit, nominal=nominal, probability=1.0)
-        drawn = factor * getattr(band.worst, demand)
-        made = Check(
+        samples = factor * getattr(band.worst, demand)
+        check = Check(
             name,
             _margin(worst, limit),
             worst=worst,
             limit=limit,
             unit=unit,
             nominal=nominal,
-            probability=float(np.mean(drawn <= limit)) if band.known else None,
+            probability=float(np.mean(samples <= limit)) if band.known else None,
             best_margin=_margin(factor * band.low(demand, confidence), limit),
         )
-        if made.passed is not None:
-            return made
-        smooth = drawn if band.smooth is None else factor * getattr(band.smooth, demand)
-        return replace(made, needs=self.deciding(smooth, limit))
+        if check.passed is not None:
+            return check
+        smooth = samples if band.smooth is None else factor * getattr(band.smooth, demand)
+        return replace(check, needs=self.deciding(smooth, limit))
 
     def deciding(self, values: Array, limit: float) -> str:
-        """Which figure or recordings would decide whether values (draws,), without ripple, exceed a limit."""
+        """Name the data or recordings that would decide whether values exceed a limit.
+
+        `values` (draws,) are samples of the demand without the ripple of the drive.
+        """
         spread, confidence = self.spread, self.conditions.confidence
         needs = list(spread.rotors)
         if spread.ranges:
@@ -133,32 +137,30 @@ class Case:
         middle = float(np.median(values))
         end = float(np.quantile(values, confidence if middle <= limit else 1 - confidence))
         if (end - limit) * (middle - limit) > 0:
-            return " and ".join([*needs, "the ripple under this load: recordings with more of it"])
+            return " and ".join([*needs, "more recordings of the ripple under this load"])
         share = (limit - middle) / (end - middle)
-        speed = f"at motor speeds up to {float(np.abs(self.load.speed()).max()) * RPM:.0f} rpm"
+        speed = f"at motor speeds up to {self.load.peak_speed * RPM:.0f} rpm"
         count = 0 if posterior is None else posterior.recordings
         if count and share**2 * 100 > 1:
-            more = math.ceil(count * (1 / share**2 - 1))
+            extra = math.ceil(count * (1 / share**2 - 1))
             return " and ".join(
-                [*needs, f"about {more} more recordings {speed} beside the {count} used"]
+                [*needs, f"about {extra} recordings {speed} in addition to the {count} used"]
             )
-        return " and ".join(
-            [*needs, f"recordings {speed} that leave {share:.2g} of the spread of now"]
-        )
+        return " and ".join([*needs, f"recordings {speed} that multiply the spread by {share:.2g}"])
 
 
 def binding(checks: Iterable[Check]) -> Check | None:
-    """Of the failing checks, else of all, the one with the smallest margin; None where none was made."""
-    made = [check for check in checks if check.margin is not None]
+    """Return the check with the smallest margin. Prefers failing checks. None without margins."""
+    evaluated = [check for check in checks if check.margin is not None]
     return (
-        min(made, key=lambda check: (check.passed is not False, check.margin or 0.0))
-        if made
+        min(evaluated, key=lambda check: (check.passed is not False, check.margin or 0.0))
+        if evaluated
         else None
     )
 
 
 def all_of(answers: Iterable[bool | None]) -> bool | None:
-    """False where any is False, else None where any is None, else True."""
+    """Combine answers: False if any is False, else None if any is None, else True."""
     answers = list(answers)
     if any(answer is False for answer in answers):
         return False
@@ -166,29 +168,32 @@ def all_of(answers: Iterable[bool | None]) -> bool | None:
 
 
 YOUNG, DENSITY = 193e9, 8000.0
-"""Stainless steel, Pa and kg/m³: of the usual screws the one that whirls and buckles first."""
+"""Young's modulus (Pa) and density (kg/m³) of stainless steel.
+
+Among the usual screw materials it gives the lowest critical speed and buckling load.
+"""
 OF_CRITICAL_SPEED = 0.8
-"""Share of the critical speed that a screw may turn with."""
+"""Share of the critical speed that a screw may reach."""
 OF_BUCKLING_LOAD = 0.5
-"""Share of Euler's load that a screw may carry."""
+"""Share of Euler's buckling load that a screw may carry."""
 BENDING: dict[ScrewEnds, float] = {
     "fixed-free": 1.8751040687,
     "supported-supported": math.pi,
     "fixed-supported": 3.9266023120,
     "fixed-fixed": 4.7300407449,
 }
-"""First root βL of the beam's frequency equation."""
+"""First root βL of the beam's frequency equation, by the support of its ends."""
 COLUMN: dict[ScrewEnds, float] = {
     "fixed-free": 2.0,
     "supported-supported": 1.0,
     "fixed-supported": 0.6991556597,
     "fixed-fixed": 0.5,
 }
-"""Effective by free length of a column (Euler)."""
+"""Effective length divided by free length of a column (Euler), by the support of its ends."""
 
 
 def gear_checks(case: Case) -> tuple[Check, ...]:
-    """Every check of a joint's gear or screw; those without figures say what they need."""
+    """Run every check of a joint's gear or screw. A check without data says what it needs."""
     load, drive = case.load, case.load.drive
     ratings = drive.ratings or Ratings()
     checks = [_speed(load, ratings), *_output(case, ratings), _duty(load, ratings, case.conditions)]
@@ -200,19 +205,22 @@ def gear_checks(case: Case) -> tuple[Check, ...]:
 
 
 def critical_speed(length: float, diameter: float, ends: ScrewEnds) -> float:
-    """First whirling speed of a slender round steel screw, rad/s: (βL)²/L²·√(EI/(ρA)), √(I/A) = d/4; m."""
+    """Return the first whirling speed (rad/s) of a slender round steel screw.
+
+    Length and diameter are in m. The speed is (βL)²/L²·√(EI/(ρA)) with √(I/A) = d/4.
+    """
     return (BENDING[ends] / length) ** 2 * diameter / 4 * math.sqrt(YOUNG / DENSITY)
 
 
 def buckling_load(length: float, diameter: float, ends: ScrewEnds) -> float:
-    """Euler's load of a slender round steel screw, N: π²EI/(KL)²; m."""
+    """Return Euler's buckling load π²EI/(KL)² (N) of a slender round steel screw (lengths in m)."""
     return math.pi**2 * YOUNG * (math.pi * diameter**4 / 64) / (COLUMN[ends] * length) ** 2
 
 
 def _speed(load: JointLoad, ratings: Ratings) -> Check:
     if ratings.input_speed is None:
         return unchecked("gear_speed", "ratings.input_speed")
-    return below("gear_speed", float(np.abs(load.speed()).max()), ratings.input_speed, "rad/s")
+    return below("gear_speed", load.peak_speed, ratings.input_speed, "rad/s")
 
 
 def _output(case: Case, ratings: Ratings) -> Iterator[Check]:
@@ -238,7 +246,10 @@ def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
 
 
 def _locking(case: Case) -> Check:
-    """μ against cos θ_n·tan λ at the lowest plausible friction; without knowing that, only the margin at μ is known."""
+    """Check μ > cos θ_n·tan λ, the condition of self-locking, at the lowest plausible friction.
+
+    If no lowest friction is known, the check gives only the nominal μ and says which data it needs.
+    """
     drive, spread, confidence = case.load.drive, case.spread, case.conditions.confidence
     friction = friction_of(drive)
     lowest, highest = spread.mu_ends(drive, confidence)
@@ -253,7 +264,10 @@ def _locking(case: Case) -> Check:
         check = replace(check, probability=float(np.mean(spread.draws("mu") > needed)))
     if check.passed is not None:
         return check
-    needs = f"mu, which is known to lie between {lowest:.3g} and {highest:.3g}: a test of holding (friction.mu_lowest)"
+    needs = (
+        f"mu, which lies between {lowest:.3g} and {highest:.3g}: "
+        "a holding test (friction.mu_lowest)"
+    )
     if "mu" in spread.names:
         needs += (
             f", recordings with another payload, or {case.deciding(spread.draws('mu'), needed)}"
@@ -273,6 +287,6 @@ def _screw(case: Case, ratings: Ratings) -> list[Check]:
     whirl = OF_CRITICAL_SPEED * critical_speed(length, diameter, ends)
     column = OF_BUCKLING_LOAD * buckling_load(length, diameter, ends)
     return [
-        below("critical_speed", float(np.abs(case.load.speed()).max()), whirl, "rad/s"),
+        below("critical_speed", case.load.peak_speed, whirl, "rad/s"),
         case.below("buckling", "peak_effort", column, "N"),
     ]

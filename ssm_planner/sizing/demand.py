@@ -1,17 +1,18 @@
-"""The few figures of a motion by which motors and gears are judged, and their band where friction is uncertain."""
+"""The demands of a motion on motors and gears, and their range if friction is uncertain."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import reduce
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.spread import LINEAR_DRAWS, SEED, FrictionSpread, drawn
-from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
+from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
     REFERENCE_TEMPERATURE,
@@ -21,7 +22,7 @@ from ssm_planner.sizing.motor_limits import (
     resistance,
     torque_constant,
 )
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, record
 
 DemandName = Literal[
     "peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"
@@ -34,70 +35,79 @@ DEMANDS: tuple[DemandName, ...] = (
     "continuous_effort",
 )
 ELECTRICAL = ("torque_constant", "terminal_resistance", "max_winding_temperature")
-"""What the voltage check needs of a motor file."""
+"""Data that the voltage check needs from a motor file."""
 SHARE = 500
-"""Instants of a motion that a Monte Carlo looks at, beside those where torque jumps or peaks."""
+"""Number of evenly spaced instants in a Monte Carlo. Jumps and peaks of the torque are added."""
 BLOCK = 120_000
-"""Torques evaluated at once, so that the arrays stay in the cache."""
+"""Number of torques that are evaluated at once, so that the arrays stay in the cache."""
 
 
-@dataclass(frozen=True, eq=False)
-class Demands:
-    """Figures over one motion, without pause: each a number or (draws,); N·m, V, and N·m or N of output effort."""
+@record
+class Demands(ShortRepr):
+    """Demands of one motion without its pause: scalars or arrays (draws,), in SI units."""
 
     peak_torque: Array
     rms_torque: Array
     peak_voltage: Array
-    """NaN where the motor lacks the figures."""
+    """NaN if the motor file lacks the electrical data."""
     peak_effort: Array
-    """|F| that the mesh carries."""
+    """Largest |F| in the mesh, N·m or N."""
     continuous_effort: Array
-    """Root mean cube of |F| over the time in motion, by which wear counts."""
+    """Root mean cube of |F| over the time in motion. Wear grows with the cube of the load."""
 
     def array(self) -> Array:
-        """(draws, 5) in the order of DEMANDS."""
+        """Return the demands as a table (draws, 5) in the order of DEMANDS."""
         return np.stack([np.atleast_1d(getattr(self, name)) for name in DEMANDS], axis=1)
 
     @classmethod
     def of(cls, table: Array) -> Demands:
-        """Of a table (draws, demands) with a column for each of DEMANDS."""
+        """Build the demands from a table (draws, 5) with a column for each entry of DEMANDS."""
         return cls(*(table[:, i] for i in range(len(DEMANDS))))
 
 
-@dataclass(frozen=True, eq=False)
-class Band:
-    """Demands at the stated friction, and as drawn: at the worst and at the best corner of the stated ranges."""
+@record
+class Band(ShortRepr):
+    """Demands at the stated friction, and their samples at the corners of the stated ranges.
+
+    `worst` and `best` hold one entry per draw, each at the worst or the best corner.
+    """
 
     nominal: Demands
     worst: Demands
     best: Demands
     known: bool
-    """False: nothing is known of the friction's uncertainty, it is taken as stated."""
+    """False if the drive file omits the uncertainty of the friction.
+
+    Then the friction is used as stated.
+    """
     smooth: Demands | None = None
-    """`worst` without the ripple of the drive, where its peaks include one."""
+    """`worst` without the ripple of the drive. None if the peaks include no ripple."""
 
     def high(self, name: DemandName, confidence: float) -> float:
-        """What the demand stays below with this confidence."""
+        """Return the value that the demand does not exceed with this confidence."""
         return float(np.quantile(getattr(self.worst, name), confidence, method="inverted_cdf"))
 
     def low(self, name: DemandName, confidence: float) -> float:
-        """What the demand stays above with this confidence."""
+        """Return the value that the demand does not fall below with this confidence."""
         return float(np.quantile(getattr(self.best, name), 1 - confidence, method="inverted_cdf"))
 
     def at(self, name: DemandName) -> float:
-        """At the stated friction."""
+        """Return the demand at the stated friction."""
         return float(getattr(self.nominal, name)[0])
 
 
-def demands(load: JointLoad, drive: Drive, motor: Motor | None = None) -> Demands:
-    """Figures of one motion with one drive, whose friction may hold columns (draws, 1) for many draws at once."""
-    torque, effort = np.atleast_2d(load.torque(drive)), np.atleast_2d(np.abs(load.effort(drive)))
+def demands(load: JointLoad) -> Demands:
+    """Return the demands of one motion on the drive and motor of the joint.
+
+    The friction of the drive may hold columns (draws, 1), which evaluates many draws at once.
+    """
+    torque, effort = np.atleast_2d(load.torque()), np.atleast_2d(np.abs(load.effort()))
     in_motion = load.weight * (load.direction != 0)
     share = max(float(in_motion.sum()), 1e-300)
     return Demands(
         peak_torque=np.maximum(torque.max(axis=1), -torque.min(axis=1)),
         rms_torque=load.rms(torque),
-        peak_voltage=_voltage(torque, load, drive, motor),
+        peak_voltage=_voltage(torque, load),
         peak_effort=np.broadcast_to(effort.max(axis=1), (len(torque),)),
         continuous_effort=np.broadcast_to(
             np.cbrt((effort * effort * effort) @ in_motion / share), (len(torque),)
@@ -105,66 +115,72 @@ def demands(load: JointLoad, drive: Drive, motor: Motor | None = None) -> Demand
     )
 
 
-def _voltage(torque: Array, load: JointLoad, drive: Drive, motor: Motor | None) -> Array:
-    """The larger need of a cold motor (more back-EMF) and a hot one (more resistance, more current)."""
+def _voltage(torque: Array, load: JointLoad) -> Array:
+    """Return the larger voltage requirement (V) of the cold and of the hot motor.
+
+    The cold motor has more back-EMF. The hot motor has more resistance and needs more current.
+    """
+    motor, speed = load.motor, load.speed()
     if motor is None or missing(motor, *ELECTRICAL):
         return np.full(len(torque), np.nan)
     hottest = figure(motor, "max_winding_temperature")
-    speed = load.speed(drive)
     cold, hot = (
-        required_voltage(torque, speed, motor, at).max(axis=1)
-        for at in (REFERENCE_TEMPERATURE, hottest)
+        required_voltage(torque, speed, motor, temperature).max(axis=1)
+        for temperature in (REFERENCE_TEMPERATURE, hottest)
     )
     return np.maximum(cold, hot)
 
 
-def linear_band(
-    load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None = None
-) -> Band:
-    """The band by secants over ±1 σ of every uncertain parameter, about the corners of the stated ranges.
+def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
+    """Return the range of the demands, linearised about the corners of the stated ranges.
 
-    The sets of a posterior are few enough for the exact law: they are taken as they are.
+    The slopes are secants over ±1 σ of every uncertain parameter. If the friction has a posterior,
+    its samples are few enough for the exact law, so each of them is evaluated instead.
     """
     if spread.posterior is not None:
-        return monte_carlo(load, drive, spread, len(spread.posterior.draws), motor)
-    nominal, corners = demands(load, drive, motor), _at_corners(load, drive, spread, motor)
-    moved = spread.deviations(LINEAR_DRAWS) @ _secants(load, drive, spread, motor)
-    worst, best = np.maximum(corners.max(axis=0) + moved, 0.0), corners.min(axis=0) + moved
-    return Band(nominal, Demands.of(worst), _lowest(best, load, drive, spread, motor), spread.known)
+        return monte_carlo(load, spread, len(spread.posterior.draws))
+    nominal, corners = demands(load), _at_corners(load, spread)
+    shifts = spread.deviations(LINEAR_DRAWS) @ _secants(load, spread)
+    worst, best = np.maximum(corners.max(axis=0) + shifts, 0.0), corners.min(axis=0) + shifts
+    return Band(nominal, Demands.of(worst), _lowest(best, load, spread), spread.known)
 
 
-def _at_corners(
-    load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None
-) -> Array:
-    """(corners, 5)"""
-    return np.concatenate(
-        [demands(load, drawn(drive, corner), motor).array() for corner in spread.corners()]
-    )
+def _drawn(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
+    """Return the load of the drive with other friction parameters, see `drawn`."""
+    return replace(load, drive=drawn(load.drive, values))
 
 
-def _lowest(
-    best: Array, load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None
-) -> Demands:
-    """Demands (draws, 5) of the best corner, lowered to what no inertia within its range falls below.
+def _at_corners(load: JointLoad, spread: FrictionSpread) -> Array:
+    """Return the demands (corners, 5) at every corner of the stated ranges."""
+    return np.concatenate([demands(_drawn(load, corner)).array() for corner in spread.corners()])
 
-    Peaks and RMS are convex in the inertia J: between its ends they are at least their mean less (J₂ − J₁)/2 · |ẇ|.
+
+def _lowest(best: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
+    """Lower the demands (draws, 5) of the best corner to a bound for all possible inertias.
+
+    Peaks and RMS are convex in the inertia J. Between the ends of its range they are at least their
+    mean minus (J₂ − J₁)/2 · |ẇ|.
     """
     low, high = spread.inertia or (0.0, 0.0)
-    wd = np.abs(load.acceleration(drive))
+    wd = np.abs(load.acceleration())
     peak, rms = ((high - low) / 2 * value for value in (float(wd.max()), float(load.rms(wd))))
-    return Demands.of(np.maximum(best - [peak, rms, peak * volts_per_torque(motor), 0.0, 0.0], 0.0))
+    volts = peak * volts_per_torque(load.motor)
+    return Demands.of(np.maximum(best - [peak, rms, volts, 0.0, 0.0], 0.0))
 
 
 def volts_per_torque(motor: Motor | None) -> float:
-    """R/k of the hot motor, V/(N·m): of what is added to its torque; NaN where figures are missing."""
+    """Return R/k of the hot motor, V/(N·m): the extra voltage per extra torque.
+
+    NaN if data are missing.
+    """
     if motor is None or missing(motor, *ELECTRICAL):
         return np.nan
     hottest = figure(motor, "max_winding_temperature")
     return resistance(motor, hottest) / torque_constant(motor, hottest)
 
 
-def _secants(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor | None) -> Array:
-    """d(demands)/d(parameters), (k, 5)."""
+def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
+    """Return d(demands)/d(parameters), (k, 5)."""
     slopes = np.zeros((len(spread.names), len(DEMANDS)))
     for i, (name, mean, sigma) in enumerate(
         zip(spread.names, spread.mean, spread.sigma, strict=True)
@@ -173,57 +189,47 @@ def _secants(load: JointLoad, drive: Drive, spread: FrictionSpread, motor: Motor
             continue
         low = max(mean - sigma, 0.0)
         above, below = (
-            demands(load, drawn(drive, {name: at}), motor).array()[0] for at in (mean + sigma, low)
+            demands(_drawn(load, {name: value})).array()[0] for value in (mean + sigma, low)
         )
         slopes[i] = (above - below) / (mean + sigma - low)
     return slopes
 
 
-def monte_carlo(
-    load: JointLoad, drive: Drive, spread: FrictionSpread, count: int, motor: Motor | None = None
-) -> Band:
-    """The band by `count` draws of the identified parameters, each evaluated by the exact law."""
-    nominal, at_corners = demands(load, drive, motor), _at_corners(load, drive, spread, motor)
+def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
+    """Return the range of the demands from `count` draws of the friction, each by the exact law."""
+    nominal, at_corners = demands(load), _at_corners(load, spread)
     if not spread.names:
         worst, best = at_corners.max(axis=0, keepdims=True), at_corners.min(axis=0, keepdims=True)
-        return Band(
-            nominal, Demands.of(worst), _lowest(best, load, drive, spread, motor), spread.known
-        )
-    corners = spread.corners()
-    few = thinned(load, drive)
-    deviations = spread.deviations(count)
+        return Band(nominal, Demands.of(worst), _lowest(best, load, spread), spread.known)
+    corners, few, deviations = spread.corners(), thinned(load), spread.deviations(count)
     ends = [
         {int(extreme(np.nan_to_num(column))) for column in at_corners.T}
         for extreme in (np.argmax, np.argmin)
     ]
     tables = {
-        i: _drawn_demands(
-            few, drive, spread=spread, deviations=deviations, corner=corners[i], motor=motor
-        )
-        for i in sorted(ends[0] | ends[1])
+        i: _drawn_demands(few, spread, deviations, corners[i]) for i in sorted(ends[0] | ends[1])
     }
     high, low = (
-        reduce(take, (tables[i] for i in of))
-        for take, of in zip((np.maximum, np.minimum), ends, strict=True)
+        reduce(take, (tables[i] for i in indices))
+        for take, indices in zip((np.maximum, np.minimum), ends, strict=True)
     )
     smooth = Demands.of(high)
-    ripple = _with_ripple(smooth, load, drive, motor)
+    ripple = _with_ripple(smooth, load)
     return Band(
         nominal,
         ripple,
-        _lowest(low, load, drive, spread, motor),
+        _lowest(low, load, spread),
         True,
         None if ripple is smooth else smooth,
     )
 
 
-def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive, motor: Motor | None) -> Demands:
-    """Demands whose peaks include what the torque of screw or worm departs from its mean (draws,).
+def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
+    """Add the torque ripple of the screw or worm to the peaks of demands (draws,).
 
-    Ripple is that of the recordings, larger in proportion where the torque is larger than there.
+    The ripple is that of the recordings. It grows in proportion if the torque exceeds theirs.
     """
-    posterior = friction_of(drive).posterior
-    torque = load.torque(drive)
+    posterior, torque = friction_of(load.drive).posterior, load.torque()
     ripple = (
         None
         if posterior is None
@@ -233,40 +239,35 @@ def _with_ripple(smooth: Demands, load: JointLoad, drive: Drive, motor: Motor | 
         return smooth
     beyond = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
     beyond *= np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
-    voltage = smooth.peak_voltage + beyond * volts_per_torque(motor)
+    voltage = smooth.peak_voltage + beyond * volts_per_torque(load.motor)
     return replace(smooth, peak_torque=smooth.peak_torque + beyond, peak_voltage=voltage)
 
 
 def _drawn_demands(
-    load: JointLoad,
-    drive: Drive,
-    spread: FrictionSpread,
-    deviations: Array,
-    corner: dict[str, float],
-    motor: Motor | None,
+    load: JointLoad, spread: FrictionSpread, deviations: Array, corner: dict[str, float]
 ) -> Array:
-    """(draws, 5) at one corner of the ranges."""
+    """Return the demands (draws, 5) at one corner of the ranges."""
     moving = np.flatnonzero(load.direction != 0)
     standing = np.flatnonzero(load.direction == 0)
-    # a standing drive that locks itself needs no torque whatever its friction, and carries the same effort
-    idle = len(standing) > 0 and len(moving) > 0 and not np.any(load.torque(drive)[standing])
-    part = replace(load.at(moving), weight=load.weight[moving]) if idle else load
+    # A self-locking drive at rest needs no torque at any friction, and its effort stays the same.
+    torque_free = len(standing) > 0 and len(moving) > 0 and not np.any(load.torque()[standing])
+    subset = replace(load.at(moving), weight=load.weight[moving]) if torque_free else load
     values = spread.values(deviations)
-    step = max(BLOCK // len(part.t), 1)
+    step = max(BLOCK // len(subset.t), 1)
     tables = []
     for start in range(0, len(deviations), step):
         block = {name: value[start : start + step, None] for name, value in values.items()}
-        tables.append(demands(part, drawn(drive, {**block, **corner}), motor).array())
+        tables.append(demands(_drawn(subset, {**block, **corner})).array())
     table = np.concatenate(tables)
-    if idle:
+    if torque_free:
         k = DEMANDS.index("peak_effort")
-        table[:, k] = np.maximum(table[:, k], np.abs(load.effort(drive)[standing]).max())
+        table[:, k] = np.maximum(table[:, k], np.abs(load.effort()[standing]).max())
     return table
 
 
-def thinned(load: JointLoad, drive: Drive) -> JointLoad:
-    """The load at about SHARE evenly spread instants and wherever torque jumps, turns or peaks."""
-    torque = load.torque(drive)
+def thinned(load: JointLoad) -> JointLoad:
+    """Select about SHARE evenly spaced instants and every jump, turn and peak of the torque."""
+    torque = load.torque()
     size = np.abs(torque)
     step = np.diff(torque)
     jump = np.flatnonzero((np.diff(load.t) == 0) & (np.abs(step) > 1e-6 * size.max()))
@@ -274,9 +275,11 @@ def thinned(load: JointLoad, drive: Drive) -> JointLoad:
     peaks = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
     peaks = peaks[np.argsort(size[peaks])[-20:]]
     every = np.arange(0, len(torque), max(len(torque) // SHARE, 1))
-    most = np.array(
-        [np.argmax(np.abs(each)) for each in (torque, load.effort(drive), load.qd)]
+    extremes = np.array(
+        [np.argmax(np.abs(values)) for values in (torque, load.effort(), load.qd)]
         + [len(torque) - 1]
     )
-    keep: Indices = np.unique(np.concatenate([every, jump, jump + 1, turn, turn + 1, peaks, most]))
+    keep: Indices = np.unique(
+        np.concatenate([every, jump, jump + 1, turn, turn + 1, peaks, extremes])
+    )
     return load.at(keep)

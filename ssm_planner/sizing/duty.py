@@ -1,12 +1,12 @@
-"""One joint back and forth at full acceleration, full speed, full deceleration: a trajectory in closed form.
+"""Duty cycles: the motions for which motors are sized.
 
-What motors are sized for: a planned motion as a whole, or single joints moved one at a time.
+A duty cycle is either a planned motion or a set of strokes. A stroke moves one joint back and forth
+at full acceleration, speed and deceleration. Its trajectory has a closed form.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,13 +17,16 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import DEGREE, Span, Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 
 def back_and_forth(stroke: Stroke) -> Trajectory:
-    """From centre − reach to centre + reach and back, all other joints held; two phases, "forth" and "back".
+    """Build the trajectory from centre − reach to centre + reach and back.
 
-    Each way is a trapezoid of speed, or a triangle where the distance is too short to reach full speed.
+    All other joints are held.
+
+    Its phases are named "forth" and "back". Each has a trapezoidal velocity profile, or a
+    triangular one if the distance is too short to reach full speed.
     """
     joint = JOINTS.index(stroke.joint)
     times, distance = (
@@ -32,10 +35,10 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
     )
     home = np.array(stroke.home, dtype=float)
     home[joint] = stroke.centre - stroke.reach
-    forth = _way(home, joint, times, stroke.acceleration)
-    turned = home.copy()
-    turned[joint] += distance
-    back = _way(turned, joint, times, -stroke.acceleration)
+    forth = _stroke(home, joint, times, stroke.acceleration)
+    turning_point = home.copy()
+    turning_point[joint] += distance
+    back = _stroke(turning_point, joint, times, -stroke.acceleration)
     breaks = np.concatenate([[0.0], np.cumsum(np.concatenate([times, times]))])
     middle, end = float(breaks[len(times)]), float(breaks[-1])
     phases = (Span("forth", 0.0, middle), Span("back", middle, end))
@@ -43,7 +46,7 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
 
 
 def _timing(distance: float, velocity: float, acceleration: float) -> Array:
-    """Durations of accelerating, cruising (left out where there is none) and decelerating, s."""
+    """Return the durations (s) of accelerating, cruising (left out if zero) and decelerating."""
     ramp = velocity / acceleration
     cruise = distance / velocity - ramp
     if cruise <= 0:
@@ -52,8 +55,8 @@ def _timing(distance: float, velocity: float, acceleration: float) -> Array:
     return np.array([ramp, cruise, ramp])
 
 
-def _way(start: Array, joint: int, times: Array, acceleration: float) -> Array:
-    """Coefficients (pieces, 6, 4) of one way, from rest to rest."""
+def _stroke(start: Array, joint: int, times: Array, acceleration: float) -> Array:
+    """Return the coefficients (pieces, 6, 4) of one stroke from rest to rest."""
     signs = np.array([1.0, -1.0]) if len(times) == 2 else np.array([1.0, 0.0, -1.0])
     coefficients = np.zeros((len(times), DEGREE + 1, len(start)))
     coefficients[:, 0] = start
@@ -67,41 +70,44 @@ def _way(start: Array, joint: int, times: Array, acceleration: float) -> Array:
 
 
 ONCE = 1e6
-"""Pause, s, after which motors are as cold as their surroundings: of a motion that is done once."""
+"""Pause (s) for a motion that is done once. After it the motors are at ambient temperature."""
 
 
 def pause_of(problem: Problem) -> float:
-    """The pause that a problem's duty leaves its motors, s."""
+    """Return the pause (s) that a problem's duty gives the motors."""
     return ONCE if problem.duty is None else problem.duty
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class DutyCycle:
-    """Motions of one robot, each for one joint (by name) or for all that have a drive (None)."""
+    """Motions of one robot.
+
+    Each motion applies to one named joint, or to every joint with a drive (None).
+    """
 
     name: str
     robot: Robot
     runs: tuple[tuple[Trajectory, str | None], ...]
     notes: tuple[str, ...] = ()
-    """What the reader of the answer has to know of the motion."""
+    """Remarks on the motion for the reader of the result."""
     pause: float = 0.0
-    """Before the motion repeats, where what it was read from says so, s."""
+    """Pause (s) between repetitions, as the source of the motion states it."""
 
     @classmethod
     def of_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> DutyCycle:
-        """A whole motion."""
+        """Build a duty cycle from a whole motion."""
         return cls(name, robot, ((trajectory, None),))
 
     @classmethod
     def of_motorisation(cls, motorisation: Motorisation) -> DutyCycle:
-        """Single joints back and forth."""
+        """Build a duty cycle that moves single joints back and forth."""
         runs = tuple((back_and_forth(stroke), stroke.joint) for stroke in motorisation.strokes)
         return cls(motorisation.name, motorisation.robot, runs)
 
     def loads(self, payload: float = 0.0, rate: float = RATE) -> tuple[JointLoad, ...]:
-        """Loads of the joints, with a point mass (kg) at the tool tip.
+        """Return the loads of the joints with a point mass `payload` (kg) at the tool tip.
 
-        Raises ProblemError for a motor on a joint without a drive: nothing connects it to the joint.
+        Raises ProblemError if a joint has a motor but no drive, because nothing connects the two.
         """
         for joint in self.robot.joints:
             if joint.motor is not None and joint.drive is None:
@@ -116,7 +122,7 @@ class DutyCycle:
 
 
 def no_drive(joint: str, file: str | None = None, motor: str | None = None) -> ProblemError:
-    """The error for a motor on a joint that has no drive."""
+    """Build the error for a motor on a joint that has no drive."""
     if joint not in JOINTS:
         return ProblemError("no joint of this name", key=joint, allowed=", ".join(JOINTS))
     return ProblemError(

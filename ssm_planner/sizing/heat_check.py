@@ -1,14 +1,16 @@
-"""The thermal check of one motor: the RMS torque that this motion may have for all time, and the temperatures it gives."""
+"""The thermal check of one motor.
+
+It finds the RMS torque that the motion may have forever, and the temperatures that result.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from ssm_planner.problem.motor import Motor
+from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import thinned
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions, figure, missing
@@ -19,35 +21,39 @@ from ssm_planner.sizing.thermal_network import (
     steady_state,
     time_until,
 )
+from ssm_planner.typing import JsonObject, record
 
 STEPS = 60
 CLOSE = 1e-3
-"""K by which the temperature that fixes the capacity may fall short of the limit."""
+"""Tolerance (K) by which the temperature at the capacity may fall short of the limit."""
 
 
-@dataclass(frozen=True, eq=False)
-class Heat:
-    """Steady state of the repeated motion; K, N·m, s."""
+@record
+class Heat(ShortRepr):
+    """Thermal steady state of the repeated motion, in K, N·m and s."""
 
     capacity: float
-    """RMS torque over motion and pause at which this motion, scaled, just reaches the winding's limit."""
+    """RMS torque over motion and pause at which the winding just reaches its limit."""
     limit: float
-    """Largest winding temperature."""
+    """Largest permitted winding temperature."""
     nominal_winding: float | None
-    """Peak winding temperature at the stated friction; None: no steady state."""
+    """Peak winding temperature at the stated friction. None if there is no steady state."""
     winding: float | None
-    """Peak winding temperature at the RMS torque of the stated confidence; None: no steady state."""
+    """Peak winding temperature at the RMS torque of the required confidence. None as above."""
     model: ThermalModel
     cycle: Cycle
-    """The motion with that RMS torque."""
+    """The motion, scaled to that RMS torque."""
 
     @cached_property
     def time_until_limit(self) -> float | None:
-        """Time from cold until the winding reaches its limit at that torque, s; None where it never does."""
+        """Time (s) from cold until the winding reaches its limit at that torque.
+
+        None if it never does.
+        """
         return time_until(self.model, self.cycle, self.limit)
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON types; SI, kelvin."""
+    def to_dict(self) -> JsonObject:
+        """Return the result as JSON types in SI units. Temperatures are in kelvin."""
         return {
             "capacity": self.capacity if np.isfinite(self.capacity) else None,
             "limit": self.limit,
@@ -58,15 +64,16 @@ class Heat:
 
 
 def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: float) -> Heat | None:
-    """Heat of the repeated motion whose RMS torque over motion and pause may reach worst_rms (N·m).
+    """Compute the thermal steady state of a repeated motion at an RMS torque `worst_rms` (N·m).
 
-    None where the motor file lacks one of thermal_network.FIGURES.
+    The RMS is taken over motion and pause. The result is None if the motor file lacks data that
+    `thermal_network.FIGURES` names.
     """
     if missing(motor, *FIGURES):
         return None
     limit = figure(motor, "max_winding_temperature")
     model = ThermalModel.from_motor(motor, conditions.ambient)
-    few = thinned(load, load.drive)
+    few = thinned(load)
     cycle = Cycle.from_torque(few.t, few.torque(), conditions.pause)
     rms = float(np.sqrt(cycle.mean(cycle.square)))
     if rms == 0.0:
@@ -91,18 +98,20 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
 
 
 def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
-    """Factor on the torque at which the steady winding temperature peaks at `limit`; 0 where the surroundings do.
+    """Return the factor on the torque at which the steady winding temperature peaks at `limit`.
 
-    The rise is a convex function of the factor squared, so the chord undershoots and moves the lower end alone: regula falsi
-    with the upper end's excess halved from the second such step on (Illinois), and bisection where that has no steady state.
+    It is 0 if the ambient temperature reaches the limit. The temperature rise is a convex function
+    of the factor squared. The chord therefore undershoots and moves only the lower end of the
+    bracket. The search is regula falsi. From the second undershoot in a row it halves the excess at
+    the upper end (Illinois method). It bisects if the upper end has no steady state.
     """
     allowed = limit - model.ambient
     if allowed <= 0:
         return 0.0
 
     def rise(square: float) -> float:
-        reached = steady_state(model, cycle.scaled(np.sqrt(square)))
-        return reached.peak - model.ambient if reached.steady else np.inf
+        temperatures = steady_state(model, cycle.scaled(np.sqrt(square)))
+        return temperatures.peak - model.ambient if temperatures.steady else np.inf
 
     low, low_rise, high = 0.0, 0.0, 1.0
     high_rise = rise(high)

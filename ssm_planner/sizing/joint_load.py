@@ -1,11 +1,10 @@
-"""A motion as one joint's drive sees it: what the joint does, and what it must hold, at every instant."""
+"""The load of each joint's drive over a motion: speed, acceleration and effort."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.motors import STILL, directions
@@ -14,21 +13,24 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
+from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import DEGREE, Trajectory
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, Mask, record
 
 RATE = 2000.0
 INSTANTS, STRETCH = 40_000, (40, 1000)
-"""Of a motion, and of a piece between two turns of a joint, at most: cost grows with pieces, not with seconds."""
-Flags = NDArray[np.bool_]
+"""Largest number of instants of a motion, and limits of the number per monotone piece.
+
+They make the cost depend on the number of pieces and not on the duration.
+"""
 
 
-@dataclass(frozen=True, eq=False)
-class JointLoad:
-    """Motion and load of one driven joint at n instants; every array (n,), SI.
+@record
+class JointLoad(ShortRepr):
+    """Motion and load of one driven joint at n instants. All arrays are (n,), in SI units.
 
-    The instants cover pieces of constant direction, both ends included; a start from rest is an instant of its own,
-    with static friction and without duration.
+    The instants cover pieces of constant direction and include both ends of each. A start from rest
+    is a separate instant of zero duration with static friction.
     """
 
     joint: str
@@ -42,14 +44,15 @@ class JointLoad:
     inertia: Array
     """M(q) q̈ of this joint, N·m or N."""
     velocity: Array
-    """Coriolis and centrifugal effort."""
+    """Coriolis and centrifugal effort, N·m or N."""
     gravity: Array
+    """Effort of gravity, N·m or N."""
     direction: Array
-    """+1, −1, or 0 where the drive stands."""
+    """+1, −1, or 0 while the drive stands still."""
     breakaway: Array
-    """1 where the joint starts from rest, else 0."""
+    """1 at instants at which the joint starts from rest, else 0."""
     weight: Array
-    """Share of the duration that each instant stands for (trapezoidal rule); their sum is 1."""
+    """Share of the duration that each instant represents (trapezoidal rule). The sum is 1."""
     duration: float
 
     @property
@@ -62,43 +65,53 @@ class JointLoad:
         """Share of the duration in which the joint moves."""
         return float(self.weight[self.direction != 0].sum())
 
-    def speed(self, drive: Drive | None = None) -> Array:
-        """Motor speed (n,), rad/s."""
-        return (drive or self.drive).ratio * self.qd
+    def speed(self) -> Array:
+        """Return the motor speed (n,), rad/s."""
+        return self.drive.ratio * self.qd
 
-    def acceleration(self, drive: Drive | None = None) -> Array:
-        """Motor acceleration (n,), rad/s²."""
-        return (drive or self.drive).ratio * self.qdd
+    @property
+    def peak_speed(self) -> float:
+        """Largest motor speed, rad/s."""
+        return float(np.abs(self.speed()).max())
 
-    def effort(self, drive: Drive | None = None) -> Array:
-        """Output effort F that the mesh carries, N·m or N; (draws, n) for a drive whose friction holds columns."""
+    def acceleration(self) -> Array:
+        """Return the motor acceleration (n,), rad/s²."""
+        return self.drive.ratio * self.qdd
+
+    def effort(self) -> Array:
+        """Return the effort F in the mesh (N·m or N), (n,) or (draws, n) for drawn friction."""
         return np.asarray(
-            output_effort(drive or self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
+            output_effort(self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
         )
 
-    def torque(self, drive: Drive | None = None) -> Array:
-        """Motor torque by the exact law, N·m; (draws, n) for a drive whose friction holds columns."""
-        drive = drive or self.drive
-        w, wd = self.speed(drive), self.acceleration(drive)
+    def torque(self) -> Array:
+        """Return the exact motor torque (N·m), (n,) or (draws, n) for columns of friction."""
         return motor_torque(
-            drive, self.effort(drive), w, wd, direction=self.direction, mu=self.coefficient(drive)
+            self.drive,
+            self.effort(),
+            self.speed(),
+            self.acceleration(),
+            direction=self.direction,
+            mu=self.coefficient(),
         )
 
-    def coefficient(self, drive: Drive) -> Array:
-        """μ at every instant, (n,) or (draws, n): kinetic, and at a start at least the static one."""
-        friction = friction_of(drive)
-        w = self.speed(drive)
-        mu = friction_coefficient(friction, w)
+    def coefficient(self) -> Array:
+        """Return the kinetic friction coefficient μ at every instant, (n,) or (draws, n).
+
+        At a start from rest it is at least the static coefficient.
+        """
+        friction, w = friction_of(self.drive), self.speed()
+        mu = np.asarray(friction_coefficient(friction, w))
         if not self.breakaway.any():
-            return np.asarray(mu)
+            return mu
         return np.where(self.breakaway > 0, np.asarray(breakaway_coefficient(friction, w)), mu)
 
     def rms(self, value: Array) -> Array:
-        """Root mean square over the motion, of (n,) or (draws, n)."""
+        """Return the root mean square over the motion of values (n,) or (draws, n)."""
         return np.sqrt(np.square(value) @ self.weight)
 
     def stretched(self, factor: float) -> JointLoad:
-        """The same motion in `factor` times the time."""
+        """Return the same motion slowed down to `factor` times its duration."""
         return replace(
             self,
             t=self.t[0] + factor * (self.t - self.t[0]),
@@ -110,7 +123,10 @@ class JointLoad:
         )
 
     def plus(self, other: JointLoad, share: float) -> JointLoad:
-        """The same motion with `share` times the load by which `other` exceeds this one (loads are linear in masses)."""
+        """Return the same motion with `share` times the additional load of `other`.
+
+        The loads are linear in the masses, so this interpolates between two payloads exactly.
+        """
         names = ("inertia", "velocity", "gravity")
         return replace(
             self,
@@ -121,23 +137,27 @@ class JointLoad:
         )
 
     def at(self, keep: Indices) -> JointLoad:
-        """Only the instants `keep` (m,), increasing; each stands for the time to its neighbours."""
+        """Select the instants with increasing indices `keep` (m,) and recompute their weights."""
         names = ("t", "q", "qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
         parts = {name: getattr(self, name)[keep] for name in names}
         return replace(self, **parts, weight=_weights(parts["t"]))
 
 
 def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tuple[JointLoad, ...]:
-    """Loads of all driven joints over a motion, at least at `rate` (Hz) and wherever a joint starts, turns or arrives."""
-    piece, local, first, last = _instants(trajectory, robot, rate)
+    """Compute the loads of all driven joints over a motion.
+
+    The instants have at least the rate `rate` (Hz), within the limits of INSTANTS and STRETCH. They
+    include every start, turn and arrival of a joint.
+    """
+    piece, local, is_first, is_last = _instants(trajectory, robot, rate)
     samples = trajectory.sample_pieces(piece, local)
     inertia, velocity, gravity = RigidBody.from_robot(robot).parts(
         samples.q, samples.qd, samples.qdd
     )
-    after, starting = directions(robot, samples, 1)
-    before, _ = directions(robot, samples, -1)
-    direction = np.where(last[:, None], before, after)
-    breakaway = np.where(first[:, None], starting, 0.0)
+    departing, starting = directions(robot, samples, 1)
+    arriving, _ = directions(robot, samples, -1)
+    direction = np.where(is_last[:, None], arriving, departing)
+    breakaway = np.where(is_first[:, None], starting, 0.0)
     weight = _weights(samples.t)
     return tuple(
         JointLoad(
@@ -164,42 +184,49 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
 
 def _instants(
     trajectory: Trajectory, robot: Robot, rate: float
-) -> tuple[Indices, Array, Flags, Flags]:
-    """Piece, local time, and whether an instant is the first or the last of a stretch in which no joint turns."""
+) -> tuple[Indices, Array, Mask, Mask]:
+    """Return the pieces and local times of the instants, and flags of the ends of each stretch.
+
+    No joint turns within a stretch.
+    """
     piece, start, end = _stretches(trajectory, robot, rate)
-    counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, _most(trajectory)) + 2
-    of = np.repeat(np.arange(len(piece)), counts)
-    k = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
-    # the first two instants are the same: just breaking away, and just after it
-    share = np.maximum(k - 1, 0) / (counts[of] - 2)
-    local = np.where(share == 1.0, end[of], start[of] + share * (end - start)[of])
-    return piece[of], local, k == 0, k == counts[of] - 1
+    counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, _max_instants(trajectory)) + 2
+    stretch = np.repeat(np.arange(len(piece)), counts)
+    k = np.arange(len(stretch)) - np.repeat(np.cumsum(counts) - counts, counts)
+    # The first two instants coincide: breakaway, and the motion just after it.
+    share = np.maximum(k - 1, 0) / (counts[stretch] - 2)
+    local = np.where(share == 1.0, end[stretch], start[stretch] + share * (end - start)[stretch])
+    return piece[stretch], local, k == 0, k == counts[stretch] - 1
 
 
-def _most(trajectory: Trajectory) -> int:
-    """Instants of a piece, at most."""
+def _max_instants(trajectory: Trajectory) -> int:
+    """Return the largest number of instants of a piece."""
     return int(np.clip(INSTANTS // len(trajectory.breaks), *STRETCH))
 
 
 def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indices, Array, Array]:
-    """Pieces cut where a joint turns back within them: piece, local start, local end."""
+    """Cut the pieces at every turn of a joint. Returns piece, local start and local end."""
     lengths = np.diff(trajectory.breaks)
-    counts = np.clip(np.ceil(lengths * rate).astype(int), 4, _most(trajectory)) + 1
+    counts = np.clip(np.ceil(lengths * rate).astype(int), 4, _max_instants(trajectory)) + 1
     piece = np.repeat(np.arange(len(lengths)), counts)
     k = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
     local = k / (counts[piece] - 1) * lengths[piece]
     qd = trajectory.sample_pieces(piece, local).qd
-    way = np.where(
+    sign = np.where(
         np.abs(qd) > STILL * np.array([joint.velocity for joint in robot.joints]), np.sign(qd), 0.0
     )
-    # the last instant before each one at which the joint moved
-    last = np.maximum.accumulate(np.where(way != 0, np.arange(len(way))[:, None], 0), axis=0)[:-1]
-    joints = np.arange(way.shape[1])
-    turned, joint = np.nonzero((piece[last] == piece[1:, None]) & (way[last, joints] * way[1:] < 0))
-    found = last[turned, joint]
-    cuts = _turns(trajectory, piece[found], local[found], local[turned + 1], joint)
+    # Index of the last instant, before each one, at which the joint moved.
+    last_moving = np.maximum.accumulate(
+        np.where(sign != 0, np.arange(len(sign))[:, None], 0), axis=0
+    )[:-1]
+    joints = np.arange(sign.shape[1])
+    turns, joint = np.nonzero(
+        (piece[last_moving] == piece[1:, None]) & (sign[last_moving, joints] * sign[1:] < 0)
+    )
+    before_turn = last_moving[turns, joint]
+    cuts = _turns(trajectory, piece[before_turn], local[before_turn], local[turns + 1], joint)
     pieces, starts = (
-        np.append(np.arange(len(lengths)), piece[found]),
+        np.append(np.arange(len(lengths)), piece[before_turn]),
         np.append(np.zeros(len(lengths)), cuts),
     )
     order = np.lexsort((starts, pieces))
@@ -211,7 +238,7 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
 def _turns(
     trajectory: Trajectory, piece: Indices, low: Array, high: Array, joint: Indices
 ) -> Array:
-    """Local times between low and high at which joints turn back, to the last digit (bisection)."""
+    """Return the local times between `low` and `high` at which joints turn, by bisection."""
     coefficients = trajectory.pieces(piece)[np.arange(len(piece)), 1:, joint] * np.arange(
         1, DEGREE + 1
     )
@@ -225,8 +252,8 @@ def _turns(
     sign = ahead(low)
     for _ in range(60 if len(piece) else 0):
         middle = (low + high) / 2
-        before = ahead(middle) == sign
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
+        unturned = ahead(middle) == sign
+        low, high = np.where(unturned, middle, low), np.where(unturned, high, middle)
     return high
 
 

@@ -1,7 +1,8 @@
-"""What a motor can give: speed–torque line at a supply voltage, current limit, continuous and short-term regions.
+"""Limits of a motor: speed–torque line, current limit, continuous and short-term region.
 
-Steady electrical balance U = R·I + k·w with torque k·I (the inductance and the motor's own losses left out: the friction
-of the drive was identified with the motor on it).
+The electrical model is the steady balance U = R·I + k·w with torque k·I. It omits the inductance.
+It also omits the motor's own losses, because the friction of the drive was identified with the
+motor attached.
 """
 
 from __future__ import annotations
@@ -13,117 +14,119 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.value import Bound
 from ssm_planner.typing import Array, Range
 
 REFERENCE_TEMPERATURE = 298.15
-"""Datasheets state resistance, torque constant and nominal torque at 25 °C, K."""
+"""Temperature (K) to which datasheets refer resistance, torque constant and nominal torque."""
 COPPER = 0.00393
-"""Relative rise of the resistance of copper, 1/K."""
+"""Relative increase of the resistance of copper, 1/K."""
 MAGNET = -0.0012
-"""Relative change of the torque constant assumed where the motor file gives none, 1/K: the worse end for neodymium."""
+"""Relative change of the torque constant, 1/K, if the motor file gives none.
+
+It is the unfavourable end of the range for neodymium.
+"""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """How and where the motors run, and how sure the answer has to be."""
+    """Operating conditions of the motors, and the required confidence of the answer."""
 
     ambient: float = REFERENCE_TEMPERATURE
-    """K."""
+    """Ambient temperature, K."""
     supply_voltage: float | None = None
-    """Of the motor controller, V; None: the motor's nominal voltage."""
+    """Supply voltage of the motor controller, V. None means the motor's nominal voltage."""
     current_limit: float | None = None
-    """Of the motor controller, A; None: not looked at."""
+    """Current limit of the motor controller, A. None means that it is not checked."""
     pause: float = 0.0
     """Rest after each repetition of the motion, s."""
     confidence: float = 0.99
     """Probability with which "adequate" is claimed."""
     draws: int = 0
-    """Monte Carlo draws of the friction; 0: linearised."""
+    """Number of Monte Carlo draws of the friction. 0 means a linearised calculation."""
     spread: float | None = None
-    """Relative range of every friction parameter for which the drive file gives neither range nor covariance."""
+    """Relative range of friction parameters without a range or covariance in the drive file."""
 
     def __post_init__(self) -> None:
-        if not 0.5 <= self.confidence <= 0.999:
-            raise ProblemError(
-                "not a confidence", key="confidence", value=self.confidence, allowed="0.5 to 0.999"
-            )
-        if self.spread is not None and not 0 <= self.spread < 1:
-            raise ProblemError(
-                "not a relative range", key="spread", value=self.spread, allowed="0 up to below 1"
-            )
-        if self.draws and not 1000 <= self.draws <= 1_000_000:
-            raise ProblemError(
-                "too few or too many",
-                key="draws",
-                value=self.draws,
-                allowed="1000 to 1000000, or 0",
-            )
-        if not 200.0 <= self.ambient <= 400.0:
-            raise ProblemError(
-                "not a surrounding of a motor",
-                key="ambient",
-                value=self.ambient,
-                allowed="200 K to 400 K",
-            )
-        if not (math.isfinite(self.pause) and self.pause >= 0):
-            raise ProblemError(
-                "not a pause", key="pause", value=self.pause, allowed="0 s or longer"
-            )
-        for name in ("supply_voltage", "current_limit"):
+        for name, bound in CONDITIONS.items():
             value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise ProblemError("not greater than zero", key=name, value=value)
+            if value is None or (name == "draws" and value == 0):
+                continue
+            fault = bound.fault(value) if math.isfinite(value) else "not a finite number"
+            if fault:
+                raise ProblemError(fault, key=name, value=value, allowed=bound.allowed)
+
+
+CONDITIONS = {
+    "ambient": Bound(at_least=200.0, at_most=400.0),
+    "supply_voltage": Bound(above=0.0),
+    "current_limit": Bound(above=0.0),
+    "pause": Bound(at_least=0.0),
+    "confidence": Bound(at_least=0.5, at_most=0.999),
+    "draws": Bound(at_least=1000, at_most=1_000_000),
+    "spread": Bound(at_least=0.0, at_most=math.nextafter(1.0, 0.0)),
+}
+"""Allowed values of the conditions that are stated, in SI units. Draws may also be 0."""
 
 
 def missing(motor: Motor, *names: str) -> tuple[str, ...]:
-    """Those of the named figures that the motor file does not give."""
+    """Return those of the names for which the motor file gives no value."""
     return tuple(name for name in names if getattr(motor, name) is None)
 
 
 def figure(motor: Motor, name: str) -> float:
-    """A figure of the motor. Raises ProblemError where the file does not give it."""
+    """Return a value of the motor file. Raises ProblemError if the file does not give it."""
     value = getattr(motor, name)
     if value is None:
-        raise ProblemError("missing: this figure is needed", file=motor.file, key=name)
+        raise ProblemError("missing: this value is needed", file=motor.file, key=name)
     return float(value)
 
 
 SLOWEST_START = 2e4
-"""rad/s², nominal torque by rotor inertia; 48 motors of 13 to 22 mm (maker's pages, 2020) have 2.9e4 to 1.9e5."""
+"""Smallest plausible nominal torque divided by rotor inertia, rad/s².
+
+48 motors of 13 to 22 mm diameter have 2.9e4 to 1.9e5 (manufacturers' pages, 2020).
+"""
 
 
 def rotor_range(motor: Motor) -> Range:
-    """Rotor inertia, kg·m²: as stated, else from 0 to a bound by the nominal torque of motors of this class."""
-    stated = motor.rotor_inertia
-    return (0.0, motor.nominal_torque / SLOWEST_START) if stated is None else (stated, stated)
+    """Return the range of the rotor inertia, kg·m².
+
+    If the inertia is not stated, the range extends from 0 to a bound for motors of this nominal
+    torque.
+    """
+    inertia = motor.rotor_inertia
+    return (0.0, motor.nominal_torque / SLOWEST_START) if inertia is None else (inertia, inertia)
 
 
 def resistance(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
-    """Terminal resistance with the winding at a temperature (K), ohm."""
+    """Return the terminal resistance (ohm) with the winding at a temperature (K)."""
     return figure(motor, "terminal_resistance") * (
         1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
     )
 
 
 def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
-    """Torque constant with the magnets at a temperature (K), N·m/A."""
+    """Return the torque constant (N·m/A) with the magnets at a temperature (K)."""
     return figure(motor, "torque_constant") * (
         1 + magnet_drift(motor) * (temperature - REFERENCE_TEMPERATURE)
     )
 
 
 def magnet_drift(motor: Motor) -> float:
-    """Relative change of the torque constant per kelvin; MAGNET where the file gives none."""
+    """Return the relative change of the torque constant per kelvin. The default is MAGNET."""
     return MAGNET if motor.torque_constant_per_kelvin is None else motor.torque_constant_per_kelvin
 
 
 def available_torque(
     motor: Motor, conditions: Conditions, speed: Array, temperature: float | None = None
 ) -> Array:
-    """Largest motor torque in the direction of motion at speeds ≥ 0 (rad/s, shape kept), N·m.
+    """Return the largest motor torque (N·m) in the direction of motion at speeds ≥ 0 (rad/s).
 
-    The least of the file's largest torque, the current limit, and the speed–torque line at the supply voltage, as far as
-    the file has the figures; 0 beyond the largest speed. temperature: of winding and magnets, K.
+    It is the least of the largest torque of the file, the torque at the current limit, and the
+    speed–torque line at the supply voltage. Limits without data are left out. The torque is 0
+    beyond the largest speed. The result has the shape of `speed`. `temperature` (K) is that of
+    winding and magnets.
     """
     temperature = REFERENCE_TEMPERATURE if temperature is None else temperature
     speed = np.asarray(speed, dtype=float)
@@ -139,9 +142,10 @@ def available_torque(
 
 
 def continuous_torque(motor: Motor, ambient: float) -> float | None:
-    """Torque that the motor can give for all time in this surrounding, N·m; None where it takes a missing figure.
+    """Return the torque (N·m) that the motor can give forever at an ambient temperature (K).
 
-    The nominal torque, in hotter surroundings than the datasheet's 25 °C reduced by √(ΔT / ΔT at 25 °C).
+    It is the nominal torque. Above 25 °C it is multiplied by √(ΔT / ΔT at 25 °C), where ΔT is the
+    permitted rise of the winding temperature. It is None if that needs a missing value.
     """
     if ambient <= REFERENCE_TEMPERATURE:
         return motor.nominal_torque
@@ -156,9 +160,10 @@ def continuous_torque(motor: Motor, ambient: float) -> float | None:
 def operating_shares(
     motor: Motor, conditions: Conditions, speed: Array, torque: Array, weight: Array
 ) -> dict[str, float] | None:
-    """Shares of the time (weight (n,), sum 1) in the continuous region, in the short-term region, and beyond both.
+    """Return the shares of the time in the continuous and short-term regions and beyond both.
 
-    With the motor as hot as it may get, where the file says how hot that is. None where the continuous torque is unknown.
+    The weights (n,) of the instants have sum 1. The motor has its largest permitted temperature if
+    the file states one. The result is None if the continuous torque is not known.
     """
     steady = continuous_torque(motor, conditions.ambient)
     if steady is None:
@@ -175,11 +180,11 @@ def operating_shares(
 
 
 def required_voltage(torque: Array, speed: Array, motor: Motor, temperature: float) -> Array:
-    """|R·I + k·w| for a torque (n,) or (draws, n) at motor speeds (n,), V."""
+    """Return |R·I + k·w| (V) for torques (n,) or (draws, n) at motor speeds (n,)."""
     k = torque_constant(motor, temperature)
     return np.abs(resistance(motor, temperature) / k * torque + k * speed)
 
 
 def supply(motor: Motor, conditions: Conditions) -> float | None:
-    """Supply voltage, V: the controller's, else the motor's nominal one."""
+    """Return the supply voltage (V) of the controller, or else the nominal voltage of the motor."""
     return motor.nominal_voltage if conditions.supply_voltage is None else conditions.supply_voltage

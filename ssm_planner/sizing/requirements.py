@@ -1,14 +1,15 @@
-"""What a motion requires of each motor: torque, speed, power and energy, and what the torque is spent on.
+"""Requirements of a motion for each motor: torque and its parts, speed, power and energy.
 
-Without friction the torque law of dynamics/transmission.py is linear in load and acceleration, so it divides into parts;
-friction is the rest: tau = tau_lossless(inertia) + tau_lossless(load) + bearings + (mesh with friction − mesh without).
+Without friction the torque law of dynamics/transmission.py is linear in load and acceleration, so
+the torque divides into parts. Friction is the remainder:
+
+    tau = tau_lossless(inertia) + tau_lossless(load) + bearings
+          + (mesh with friction − mesh without)
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,15 +18,16 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import attributes, unchecked
+from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, record
 
 
-@dataclass(frozen=True, eq=False)
-class MotorRequirement:
-    """Required motor-side figures of one driven joint over one motion; t, speed, acceleration, torque (n,), SI."""
+@record
+class MotorRequirement(ShortRepr):
+    """Requirements of one motion for the motor of one joint. Arrays are (n,), in SI units."""
 
     joint: str
     motor: Motor | None
@@ -39,40 +41,30 @@ class MotorRequirement:
     torque: Array
     acceleration: Array
     peak_power: float
-    """Largest mechanical power out of the motor, W."""
+    """Largest mechanical output power, W."""
     mean_power: float
-    """Mean mechanical power, W; what the load gives back counts as negative."""
+    """Mean mechanical power, W. Power that the load returns counts as negative."""
     energy: float
-    """Mechanical energy out of the motor, J; nothing that the load gives back is used."""
+    """Mechanical output energy, J. Energy that the load returns is not subtracted."""
     returned_energy: float
     """Mechanical energy that the load puts into the motor, J, ≥ 0."""
     joule_power: float | None
-    """Mean heat in the winding at 25 °C, W; None where the motor file lacks torque constant or resistance."""
+    """Mean heat in the winding at 25 °C, W. None without torque constant or resistance."""
     joule_energy: float | None
-    """J."""
+    """Heat in the winding over one motion, J."""
     split: TorqueBreakdown
 
     @property
     def placeholder(self) -> bool:
-        """No motor is given, or its figures stand in for unknown ones."""
+        """True if the joint has no motor or if values of the motor are placeholders."""
         return self.motor is None or self.motor.placeholder
 
-    def to_dict(self) -> dict[str, Any]:
-        """An entry of `motors` in what `plan --json` prints; SI."""
+    def to_dict(self) -> JsonObject:
+        """Return an entry of `motors` in the output of `plan --json`, in SI units."""
         return {
             "joint": self.joint,
             "motor": None if self.motor is None else self.motor.name,
-            "peak_torque": self.peak_torque,
-            "rms_torque": self.rms_torque,
-            "mean_torque": self.mean_torque,
-            "peak_speed": self.peak_speed,
-            "peak_acceleration": self.peak_acceleration,
-            "peak_power": self.peak_power,
-            "mean_power": self.mean_power,
-            "energy": self.energy,
-            "returned_energy": self.returned_energy,
-            "joule_power": self.joule_power,
-            "joule_energy": self.joule_energy,
+            **attributes(self, FIGURES),
             "split": self.split.to_dict(),
             "placeholder": self.placeholder,
         }
@@ -81,15 +73,16 @@ class MotorRequirement:
 def motor_requirements(
     trajectory: Trajectory, robot: Robot, rate: float = RATE
 ) -> tuple[MotorRequirement, ...]:
-    """Requirements of every driven joint, by the exact friction law, static friction at starts included.
+    """Return the requirements of every driven joint by the exact friction law.
 
-    Sampled at `rate` (Hz) and at both sides of every break and turn, so that jumps of torque count where they are.
+    The motion is sampled at `rate` (Hz) and on both sides of every break and turn, so that jumps of
+    the torque count at their instants.
     """
     return tuple(motor_requirement(load) for load in joint_loads(trajectory, robot, rate))
 
 
 def motor_requirement(load: JointLoad) -> MotorRequirement:
-    """Requirement of one driven joint with the drive and motor of the robot."""
+    """Return the requirements for the motor of one joint with the drive and motor of the robot."""
     torque, speed, acceleration = load.torque(), load.speed(), load.acceleration()
     power = torque * speed
     rms = float(load.rms(torque))
@@ -100,7 +93,7 @@ def motor_requirement(load: JointLoad) -> MotorRequirement:
         peak_torque=float(np.abs(torque).max()),
         rms_torque=rms,
         mean_torque=float(load.weight @ torque),
-        peak_speed=float(np.abs(speed).max()),
+        peak_speed=load.peak_speed,
         peak_acceleration=float(np.abs(acceleration).max()),
         t=load.t,
         speed=speed,
@@ -117,74 +110,88 @@ def motor_requirement(load: JointLoad) -> MotorRequirement:
 
 
 def joule_power(motor: Motor | None, rms_torque: float) -> float | None:
-    """Mean heat R·(tau_rms/k)² in the winding at 25 °C, W; None where the motor lacks k or R."""
+    """Return the mean heat R·(tau_rms/k)² in the winding at 25 °C, W. None if k or R is missing."""
     if motor is None or motor.torque_constant is None or motor.terminal_resistance is None:
         return None
     return motor.terminal_resistance * (rms_torque / motor.torque_constant) ** 2
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueBreakdown:
-    """Parts of the motor torque (n,), N·m; their sum is the torque."""
+@record
+class TorqueBreakdown(ShortRepr):
+    """Parts of the motor torque (n,), N·m. Their sum is the torque."""
 
     input_inertia: Array
-    """Accelerating the motor shaft with all that turns on it."""
+    """Torque that accelerates the motor shaft and all parts that turn with it."""
     output_inertia: Array
-    """Accelerating the bodies and the output side of the drive."""
+    """Torque that accelerates the bodies and the output side of the drive."""
     load: Array
-    """Gravity, Coriolis and centrifugal effort."""
+    """Torque for gravity, Coriolis and centrifugal effort."""
     mesh_friction: Array
-    """Sliding in the mesh: what the mesh takes beyond a mesh without friction. At rest it holds the load."""
+    """Torque with sliding friction in the mesh minus torque without. At rest it holds the load."""
     bearing_friction: Array
-    """Bearings of the input side, and those of the output side carried through a mesh without friction."""
+    """Torque for the bearings of the input side and, through the mesh, of the output side."""
     at_peak: dict[str, float]
-    """The parts at the instant of the largest torque, N·m."""
+    """Parts at the instant of the largest torque, N·m."""
     rms: dict[str, float]
     """RMS of each part over the motion, N·m."""
 
     def parts(self) -> Iterator[tuple[str, Array]]:
-        """Name and part (n,), N·m."""
+        """Yield the name and values (n,) of every part, N·m."""
         for name in PARTS:
             yield name, getattr(self, name)
 
     def to_dict(self) -> dict[str, dict[str, float]]:
-        """By part: its value at the largest torque and its RMS, N·m."""
+        """Return the value at the largest torque and the RMS of every part, N·m."""
         return {name: {"at_peak": self.at_peak[name], "rms": self.rms[name]} for name in PARTS}
 
 
+FIGURES = (
+    "peak_torque",
+    "rms_torque",
+    "mean_torque",
+    "peak_speed",
+    "peak_acceleration",
+    "peak_power",
+    "mean_power",
+    "energy",
+    "returned_energy",
+    "joule_power",
+    "joule_energy",
+)
+"""Numbers of a requirement in results."""
 PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
 
 
-def torque_split(load: JointLoad, drive: Drive | None = None) -> TorqueBreakdown:
-    """The parts of the motor torque of a joint, with its own drive or another one."""
-    drive = drive or load.drive
+def torque_split(load: JointLoad) -> TorqueBreakdown:
+    """Divide the motor torque of a joint into parts."""
+    drive = load.drive
     moving, zero = load.direction != 0, np.zeros_like(load.t)
     lossless, rough = _without_friction(drive), _with_bearings_only(drive)
-    w, wd, way = load.speed(drive), load.acceleration(drive), np.where(moving, load.direction, 1.0)
-    carried = output_effort(lossless, load.inertia, zero, load.qdd, way)
+    w, wd, sign = load.speed(), load.acceleration(), np.where(moving, load.direction, 1.0)
+    carried = output_effort(lossless, load.inertia, zero, load.qdd, sign)
     rubbing = output_effort(drive, zero, load.qd, zero, load.direction)
-    # an antibacklash nut accelerates with wd, so its lossless preload (which cancels) and inertia come with the input
-    input_inertia = motor_torque(lossless, zero, zero, wd, direction=way)
-    output_inertia = _mesh(lossless, carried, way)
-    held = _mesh(lossless, load.velocity + load.gravity, way)
-    bearing = np.where(moving, motor_torque(rough, rubbing, w, zero, direction=way), 0.0)
-    total = load.torque(drive)
-    effort = load.effort(drive)
+    # An antibacklash nut accelerates with wd, so its inertia and its lossless preload (which
+    # cancels) belong to the input side.
+    input_inertia = motor_torque(lossless, zero, zero, wd, direction=sign)
+    output_inertia = _mesh(lossless, carried, sign)
+    load_torque = _mesh(lossless, load.velocity + load.gravity, sign)
+    bearing = np.where(moving, motor_torque(rough, rubbing, w, zero, direction=sign), 0.0)
+    total, effort = load.torque(), load.effort()
     without = np.where(
-        moving, motor_torque(rough, effort, w, wd, direction=way), _mesh(lossless, effort, way)
+        moving, motor_torque(rough, effort, w, wd, direction=sign), _mesh(lossless, effort, sign)
     )
     parts = {
         "input_inertia": input_inertia,
         "output_inertia": output_inertia,
-        "load": held,
+        "load": load_torque,
         "mesh_friction": total - without,
         "bearing_friction": bearing,
     }
     peak = int(np.argmax(np.abs(total)))
     return TorqueBreakdown(
         **parts,
-        at_peak={name: float(part[peak]) for name, part in parts.items()},
-        rms={name: float(load.rms(part)) for name, part in parts.items()},
+        at_peak={name: float(values[peak]) for name, values in parts.items()},
+        rms={name: float(load.rms(values)) for name, values in parts.items()},
     )
 
 
@@ -198,7 +205,7 @@ def _without_friction(drive: Drive) -> Drive:
 
 
 def _with_bearings_only(drive: Drive, **bearings: float) -> Drive:
-    """Without losses in the mesh; of a drive with efficiencies γ is 1/ratio then."""
+    """Return the drive without losses in the mesh. Efficiencies are removed by γ = 1/ratio."""
     friction = unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings)
     return unchecked(
         drive, friction=friction, gamma=drive.gamma if drive.threaded else 1.0 / drive.ratio

@@ -1,15 +1,16 @@
-"""Every motor with every gear of a catalogue on every joint, in one pass over arrays.
+"""Assess every motor with every gear of a catalogue on every joint, in one pass over arrays.
 
-Equal, pair by pair, to `assess`. A rotor only adds J·ẇ to the motor torque, so a gear's torque is evaluated once and the
-motors are rows of a matrix. Of the winding's temperature two bounds decide most pairs; `assess` decides the others, and all
-that need draws of the friction.
+The answers equal those of `assess` for each pair. A rotor only adds J·ẇ to the motor torque, so the
+torque of a gear is evaluated once, and the motors are rows of a matrix. Two bounds on the winding
+temperature decide most pairs. `assess` decides the other pairs and all pairs that need draws of the
+friction.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -43,40 +44,44 @@ from ssm_planner.sizing.motor_limits import (
     torque_constant,
 )
 from ssm_planner.sizing.thermal_network import FIGURES, Modes, ThermalModel
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, record
 
 Rank = Literal["mass", "length", "torque", "margin"]
 RANKS: tuple[Rank, ...] = ("mass", "length", "torque", "margin")
 Answers = NDArray[np.int8]
-"""(gears, motors): 1 holds, 0 not known, −1 fails."""
+"""(gears, motors): 1 for passed, 0 for not known, −1 for failed."""
 MARGINS = ("torque", "speed", "continuous_torque", "voltage")
 NEAR = 0.01
-"""K; what the bounds of the temperature leave closer to the limit, `assess` decides."""
+"""Margin of the temperature bounds, K. `assess` decides pairs closer to the limit."""
 RISES = 50
-"""Temperatures at which a runaway is looked for."""
+"""Number of temperatures at which thermal runaway is checked."""
 INSTANTS = 200
-"""Of each motion, at which the load's inertia is looked at."""
+"""Number of instants of each motion at which the inertia of the load is evaluated."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class JointSelection:
-    """Every motor (m) with every gear (g) on one joint."""
+    """The assessment of every motor (m) with every gear (g) on one joint."""
 
     load: JointLoad
     conditions: Conditions
     motors: Sequence[Part[Motor]]
     gears: Sequence[Part[Drive]]
     answers: Mapping[str, Answers]
-    """Of the motor's checks, by name; heat is 0 where it was not needed, another check fails."""
+    """Answers by the name of the check.
+
+    Heat is 0 if it was not evaluated because another check fails.
+    """
     margins: Mapping[str, Array]
-    """(gears, motors) each; NaN where a figure is missing."""
+    """Margins (gears, motors) by the name of the check. NaN if data are missing."""
     of_gear: Sequence[tuple[Check, ...]]
+    """Checks of each gear."""
     load_inertia: float
     """Largest inertia of the moved bodies about the joint's axis, kg·m² or kg."""
 
     @property
     def adequate(self) -> Answers:
-        """As `MotorVerdict.adequate` says of each pair."""
+        """Answers for each pair, equal to `MotorVerdict.adequate`."""
         worst = np.min(list(self.answers.values()), axis=0)
         fails = np.array(
             [any(check.passed is False for check in checks) for checks in self.of_gear]
@@ -84,20 +89,23 @@ class JointSelection:
         return np.where(fails[:, None], np.int8(-1), worst)
 
     def ruled_out_by(self, g: int, m: int) -> list[str]:
-        """Names of the checks that fail."""
+        """Return the names of the checks that a pair fails."""
         motor = [name for name, answer in self.answers.items() if answer[g, m] < 0]
         return motor + [check.name for check in self.of_gear[g] if check.passed is False]
 
     def ranked(self, by: Rank = "mass") -> list[tuple[int, int]]:
-        """The pairs (g, m) that nothing rules out, those that suffice first, then by rank; what is not stated comes last."""
+        """Return the pairs (g, m) that no check rules out, adequate pairs first, then by rank.
+
+        Pairs without a stated value of the rank come last.
+        """
         adequate = self.adequate
         key = self._key(by)
         pairs = [(int(g), int(m)) for g, m in np.argwhere(adequate >= 0)]
         nominal = [part.of.nominal_torque for part in self.motors]
-        return sorted(pairs, key=lambda at: (-adequate[at], key[at], nominal[at[1]], at))
+        return sorted(pairs, key=lambda pair: (-adequate[pair], key[pair], nominal[pair[1]], pair))
 
     def _key(self, by: Rank) -> Array:
-        """(gears, motors), small first."""
+        """Return the sort key (gears, motors) of a rank. Small values come first."""
         shape = (len(self.gears), len(self.motors))
         if by == "margin":
             return -np.nan_to_num(np.nanmin(list(self.margins.values()), axis=0), nan=-1.0)
@@ -110,13 +118,16 @@ class JointSelection:
         return motor + gear[:, None]
 
     def verdict(self, g: int, m: int) -> MotorVerdict:
-        """The pair as `assess` judges it, with every margin and the temperatures."""
+        """Assess one pair by `assess`, with every margin and the temperatures."""
         return assess(
             replace(self.load, drive=self.gears[g].of), self.motors[m].of, self.conditions
         )
 
     def reasons(self) -> dict[str, int]:
-        """How many pairs each check rules out, the commonest first; a pair may count for several."""
+        """Count the pairs that each check rules out, in falling order.
+
+        A pair may count several times.
+        """
         shape = (len(self.gears), len(self.motors))
         counts = {name: int((answer < 0).sum()) for name, answer in self.answers.items()}
         for checks in self.of_gear:
@@ -124,11 +135,14 @@ class JointSelection:
                 if check.passed is False:
                     counts[check.name] = counts.get(check.name, 0) + shape[1]
         return dict(
-            sorted(((k, n) for k, n in counts.items() if n), key=lambda each: (-each[1], each[0]))
+            sorted(((k, n) for k, n in counts.items() if n), key=lambda item: (-item[1], item[0]))
         )
 
     def inertia_ratio(self, g: int, m: int) -> float | None:
-        """Inertia of load and gear seen by the motor over its rotor's; None where the rotor's is not stated."""
+        """Return the inertia of load and gear at the motor shaft divided by that of the rotor.
+
+        It is None if the inertia of the rotor is not stated.
+        """
         motor, drive = self.motors[m].of, self.gears[g].of
         if motor.rotor_inertia is None:
             return None
@@ -137,15 +151,18 @@ class JointSelection:
             shaft + (self.load_inertia + drive.output_inertia) / drive.ratio**2
         ) / motor.rotor_inertia
 
-    def to_dict(self, rank: Rank, shown: int) -> dict[str, Any]:
-        """An entry of `selection` in what `size --json` prints; `best` holds the first `shown` in full, SI."""
+    def to_dict(self, rank: Rank, shown: int) -> JsonObject:
+        """Return an entry of `selection` in the output of `size --json`, in SI units.
+
+        `best` describes the first `shown` pairs in full.
+        """
         adequate = self.adequate
-        words = {1: True, 0: None, -1: False}
+        as_json = {1: True, 0: None, -1: False}
         return {
             "joint": self.load.joint,
             "motors": [part.label for part in self.motors],
             "gears": [part.label for part in self.gears],
-            "adequate": [[words[int(each)] for each in row] for row in adequate],
+            "adequate": [[as_json[int(answer)] for answer in row] for row in adequate],
             "ruled_out_by": [
                 [self.ruled_out_by(g, m) for m in range(len(self.motors))]
                 for g in range(len(self.gears))
@@ -155,8 +172,8 @@ class JointSelection:
             "best": [self.pair_dict(g, m) for g, m in self.ranked(rank)[:shown]],
         }
 
-    def pair_dict(self, g: int, m: int) -> dict[str, Any]:
-        """One pair in full."""
+    def pair_dict(self, g: int, m: int) -> JsonObject:
+        """Return the full description of one pair."""
         motor, gear, verdict = self.motors[m], self.gears[g], self.verdict(g, m)
         return {
             **verdict.to_dict(),
@@ -177,34 +194,50 @@ def select(
     conditions: Conditions | None = None,
     payload: float = 0.0,
 ) -> tuple[JointSelection, ...]:
-    """Judge every motor with every gear on every joint that a duty moves, as `assess` judges one.
+    """Assess every motor with every gear on every joint that a duty cycle moves.
 
-    gears: by joint; a joint that is not named, or with none, keeps its own. payload: kg at the tip.
+    Parameters
+    ----------
+    duty
+        Motions of one robot.
+    motors
+        Candidate motors.
+    gears
+        Candidate gears by joint. A joint without an entry keeps its present drive.
+    conditions
+        Operating conditions. The default is `Conditions()`.
+    payload
+        Point mass at the tip, kg.
+
+    Returns
+    -------
+    tuple of JointSelection
+        One entry for each load of the duty cycle.
     """
     conditions = conditions or Conditions()
     inertias = load_inertias(duty, payload)
-    found = []
+    selections = []
     for load in duty.loads(payload):
-        own = [Part(load.drive.name, load.drive)]
-        options = gears.get(load.joint) or own
-        found.append(select_joint(load, motors, options, conditions, inertias[load.joint]))
-    return tuple(found)
+        default = [Part(load.drive.name, load.drive)]
+        options = gears.get(load.joint) or default
+        selections.append(select_joint(load, motors, options, conditions, inertias[load.joint]))
+    return tuple(selections)
 
 
 def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
-    """Largest diagonal entry of the mass matrix over the motions, by joint; kg·m², kg."""
+    """Return the largest diagonal entries of the mass matrix by joint, kg·m² or kg."""
     body = RigidBody.from_robot(with_payload(duty.robot, payload))
     q = np.concatenate(
         [run.sample(np.linspace(0, run.duration, INSTANTS)).q for run, _ in duty.runs]
     )
-    largest = np.max([np.diag(matrix) for matrix in body.mass_matrix(q)], axis=0)
-    return dict(zip((joint.name for joint in duty.robot.joints), map(float, largest), strict=True))
+    diagonal = np.max([np.diag(matrix) for matrix in body.mass_matrix(q)], axis=0)
+    return dict(zip((joint.name for joint in duty.robot.joints), map(float, diagonal), strict=True))
 
 
 def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
-    """What the motor gives back to its supply while it brakes, J in one motion at 25 °C: ∫ max(−(R·I² + τ·w), 0) dt.
+    """Return the energy (J) that the braking motor returns to its supply in one motion at 25 °C.
 
-    None where torque constant or resistance is not stated.
+    It is ∫ max(−(R·I² + τ·w), 0) dt, or None if torque constant or resistance is not stated.
     """
     if missing(motor, "torque_constant", "terminal_resistance"):
         return None
@@ -214,8 +247,10 @@ def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
 
 
 def _balance(motor: Motor, hot: bool) -> tuple[float, float]:
-    at = figure(motor, "max_winding_temperature") if hot else REFERENCE_TEMPERATURE
-    return resistance(motor, at) / torque_constant(motor, at), torque_constant(motor, at)
+    temperature = figure(motor, "max_winding_temperature") if hot else REFERENCE_TEMPERATURE
+    return resistance(motor, temperature) / torque_constant(motor, temperature), torque_constant(
+        motor, temperature
+    )
 
 
 def select_joint(
@@ -225,9 +260,12 @@ def select_joint(
     conditions: Conditions,
     inertia: float = math.nan,
 ) -> JointSelection:
-    """Judge every motor with every gear on one joint; inertia: largest of the moved bodies about its axis, kg·m² or kg."""
+    """Assess every motor with every gear on one joint.
+
+    `inertia` is the largest inertia of the moved bodies about the joint's axis, kg·m² or kg.
+    """
     fleet = _Fleet([part.of for part in motors], conditions, load.duration + conditions.pause)
-    rows = [_judged(replace(load, drive=gear.of), fleet, conditions) for gear in gears]
+    rows = [_assess_gear(replace(load, drive=gear.of), fleet, conditions) for gear in gears]
     answers = {name: np.stack([answer[name] for answer, _, _ in rows]) for name in rows[0][0]}
     margins = {name: np.stack([margin[name] for _, margin, _ in rows]) for name in MARGINS}
     of_gear = [checks for _, _, checks in rows]
@@ -244,7 +282,7 @@ def select_joint(
 
 
 class _Fleet:
-    """What the checks need of all motors (m), as columns (m, 1) or rows (m,)."""
+    """Data of all motors (m) that the checks need, as columns (m, 1) or rows (m,)."""
 
     def __init__(self, motors: Sequence[Motor], conditions: Conditions, period: float) -> None:
         self.motors = motors
@@ -261,17 +299,19 @@ class _Fleet:
         self.cool, self.hot = np.array([_certain(motor, conditions, period) for motor in motors]).T
 
     def limit(self, name: str) -> Array:
-        """(m,); NaN where it is not known."""
-        known = (limits[name][2] for limits in self.limits)
-        return np.array([np.nan if limit is None else limit for limit in known])
+        """Return the limits (m,) of a check. NaN if not known."""
+        bounds = (limits[name][2] for limits in self.limits)
+        return np.array([np.nan if limit is None else limit for limit in bounds])
 
 
 def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
-    """RMS torques (N·m) of a motion that repeats up to which the winding surely stays below its limit, and beyond which not.
+    """Return the RMS torques (N·m) below which heat surely passes and above which it surely fails.
 
-    NaN without the figures. The winding answers to power by two decaying modes, both positive, and the losses grow with
-    its temperature: power at the limit's resistance, all of it at one instant of each period, gives the most, the least
-    answer to a mean power its coldest instant, and the loss there the least mean.
+    They hold for a motion that repeats with `period` (s), and are NaN if thermal data are missing.
+    The winding answers to power by two decaying modes, both positive. The losses grow with its
+    temperature. Power at the limit's resistance, all of it at one instant of each period, gives the
+    highest temperature. The lower bound combines the smallest response to a mean power, at the
+    coldest instant, with the loss at that temperature, which is the smallest mean loss.
     """
     if missing(motor, *FIGURES):
         return np.nan, np.nan
@@ -286,30 +326,31 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing
     )
     shares, x = modes.input * modes.shape[0] / -modes.rates, -modes.rates * period
-    # beyond 700 e^x overflows, and what is left of a period's heat is nothing
-    most, least = (
+    # Beyond 700, e^x overflows, and the remaining heat of a period is negligible.
+    highest, lowest = (
         float(shares @ (x / -np.expm1(-x))),
         float(shares @ (x / np.expm1(np.minimum(x, 700.0)))),
     )
-    # the mean square at which the coldest instant would have each temperature up to the one whose mean is the limit
-    rise = (allowed + NEAR) * least / float(shares.sum()) * np.linspace(0.01, 1.0, RISES)
-    one = np.ones(RISES)
-    holds = (allowed - NEAR) / (most * model.power(one, limit * one)[0])
-    fails = 1.001 * np.max(rise / (least * model.power(one, model.ambient + rise)))
-    return float(np.sqrt(holds)), float(np.sqrt(fails))
+    # Mean squares at which the coldest instant has each temperature up to the one that corresponds
+    # to a mean at the limit.
+    rise = (allowed + NEAR) * lowest / float(shares.sum()) * np.linspace(0.01, 1.0, RISES)
+    ones = np.ones(RISES)
+    passes = (allowed - NEAR) / (highest * model.power(ones, limit * ones)[0])
+    fails = 1.001 * np.max(rise / (lowest * model.power(ones, model.ambient + rise)))
+    return float(np.sqrt(passes)), float(np.sqrt(fails))
 
 
 Row = tuple[dict[str, NDArray[np.int8]], dict[str, Array], tuple[Check, ...]]
-"""One gear with all motors: answers (m,) and margins (m,) by check, and the checks of the gear."""
+"""Answers (m,) and margins (m,) of one gear with all motors, and the checks of the gear."""
 
 
-def _judged(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
+def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     spread = spread_of(load.drive, conditions.spread)
-    gear = gear_checks(Case(load, band_of(load, None, spread, conditions), spread, conditions))
-    fastest = float(np.abs(load.speed()).max())
-    speed = _margin(fastest, fleet.max_speed)
+    band = band_of(replace(load, motor=None), spread, conditions)
+    gear = gear_checks(Case(load, band, spread, conditions))
+    speed = _margin(load.peak_speed, fleet.max_speed)
     if spread.names:
-        return _drawn(load, fleet, conditions, gear, speed)
+        return _assess_by_draws(load, fleet, conditions, gear, speed)
     ends = np.array([shaft_inertia(load, motor) for motor in fleet.motors])
     worst, best = _bands(load, [dict(corner) for corner in spread.corners()], ends, fleet)
     answers, margins = {"speed": _answer(speed, speed)}, {"speed": speed}
@@ -331,21 +372,24 @@ def _judged(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     limited = np.array(
         [answers[name] for name in ("torque", "continuous_torque", "voltage", "heat")]
     )
-    known = np.array(
+    has_limit = np.array(
         [np.isfinite(fleet.limit(name)) for name in ("torque", "continuous_torque", "voltage")]
     )
-    known = np.vstack([known, np.isfinite(fleet.cool)])
-    together = np.where(known, limited, 1).min(axis=0)
+    has_limit = np.vstack([has_limit, np.isfinite(fleet.cool)])
+    together = np.where(has_limit, limited, 1).min(axis=0)
     answers[CONFIDENCE] = (
         together.astype(np.int8) if spread.known else np.zeros(len(fails), np.int8)
     )
     return answers, margins, gear
 
 
-def _drawn(
+def _assess_by_draws(
     load: JointLoad, fleet: _Fleet, conditions: Conditions, gear: tuple[Check, ...], speed: Array
 ) -> Row:
-    """Pair by pair, for a friction that is known by draws; a motor too slow, or with a gear that fails, needs none."""
+    """Assess the pairs one by one, for a friction that is given by draws.
+
+    Motors that are too slow and gears that fail are not assessed further.
+    """
     count = len(fleet.motors)
     names = ("torque", "continuous_torque", "voltage", "heat", CONFIDENCE)
     answers = {name: np.zeros(count, np.int8) for name in names} | {"speed": _answer(speed, speed)}
@@ -366,21 +410,25 @@ _WORDS = {True: 1, None: 0, False: -1}
 def _bands(
     load: JointLoad, corners: Sequence[dict[str, Any]], ends: Array, fleet: _Fleet
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Largest and smallest demands (m,) of every motor; ends (m, 2): inertia of its shaft, kg·m²."""
+    """Return the largest and smallest demands (m,) of every motor.
+
+    `ends` (m, 2) are the smallest and largest inertia of its shaft, kg·m².
+    """
     turning = load.acceleration() * (load.direction != 0)
-    found = []
+    demands = []
     for corner in corners:
-        bare = load.torque(drawn(load.drive, {**corner, "input_inertia": 0.0}))
+        drive = drawn(load.drive, {**corner, "input_inertia": 0.0})
+        rotorless = replace(load, drive=drive).torque()
         sums = [
             float(load.weight @ (a * b))
-            for a, b in ((bare, bare), (bare, turning), (turning, turning))
+            for a, b in ((rotorless, rotorless), (rotorless, turning), (turning, turning))
         ]
         for inertia in ends.T if np.any(ends[:, 0] != ends[:, 1]) else ends.T[:1]:
             rms = np.sqrt(np.maximum(sums[0] + 2 * inertia * sums[1] + inertia**2 * sums[2], 0.0))
-            found.append([*_peaks(bare, turning, load.speed(), inertia, fleet), rms])
-    peak, volts, rms = np.max(found, axis=0)
-    low_peak, low_volts, low_rms = np.min(found, axis=0)
-    # the demands are convex in the inertia: between its ends they fall by no more than this
+            demands.append([*_peaks(rotorless, turning, load.speed(), inertia, fleet), rms])
+    peak, volts, rms = np.max(demands, axis=0)
+    low_peak, low_volts, low_rms = np.min(demands, axis=0)
+    # The demands are convex in the inertia, so between its ends they fall by at most this.
     fall, wd = (ends[:, 1] - ends[:, 0]) / 2, np.abs(load.acceleration())
     low_peak, low_rms = low_peak - fall * wd.max(), low_rms - fall * float(load.rms(wd))
     low_volts = low_volts - fall * wd.max() * fleet.volts
@@ -391,17 +439,18 @@ def _bands(
 
 
 def _peaks(
-    bare: Array, turning: Array, speed: Array, inertia: Array, fleet: _Fleet
+    rotorless: Array, turning: Array, speed: Array, inertia: Array, fleet: _Fleet
 ) -> tuple[Array, Array]:
-    """Peak torque and voltage (m,) of motors whose shafts have an inertia (m,)."""
+    """Return the peak torques and voltages (m,) of motors with shaft inertias (m,)."""
     peak, volts = np.empty(len(inertia)), np.full(len(inertia), np.nan)
-    place = np.cumsum(fleet.electrical) - 1
+    column = np.cumsum(fleet.electrical) - 1
     for m, shaft in enumerate(inertia):
-        torque = bare + shaft * turning
+        torque = rotorless + shaft * turning
         peak[m] = max(torque.max(), -torque.min())
         if fleet.electrical[m]:
             needs = [
-                each[place[m]][0] * torque + each[place[m]][1] * speed for each in fleet.balance
+                balance[column[m]][0] * torque + balance[column[m]][1] * speed
+                for balance in fleet.balance
             ]
             volts[m] = max(max(need.max(), -need.min()) for need in needs)
     return peak, volts
@@ -414,7 +463,10 @@ def _heat(
     band: tuple[Array, Array],
     fails: NDArray[np.bool_],
 ) -> NDArray[np.int8]:
-    """Answers (m,) to the worst and best RMS torque over motion and pause; 0 where the bounds say nothing and `fails`."""
+    """Return the answers (m,) to the worst and best RMS torque over motion and pause.
+
+    An answer is 0 if the temperature bounds decide nothing and the motor `fails` another check.
+    """
     worst, best = band
     answers = np.where(worst <= fleet.cool, 1, np.where(best > fleet.hot, -1, 0)).astype(np.int8)
     open_ = (
@@ -425,8 +477,8 @@ def _heat(
     )
     for m in np.flatnonzero(open_).tolist():
         motor = fleet.motors[m]
-        turned = replace(load, drive=with_rotor(load, motor)[0], motor=motor)
-        heat = heat_of(turned, motor, conditions, worst[m])
+        candidate = replace(load, drive=with_rotor(load, motor)[0], motor=motor)
+        heat = heat_of(candidate, motor, conditions, worst[m])
         if heat is not None:
             limit = np.array(heat.capacity)
             answers[m] = _answer(_margin(worst[m], limit), _margin(best[m], limit))
@@ -439,5 +491,5 @@ def _margin(worst: Array | float, limit: Array) -> Array:
 
 
 def _answer(worst: Array, best: Array) -> NDArray[np.int8]:
-    """As Check.passed says of the margins at both ends of what is not known."""
+    """Return answers equal to `Check.passed` for the margins at both ends of the uncertain data."""
     return np.where(worst >= -TOLERANCE, 1, np.where(best < -TOLERANCE, -1, 0)).astype(np.int8)

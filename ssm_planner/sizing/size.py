@@ -1,14 +1,13 @@
-"""Which motors and gears a motion needs, and what given ones allow.
+"""Size the motors and gears of a robot for a motion.
 
-Candidates on every joint, the smallest that suffices, one verdict; the largest payload at the tip and the shortest
-duration of the motion with which every check still passes.
+The module assesses candidates on every joint and names the smallest adequate one. It also finds the
+largest payload at the tip and the shortest duration of the motion that pass every check.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
+from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, band_of
 from ssm_planner.sizing.checks import Case, Check, all_of, binding, gear_checks
 from ssm_planner.sizing.demand import Band, DemandName
@@ -24,11 +24,15 @@ from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
 from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import JsonObject, record
 
 
-@dataclass(frozen=True, eq=False)
-class JointSizing:
-    """What one joint requires, its gear, and its candidates in order of nominal torque."""
+@record
+class JointSizing(ShortRepr):
+    """The requirements, gear checks and assessed candidates of one joint.
+
+    The candidates are in the order of their nominal torque.
+    """
 
     load: JointLoad
     requirement: MotorRequirement
@@ -36,38 +40,41 @@ class JointSizing:
     gear: tuple[Check, ...]
     candidates: tuple[MotorVerdict, ...]
     alternatives: tuple[MotorVerdict, ...] = ()
-    """Motors that the joint may have instead of its own: judged, but not part of the answer."""
+    """Assessments of the joint's alternative motors. They do not affect the answer."""
 
     @property
     def smallest(self) -> MotorVerdict | None:
-        """The candidate of least nominal torque that is shown to suffice."""
-        return next((each for each in self.candidates if each.adequate is True), None)
+        """The candidate with the smallest nominal torque that is adequate.
+
+        None if there is none.
+        """
+        return next((verdict for verdict in self.candidates if verdict.adequate is True), None)
 
     @property
     def adequate(self) -> bool | None:
-        """Of the motors: True where one suffices, False where none can, None where that is not known."""
-        answers = [each.adequate for each in self.candidates]
+        """True if a motor is adequate, False if none can be, None if that is not known."""
+        answers = [verdict.adequate for verdict in self.candidates]
         if True in answers:
             return True
         return None if None in answers or not answers else False
 
-    def gear_dict(self) -> dict[str, Any]:
-        """An entry of `gears` in what `size --json` prints."""
-        first = binding(self.gear)
+    def gear_dict(self) -> JsonObject:
+        """Return an entry of `gears` in the output of `size --json`."""
+        tightest = binding(self.gear)
         return {
             "joint": self.load.joint,
             "drive": self.load.drive.name,
             "adequate": all_of(check.passed for check in self.gear),
-            "binds": None if first is None else first.name,
+            "binds": None if tightest is None else tightest.name,
             "margins": {check.name: check.margin for check in self.gear},
             "not_checked": {check.name: check.needs for check in self.gear if check.passed is None},
             "placeholders": list(self.load.drive.placeholders),
         }
 
-    def requirement_dict(self, confidence: float) -> dict[str, Any]:
-        """An entry of `requirements` in what `size --json` prints; bands at a confidence."""
+    def requirement_dict(self, confidence: float) -> JsonObject:
+        """Return an entry of `requirements` in the output of `size --json`."""
         names: tuple[DemandName, ...] = ("peak_torque", "rms_torque", "peak_effort")
-        bands: dict[str, Any] = {
+        bands: JsonObject = {
             name: [self.band.low(name, confidence), self.band.high(name, confidence)]
             if self.band.known
             else None
@@ -81,16 +88,19 @@ class JointSizing:
         return {**self.requirement.to_dict(), "band": bands}
 
 
-@dataclass(frozen=True, eq=False)
-class Sizing:
-    """The answer for a motion: one entry per driven joint that moves in it."""
+@record
+class Sizing(ShortRepr):
+    """The sizing result of a motion, with one entry for each driven joint that moves in it."""
 
     joints: tuple[JointSizing, ...]
     conditions: Conditions
 
     @property
     def adequate(self) -> bool | None:
-        """Every joint has a motor that suffices, and every gear holds; None where that is not known, or there is neither."""
+        """True if every joint has an adequate motor and every gear passes its checks.
+
+        None if that is not known or if there are no joints.
+        """
         if not self.joints:
             return None
         gears = [check.passed for joint in self.joints for check in joint.gear]
@@ -98,16 +108,16 @@ class Sizing:
 
     @property
     def verdicts(self) -> tuple[MotorVerdict, ...]:
-        """Of every candidate on every joint."""
+        """Assessments of every candidate on every joint."""
         return tuple(verdict for joint in self.joints for verdict in joint.candidates)
 
     @property
     def alternatives(self) -> tuple[MotorVerdict, ...]:
-        """Of the motors that joints may have instead of their own."""
+        """Assessments of the alternative motors of all joints."""
         return tuple(verdict for joint in self.joints for verdict in joint.alternatives)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The object that `size --json` prints; SI units, radians, kelvin."""
+    def to_dict(self) -> JsonObject:
+        """Return the output of `size --json`, in SI units, radians and kelvin."""
         smallest = {joint.load.joint: joint.smallest for joint in self.joints}
         return {
             "adequate": self.adequate,
@@ -116,7 +126,7 @@ class Sizing:
             "alternatives": [verdict.to_dict() for verdict in self.alternatives],
             "gears": [joint.gear_dict() for joint in self.joints],
             "smallest": {
-                name: None if best is None else best.motor.name for name, best in smallest.items()
+                name: None if item is None else item.motor.name for name, item in smallest.items()
             },
             "requirements": [
                 joint.requirement_dict(self.conditions.confidence) for joint in self.joints
@@ -130,32 +140,55 @@ def size(
     conditions: Conditions | None = None,
     payload: float = 0.0,
 ) -> Sizing:
-    """Judge the motors of every joint that a duty moves, repeated for ever under the conditions.
+    """Assess motors for every joint that a duty cycle moves, repeated forever under the conditions.
 
-    candidates: motors by joint name; joints not named there are judged with their own motor. payload: point mass at the
-    tip, kg. Raises ProblemError for candidates of a joint without a drive.
+    Parameters
+    ----------
+    duty
+        Motions of one robot.
+    candidates
+        Motors by joint name. A joint without an entry is assessed with its present motor.
+    conditions
+        Operating conditions. The default is `Conditions()`.
+    payload
+        Point mass at the tip, kg.
+
+    Returns
+    -------
+    Sizing
+        Requirements, checks and verdicts of every joint.
+
+    Raises
+    ------
+    ProblemError
+        If candidates are given for a joint that has no drive or does not move.
     """
     conditions = conditions or Conditions()
-    given = dict(candidates or {})
+    motors = dict(candidates or {})
     loads = duty.loads(payload)
-    moved, driven = (
+    moving, driven = (
         {load.joint for load in loads},
         {joint.name for joint in duty.robot.joints if joint.drive is not None},
     )
-    for joint in given:
+    for joint in motors:
         if joint not in driven:
             raise no_drive(joint, duty.robot.file)
-        if joint not in moved:
+        if joint not in moving:
             raise ProblemError(
-                f"{duty.name} does not move this joint", key=joint, allowed=", ".join(sorted(moved))
+                f"{duty.name} does not move this joint",
+                key=joint,
+                allowed=", ".join(sorted(moving)),
             )
     return Sizing(
-        tuple(_joint(load, given.get(load.joint), conditions) for load in loads), conditions
+        tuple(_joint(load, motors.get(load.joint), conditions) for load in loads), conditions
     )
 
 
 def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Sizing:
-    """Judge the robot's own motors by a motion repeated after a pause (s) at 25 °C; joints without a drive are left out."""
+    """Assess the motors of the robot for a motion that repeats after a pause (s) at 25 °C.
+
+    Joints without a drive are left out.
+    """
     conditions = Conditions(pause=pause)
     return Sizing(
         tuple(_joint(load, None, conditions) for load in joint_loads(trajectory, robot)), conditions
@@ -165,15 +198,16 @@ def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Siz
 def _joint(
     load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions
 ) -> JointSizing:
-    others = load.alternatives if candidates is None else ()
+    substitutes = load.alternatives if candidates is None else ()
     if candidates is None:
         candidates = [] if load.motor is None else [load.motor]
     verdicts, alternatives = (
-        [assess(load, motor, conditions) for motor in each] for each in (candidates, others)
+        [assess(load, motor, conditions) for motor in motors]
+        for motors in (candidates, substitutes)
     )
     verdicts.sort(key=lambda verdict: (verdict.motor.nominal_torque, verdict.motor.max_torque))
     spread = spread_of(load.drive, conditions.spread)
-    band = band_of(load, None, spread, conditions)
+    band = band_of(replace(load, motor=None), spread, conditions)
     gear = gear_checks(Case(load, band, spread, conditions))
     return JointSizing(
         load,
@@ -186,17 +220,19 @@ def _joint(
 
 
 HEAVIEST = 50.0
-"""kg at the tip; motors that carry more are not what limits a surgical tool."""
+"""Largest payload (kg) in the search. A surgical tool is far below it."""
 SLOWEST, FASTEST = 1e3, 1e-3
-"""Factors on the duration between which an answer is looked for."""
+"""Largest and smallest factor on the duration in the search."""
 HALVINGS = 16
 
 
 @dataclass(frozen=True)
 class WhatIf:
-    """status: "found", "never" (the motors do not suffice for any value) or "unlimited" (nothing checked binds).
+    """The result of a search for the largest payload or the shortest duration.
 
-    value: kg, or factor on the duration; None unless found. joint, binds: what would be exceeded first beyond it.
+    `status` is "found", "never" (the motors are not adequate for any value) or "unlimited" (no
+    check binds). `value` is in kg or a factor on the duration, and None unless the status is
+    "found". `joint` and `binds` name the first limit that a further change would exceed.
     """
 
     status: str
@@ -205,7 +241,8 @@ class WhatIf:
     binds: str | None
     not_checked: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
+        """Return the result as JSON types in SI units."""
         return {
             "status": self.status,
             "value": self.value,
@@ -218,7 +255,10 @@ class WhatIf:
 def largest_payload(
     duty: DutyCycle, motors: Mapping[str, Motor], conditions: Conditions, payload: float = 0.0
 ) -> WhatIf:
-    """The heaviest point mass at the tip, beside `payload` (kg), with which every check that can be made still passes."""
+    """Find the largest additional point mass at the tip with which every evaluated check passes.
+
+    `payload` (kg) is a mass that the tip carries in any case.
+    """
     empty, loaded = duty.loads(payload), duty.loads(payload + 1.0)
 
     def judge(mass: float) -> _Judgement:
@@ -226,15 +266,16 @@ def largest_payload(
             [a.plus(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions
         )
 
-    return _largest(judge, start=1e-3, most=HEAVIEST, least=0.0)
+    return _search_largest(judge, start=1e-3, upper=HEAVIEST, lower=0.0)
 
 
 def shortest_duration(
     duty: DutyCycle, motors: Mapping[str, Motor], conditions: Conditions, payload: float = 0.0
 ) -> WhatIf:
-    """The smallest factor on the duration, all of the motion faster alike, with which every check made still passes.
+    """Find the smallest factor on the duration with which every evaluated check passes.
 
-    The joints' own limits of speed and acceleration are left aside.
+    The whole motion is sped up uniformly. The speed and acceleration limits of the joints are
+    ignored.
     """
 
     loads = duty.loads(payload)
@@ -242,8 +283,8 @@ def shortest_duration(
     def judge(speed: float) -> _Judgement:
         return _judge([load.stretched(1.0 / speed) for load in loads], motors, conditions)
 
-    found = _largest(judge, start=1.0, most=1.0 / FASTEST, least=1.0 / SLOWEST)
-    return replace(found, value=None if found.value is None else 1.0 / found.value)
+    result = _search_largest(judge, start=1.0, upper=1.0 / FASTEST, lower=1.0 / SLOWEST)
+    return replace(result, value=None if result.value is None else 1.0 / result.value)
 
 
 @dataclass(frozen=True)
@@ -257,7 +298,7 @@ class _Judgement:
 def _judge(
     loads: Sequence[JointLoad], motors: Mapping[str, Motor], conditions: Conditions
 ) -> _Judgement:
-    """The smallest margin of all checks that can be made."""
+    """Return the smallest margin of all checks that have one."""
     worst: tuple[float, str | None, str | None] = (float("inf"), None, None)
     missing = []
     for load in loads:
@@ -270,37 +311,42 @@ def _judge(
             if check.margin is None:
                 missing.append(f"{load.joint}: {check.name}")
             elif check.name != CONFIDENCE:
-                worst = min(worst, (check.margin, load.joint, check.name), key=lambda each: each[0])
+                worst = min(worst, (check.margin, load.joint, check.name), key=lambda x: x[0])
     return _Judgement(*worst, tuple(missing))
 
 
-def _largest(
-    judge: Callable[[float], _Judgement], start: float, most: float, least: float
+def _search_largest(
+    judge: Callable[[float], _Judgement], start: float, upper: float, lower: float
 ) -> WhatIf:
-    """Largest value up to which no margin is negative: doubled or halved from `start`, then bisected."""
-    at = judge(start)
+    """Return the largest value up to which no margin is negative.
+
+    The search doubles or halves the value from `start` and then bisects.
+    """
+    judgement = judge(start)
     low, high = start, start
-    if at.margin < 0:
-        while at.margin < 0:
-            high, failed = low, at
-            if low <= least:
-                return WhatIf("never", None, at.joint, at.binds, at.not_checked)
-            low = low / 2 if least > 0 or low > start / 64 else 0.0
-            low = max(low, least)
-            at = judge(low)
+    if judgement.margin < 0:
+        while judgement.margin < 0:
+            high, failed = low, judgement
+            if low <= lower:
+                return WhatIf(
+                    "never", None, judgement.joint, judgement.binds, judgement.not_checked
+                )
+            low = low / 2 if lower > 0 or low > start / 64 else 0.0
+            low = max(low, lower)
+            judgement = judge(low)
     else:
-        while at.margin >= 0:
+        while judgement.margin >= 0:
             low = high
-            if high >= most:
-                return WhatIf("unlimited", None, None, None, at.not_checked)
-            high = min(2 * high, most)
-            at = judge(high)
-        failed = at
+            if high >= upper:
+                return WhatIf("unlimited", None, None, None, judgement.not_checked)
+            high = min(2 * high, upper)
+            judgement = judge(high)
+        failed = judgement
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        at = judge(middle)
-        if at.margin < 0:
-            high, failed = middle, at
+        judgement = judge(middle)
+        if judgement.margin < 0:
+            high, failed = middle, judgement
         else:
             low = middle
     return WhatIf("found", low, failed.joint, failed.binds, failed.not_checked)

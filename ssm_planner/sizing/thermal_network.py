@@ -1,12 +1,13 @@
-"""How hot a motor gets: two bodies, winding and housing, with losses that grow as the winding warms.
+"""Thermal model of a motor with two bodies, winding and housing.
 
     C_w dT_w/dt = P(t, T_w) − (T_w − T_h)/R_wh          P = R(T_w)·(tau/k(T_w))²
     C_h dT_h/dt = (T_w − T_h)/R_wh − (T_h − T_a)/R_ha
 
-with C_w = time_constant_winding / R_wh and C_h = time_constant_motor / R_ha, as datasheets compute their time constants;
-R grows by 0.393 %/K, and the magnets are taken to be as hot as the winding (the safe side). Linear but for P(T_w): within
-one cycle the bodies are solved exactly in their two modes for a power that is piecewise straight in time, and P is
-linearised about the temperatures found so far.
+The capacities follow from the time constants of datasheets: C_w = time_constant_winding / R_wh and
+C_h = time_constant_motor / R_ha. R grows by 0.393 %/K. The magnets are assumed to be as hot as the
+winding, which is the safe assumption. Only P(T_w) is nonlinear. Within one cycle the bodies are
+solved exactly in their two modes for a power that is piecewise linear in time. P is linearised
+about the temperatures of the previous pass.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.problem.motor import Motor
+from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.motor_limits import (
     COPPER,
     REFERENCE_TEMPERATURE,
@@ -25,17 +27,18 @@ from ssm_planner.sizing.motor_limits import (
     resistance,
     torque_constant,
 )
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 SMALL = 1e-4
-"""Below it the functions of `_phi` are taken from their series."""
+"""Threshold of |x| below which `_phi` uses power series."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Modes:
-    """x' = A x + b P of (winding, housing) above ambient, as two independent modes z' = rate·z + input·P.
+    """The two independent modes of x' = A x + b P, where x = (winding, housing) is above ambient.
 
-    rates (2,) in 1/s, negative where the mode settles; input (2,); shape (2, 2): x = shape @ z.
+    Each mode follows z' = rate·z + input·P. `rates` (2,) are in 1/s and negative for a mode that
+    settles, `input` is (2,), and `shape` (2, 2) gives x = shape @ z.
     """
 
     rates: Array
@@ -47,7 +50,10 @@ class Modes:
     def of(
         cls, r_inner: float, r_outer: float, c_inner: float, c_outer: float, gain: float = 0.0
     ) -> Modes:
-        """Thermal resistances (K/W) and capacities (J/K); gain: power that each kelvin of the inner body adds, W/K."""
+        """Compute the modes from thermal resistances (K/W) and capacities (J/K).
+
+        `gain` (W/K) is the additional power per kelvin of the inner body.
+        """
         exchange = 1.0 / (r_inner * math.sqrt(c_inner * c_outer))
         symmetric = np.array(
             [
@@ -62,35 +68,41 @@ class Modes:
 
     @property
     def growing(self) -> bool:
-        """A mode does not settle: the losses grow faster than the heat leaves."""
+        """True if a mode does not settle because the losses grow faster than the heat leaves."""
         return bool(self.rates.max() >= 0.0)
 
     def decay(self, t: Array | float) -> Array:
-        """What is left of the modes after t (n,), (2, n)."""
+        """Return the remaining share of each mode after times t (n,), (2, n)."""
         return np.exp(self.rates[:, None] * np.atleast_1d(t))
 
     def temperatures(self, states: Array) -> Array:
-        """(inner, outer) above ambient for modes (2, n), K."""
+        """Return the temperatures (inner, outer) above ambient (K) of modes (2, n)."""
         return np.asarray(self.shape @ states)
 
     def states(self, rise: Array) -> Array:
-        """Modes (2,) of temperatures (2,) above ambient, K."""
+        """Return the modes (2,) of temperatures (2,) above ambient, K."""
         return np.asarray(self.inverse @ rise)
 
 
 def follow(modes: Modes, t: Array, power: Array) -> Array:
-    """Modes (2, n) at t (n,) from zero under a power (n,) in W that is straight between the instants; exact."""
+    """Return the modes (2, n) at times t (n,) from zero, exactly, under a power (n,) in W.
+
+    The power is linear between the instants.
+    """
     step = np.diff(t)
     x = modes.rates[:, None] * step
-    first, second = _phi(x)
-    gained = modes.input[:, None] * step * (first * power[:-1] + second * np.diff(power))
+    order_one, order_two = _phi(x)
+    gained = modes.input[:, None] * step * (order_one * power[:-1] + order_two * np.diff(power))
     states = np.zeros((2, len(t)))
     states[:, 1:] = _running(np.exp(x), gained)
     return states
 
 
 def _running(factor: Array, gained: Array) -> Array:
-    """z_k = factor_k·z_(k−1) + gained_k for all k, z_0 = 0, by doubling: log2(n) steps on whole arrays."""
+    """Solve z_k = factor_k·z_(k−1) + gained_k for all k with z_0 = 0.
+
+    The recursion is doubled: log2(n) steps on whole arrays.
+    """
     factor, result = factor.copy(), gained.copy()
     reach = 1
     while reach < result.shape[1]:
@@ -101,12 +113,12 @@ def _running(factor: Array, gained: Array) -> Array:
 
 
 def _phi(x: Array) -> tuple[Array, Array]:
-    """(eˣ − 1)/x and (eˣ − 1 − x)/x²."""
-    near = np.abs(x) < SMALL
-    safe = np.where(near, 1.0, x)
-    first = np.where(near, 1.0 + x / 2 + x * x / 6, np.expm1(safe) / safe)
-    second = np.where(near, 0.5 + x / 6 + x * x / 24, (np.expm1(safe) - safe) / safe**2)
-    return first, second
+    """Return (eˣ − 1)/x and (eˣ − 1 − x)/x²."""
+    small = np.abs(x) < SMALL
+    safe = np.where(small, 1.0, x)
+    order_one = np.where(small, 1.0 + x / 2 + x * x / 6, np.expm1(safe) / safe)
+    order_two = np.where(small, 0.5 + x / 6 + x * x / 24, (np.expm1(safe) - safe) / safe**2)
+    return order_one, order_two
 
 
 FIGURES = (
@@ -118,21 +130,21 @@ FIGURES = (
     "time_constant_motor",
     "max_winding_temperature",
 )
-"""What the thermal check needs of a motor file."""
+"""Data that the thermal check needs from a motor file."""
 SETTLED = 1e-6
-"""K."""
+"""Tolerance of the iterations, K."""
 PASSES = 60
 HOTTEST = 1500.0
-"""K; a steady state beyond it is none."""
+"""Temperature (K) above which a steady state is rejected."""
 PAUSE_INSTANTS, PAUSE_RANGE = 300, 1e4
-"""Instants in a pause, and how much longer its last interval is than its first."""
+"""Number of instants in a pause, and ratio of its last interval to its first, minus 1."""
 STEP = 2.0
-"""K by which the mean temperature may change over cycles that are taken at once."""
+"""Permitted change (K) of the temperatures over cycles that are taken at once."""
 
 
 @dataclass(frozen=True)
-class ThermalModel:
-    """Constants of the two bodies and of the loss; SI, temperatures in K."""
+class ThermalModel(ShortRepr):
+    """Constants of the two bodies and of the loss, in SI units. Temperatures are in K."""
 
     r_winding_housing: float
     r_housing_ambient: float
@@ -146,7 +158,10 @@ class ThermalModel:
 
     @classmethod
     def from_motor(cls, motor: Motor, ambient: float) -> ThermalModel:
-        """Raises ProblemError where one of FIGURES but the temperature limit is missing."""
+        """Build the model of a motor at an ambient temperature (K).
+
+        Raises ProblemError if data of FIGURES other than the temperature limit are missing.
+        """
         inner, outer = (
             figure(motor, f"resistance_{name}") for name in ("winding_housing", "housing_ambient")
         )
@@ -162,34 +177,37 @@ class ThermalModel:
         )
 
     def power(self, square: Array, winding: Array) -> Array:
-        """Heat in the winding for tau² (n,) at winding temperatures (n,), W."""
+        """Return the heat in the winding (W) for tau² (n,) at winding temperatures (n,)."""
         return self.loss * square * self._growth(winding)[0]
 
     def slope(self, square: Array, winding: Array) -> Array:
-        """dP/dT_w, W/K, for squared torques and winding temperatures of any shape."""
+        """Return dP/dT_w (W/K) for squared torques and winding temperatures of any shape."""
         return self.loss * square * self._growth(winding)[1]
 
     def _growth(self, winding: Array) -> tuple[Array, Array]:
-        """R/k² by its value at 25 °C, and its derivative."""
+        """Return R/k² divided by its value at 25 °C, and its derivative."""
         warm = np.minimum(winding, HOTTEST) - REFERENCE_TEMPERATURE
         copper, magnet = 1 + self.copper * warm, np.maximum(1 + self.magnet * warm, 0.05)
         value = copper / magnet**2
         return value, self.copper / magnet**2 - 2 * self.magnet * copper / magnet**3
 
 
-@dataclass(frozen=True, eq=False)
-class Cycle:
-    """Motor torque over one repetition: t (n,) from 0, s; square = tau² (n,), taken as straight between the instants."""
+@record
+class Cycle(ShortRepr):
+    """Motor torque over one repetition.
+
+    `t` (n,) starts at 0, in s. `square` (n,) is tau², linear between the instants.
+    """
 
     t: Array
     square: Array
 
     @classmethod
     def from_torque(cls, t: Array, torque: Array, pause: float = 0.0) -> Cycle:
-        """A motion, t (n,) and torque (n,), and the pause after it, in which the motor is without current."""
+        """Build a cycle from a motion, t (n,) and torque (n,), and a pause (s) without current."""
         t, square = t - t[0], np.square(torque)
         if pause > 0:
-            # dense where the winding cools fastest
+            # The instants are densest at the start, where the winding cools fastest.
             share = np.expm1(np.linspace(0.0, np.log1p(PAUSE_RANGE), PAUSE_INSTANTS)) / PAUSE_RANGE
             t, square = (
                 np.append(t, t[-1] + pause * share),
@@ -203,17 +221,20 @@ class Cycle:
         return float(self.t[-1])
 
     def scaled(self, factor: float) -> Cycle:
-        """With `factor` times the torque."""
+        """Return the cycle with `factor` times the torque."""
         return Cycle(self.t, factor**2 * self.square)
 
     def mean(self, value: Array) -> float:
-        """Over one period, of a value (n,) at the instants t."""
+        """Return the mean over one period of a value (n,) at the instants t."""
         return float(np.trapezoid(value, self.t) / self.period)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Temperatures:
-    """Winding and housing over one cycle, K, (n,) each; status "steady" or "no steady state" (then of no use)."""
+    """Temperatures (n,) of winding and housing over one cycle, K.
+
+    `status` is "steady", "warming up", or "no steady state" (then the temperatures are infinite).
+    """
 
     winding: Array
     housing: Array
@@ -221,44 +242,47 @@ class Temperatures:
 
     @property
     def steady(self) -> bool:
+        """True if the temperatures repeat with the cycle."""
         return self.status == "steady"
 
     @property
     def peak(self) -> float:
+        """Largest winding temperature, K."""
         return float(self.winding.max())
 
 
 def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
-    """The temperatures that repeat with the cycle, found directly.
+    """Return the temperatures that repeat with the cycle, without simulating the warm-up.
 
-    Newton on the mean temperature, then the linear periodic problem about the temperatures of the pass before, in which
-    the mean feedback of the temperature on the loss is part of the bodies, until they change by less than 1e-6 K.
+    A Newton iteration finds the mean temperature. Then each pass solves the linear periodic problem
+    about the temperatures of the previous pass, until they change by less than 1e-6 K. The mean
+    feedback of the temperature on the loss is part of that linear problem.
     """
     mean = _mean_temperature(model, cycle)
-    none = Temperatures(
+    unsteady = Temperatures(
         np.full(len(cycle.t), np.inf), np.full(len(cycle.t), np.inf), "no steady state"
     )
     if mean is None:
-        return none
+        return unsteady
     winding = np.full(len(cycle.t), mean)
     for _ in range(PASSES):
         modes, power = _linearised(model, cycle, winding)
         if modes.growing:
-            return none
+            return unsteady
         free = follow(modes, cycle.t, power)
         decay = modes.decay(cycle.period)
         states = free + modes.decay(cycle.t) * (free[:, -1:] / (1.0 - decay))
         rise, housing = modes.temperatures(states)
         change, winding = float(np.abs(model.ambient + rise - winding).max()), model.ambient + rise
         if not np.isfinite(change) or winding.max() > HOTTEST:
-            return none
+            return unsteady
         if change < SETTLED:
             return Temperatures(winding, model.ambient + housing)
-    return none
+    return unsteady
 
 
 def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Modes, Array]:
-    """The bodies with the mean slope of the loss counted in, and the power that is left to drive them."""
+    """Return the modes with the mean slope of the loss included, and the remaining power."""
     power, slope = model.power(cycle.square, winding), model.slope(cycle.square, winding)
     mean = cycle.mean(slope)
     modes = Modes.of(
@@ -268,7 +292,7 @@ def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Mode
 
 
 def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
-    """Smallest T = T_a + R·mean(tau²)·loss(T), K; None where there is none."""
+    """Return the smallest solution (K) of T = T_a + R·mean(tau²)·loss(T). None if there is none."""
     square = np.array([cycle.mean(cycle.square)])
     total = model.r_winding_housing + model.r_housing_ambient
     temperature = np.array([model.ambient])
@@ -286,7 +310,7 @@ def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
 
 
 def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Temperatures:
-    """Temperatures over one cycle that starts with winding and housing at `start`, K."""
+    """Return the temperatures over one cycle that starts with (winding, housing) at `start`, K."""
     winding = np.full(len(cycle.t), start[0])
     rise = np.array(start) - model.ambient
     for _ in range(PASSES):
@@ -303,38 +327,41 @@ def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Te
 
 
 def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
-    """Time from cold until the winding of a repeated cycle first reaches `limit` (K), s; None where it never does.
+    """Return the time (s) from cold until the winding first reaches `limit` (K).
 
-    Where little changes from one cycle to the next many are taken at once: as many as warm the motor by STEP.
+    None if it never does.
+
+    While little changes from one cycle to the next, many cycles are taken at once: as many as warm
+    the motor by STEP.
     """
     steady = steady_state(model, cycle)
     if steady.steady and steady.peak < limit:
         return None
-    longest = (
+    horizon = (
         60.0
         * (model.r_winding_housing + model.r_housing_ambient)
         * (model.c_winding + model.c_housing)
     )
-    here = back = _Start(0, model.ambient, model.ambient)
-    most = 1 << 40
-    while here.cycles * cycle.period <= longest:
-        reached = warm_up(model, cycle, (here.winding, here.housing))
-        hot = np.flatnonzero(reached.winding >= limit)
-        taken = here.cycles - back.cycles
-        if len(hot) and taken <= 1:
-            return here.cycles * cycle.period + _crossing(
-                cycle.t, reached.winding, int(hot[0]), limit
+    current = previous = _Start(0, model.ambient, model.ambient)
+    max_stride = 1 << 40
+    while current.cycles * cycle.period <= horizon:
+        temperatures = warm_up(model, cycle, (current.winding, current.housing))
+        hot = np.flatnonzero(temperatures.winding >= limit)
+        stride = current.cycles - previous.cycles
+        if len(hot) and stride <= 1:
+            return current.cycles * cycle.period + _crossing(
+                cycle.t, temperatures.winding, int(hot[0]), limit
             )
         if len(hot):
-            here, most = back, taken // 2
-            reached = warm_up(model, cycle, (here.winding, here.housing))
-        back, here = here, _later(model, cycle, reached, here, most)
+            current, max_stride = previous, stride // 2
+            temperatures = warm_up(model, cycle, (current.winding, current.housing))
+        previous, current = current, _later(model, cycle, temperatures, current, max_stride)
     return None
 
 
 @dataclass(frozen=True)
 class _Start:
-    """Temperatures at the start of a repetition, K, and how many went before."""
+    """Temperatures (K) at the start of a repetition, and the number of preceding repetitions."""
 
     cycles: int
     winding: float
@@ -342,20 +369,27 @@ class _Start:
 
 
 def _later(
-    model: ThermalModel, cycle: Cycle, reached: Temperatures, start: _Start, most: int
+    model: ThermalModel, cycle: Cycle, temperatures: Temperatures, start: _Start, max_stride: int
 ) -> _Start:
-    """The start of a later repetition, at most `most` on: the loss linearised about the temperatures `reached`."""
+    """Return the start of a later repetition, at most `max_stride` repetitions later.
+
+    The loss is linearised about `temperatures`.
+    """
     change = max(
-        abs(reached.winding[-1] - start.winding), abs(reached.housing[-1] - start.housing), 1e-12
+        abs(temperatures.winding[-1] - start.winding),
+        abs(temperatures.housing[-1] - start.housing),
+        1e-12,
     )
-    stride = int(max(min(most, STEP / change), 1))
+    stride = int(max(min(max_stride, STEP / change), 1))
     if stride == 1:
-        return _Start(start.cycles + 1, float(reached.winding[-1]), float(reached.housing[-1]))
-    modes, power = _linearised(model, cycle, reached.winding)
+        return _Start(
+            start.cycles + 1, float(temperatures.winding[-1]), float(temperatures.housing[-1])
+        )
+    modes, power = _linearised(model, cycle, temperatures.winding)
     decay = modes.decay(cycle.period)[:, 0]
-    first = modes.states(np.array([start.winding, start.housing]) - model.ambient)
+    initial = modes.states(np.array([start.winding, start.housing]) - model.ambient)
     gained = follow(modes, cycle.t, power)[:, -1]
-    state = decay**stride * first + gained * np.expm1(stride * np.log(decay)) / (decay - 1.0)
+    state = decay**stride * initial + gained * np.expm1(stride * np.log(decay)) / (decay - 1.0)
     winding, housing = model.ambient + modes.temperatures(state)
     return _Start(start.cycles + stride, float(winding), float(housing))
 

@@ -1,7 +1,7 @@
-"""Searches that learn from what they have found: Optuna's TPE and NSGA-II, an optional extra.
+"""Generate candidates by adaptive searches: TPE and NSGA-II of Optuna, an optional extra.
 
-Candidates are asked for in batches of one size and told in their order, so that the search is the same with any number of
-workers, and after an interruption.
+Candidates are requested in batches of one size and reported in their order. The search is therefore
+the same with any number of workers, and after an interruption.
 """
 
 from __future__ import annotations
@@ -15,13 +15,16 @@ from ssm_planner.studies.study import Choice, Design, Study
 
 BATCH = 16
 POPULATION = 32
-"""Of NSGA-II: two batches."""
+"""Population of NSGA-II: two batches."""
 
 Tell = Callable[[Sequence[Candidate]], None]
 
 
 def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
-    """Batches of candidates, each with the function that takes their rows in order. Raises ProblemError without Optuna."""
+    """Generate batches of candidates, each with a function that takes their rows in order.
+
+    Raises ProblemError without Optuna.
+    """
     try:
         import optuna
     except ImportError:
@@ -51,29 +54,31 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
             for trial, row in zip(trials, rows, strict=True):
                 values: list[Any] = [row.figures.get(name) for name in study.minimise]
                 good = row.state == "done" and None not in values
-                trial.set_user_attr("falls_out", not good)
-                # a candidate that falls out violates the constraint: its values only need to be finite
-                told = (
+                trial.set_user_attr("rejected", not good)
+                # a rejected candidate violates the constraint; its values only need to be finite
+                objectives = (
                     [s * v for s, v in zip(signs, values, strict=True)]
                     if good
                     else [1e6] * len(signs)
                 )
-                engine.tell(trial, told)
+                engine.tell(trial, objectives)
 
         yield designs, tell
 
 
 def _violation(trial: Any) -> tuple[float]:
-    return (1.0 if trial.user_attrs.get("falls_out", False) else -1.0,)
+    """Return the constraint of a trial; positive if the candidate was rejected."""
+    return (1.0 if trial.user_attrs.get("rejected", False) else -1.0,)
 
 
 def _design(study: Study, trial: Any) -> Design:
-    chosen: dict[str, str] = {}
+    """Request the choices of one trial."""
+    design: dict[str, str] = {}
     for variable in study.vary:
         if isinstance(variable, Choice):
-            chosen[variable.path] = trial.suggest_categorical(
+            design[variable.path] = trial.suggest_categorical(
                 variable.path, list(variable.contents)
             )
         else:
-            chosen[variable.path] = variable.at(trial.suggest_float(variable.path, 0.0, 1.0))
-    return chosen
+            design[variable.path] = variable.at(trial.suggest_float(variable.path, 0.0, 1.0))
+    return design

@@ -1,4 +1,4 @@
-"""One candidate in full: planned over every motion, its motors and gears selected where the study says so, checked, sized."""
+"""Evaluate one candidate: plan its motions, select motors and gears, check and size."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import mmap
 import pickle
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,8 @@ from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import of_data
 from ssm_planner.loading.load import problem_from_dict
 from ssm_planner.loading.motors import motor_from
-from ssm_planner.pipeline.run import plan, quickly
+from ssm_planner.pipeline.run import plan
+from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
@@ -32,248 +33,274 @@ from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.selection import MARGINS, JointSelection, select_joint
 from ssm_planner.sizing.size import Sizing, size_motion
-from ssm_planner.studies.screens import Fallen
+from ssm_planner.studies.screens import Rejection
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import PACE, Choice, Design, Study
 from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import JsonObject, record
 from ssm_planner.verification.check import check
 
 CHECKED = (*MARGINS, "heat")
-"""Checks of a motor whose margins count."""
+"""Motor checks whose margins must reach the required one."""
 SPARE = 1e-4
-"""Of a motor's limits beside the margin required, for what lies between the planner's and the sizing's instants."""
+"""Additional share of a motor's limits, because planner and sizing evaluate different instants."""
 
 MEMORY = 200e6
-"""Bytes a worker may hold after a candidate: beyond them it forgets the programs of the optimal control problems."""
+"""Bytes that a worker may hold after a candidate before it discards cached programs."""
 GROWTH = 60e6
-"""Bytes beyond what was left then before it does so again."""
+"""Additional bytes before it discards them again."""
 _left = [0]
 PACES = 6
-"""Speeds that are tried from that of the fastest motion to that of the candidate's pace, both included."""
+"""Number of speeds from the fastest motion to the candidate's pace, both included."""
 
 Motions = Mapping[str, Trajectory]
-"""By the motion's name."""
+"""Trajectories by the motion's name."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Evaluation:
-    """One candidate planned over every motion, checked and sized. It travels as a pickle."""
+    """Evaluates a candidate over every motion of a study. Workers receive it as a pickle."""
 
     study: Study
 
     def __call__(self, number: int, design: Design) -> Candidate:
-        """The candidate's row; a fault of this program becomes the state failed."""
+        """Return the candidate's row; a fault of this program becomes the state failed."""
         try:
             return self._row(number, design)
         except ProblemError as error:
             return Candidate(number, "infeasible", design, "design", str(error))
-        except Exception as error:  # noqa: BLE001 one candidate's fault must not end the study
+        except Exception as error:  # noqa: BLE001 the fault of one candidate must not end the study
             return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
 
     def _row(self, number: int, design: Design) -> Candidate:
+        """Select, plan, check and size a candidate. Raises ProblemError for invalid values."""
         study, margin = self.study, self.study.require.motor_margin
-        chosen: dict[str, str] = {}
+        parts: dict[str, str] = {}
         pace = float(design.get(PACE, 1.0))
         fastest: Motions = {}
         if study.selected:
             originals = dict(problems_of(study, design))
-            planned = _planned(
-                {name: _undriven(study, problem) for name, problem in originals.items()}, {}
-            )
-            if isinstance(planned, Fallen):
+            undriven = {
+                name: _without_selected_motors(study, problem)
+                for name, problem in originals.items()
+            }
+            planned = _plan_motions(undriven, {})
+            if isinstance(planned, Rejection):
                 return Candidate(number, "infeasible", design, planned.stage, planned.reason)
-            fastest, found = planned, selected(study, originals, planned, pace)
-            if isinstance(found, Fallen):
-                return Candidate(number, "infeasible", design, found.stage, found.reason)
-            chosen = found
-        problems = dict(problems_of(study, {**design, **chosen}))
-        within = {name: sparing(problem, margin) for name, problem in problems.items()}
-        motions = _planned(within, fastest)
-        if isinstance(motions, Fallen):
+            fastest, selection = planned, select_parts(study, originals, planned, pace)
+            if isinstance(selection, Rejection):
+                return Candidate(number, "infeasible", design, selection.stage, selection.reason)
+            parts = selection
+        problems = dict(problems_of(study, {**design, **parts}))
+        reduced = {name: with_motor_margin(problem, margin) for name, problem in problems.items()}
+        motions = _plan_motions(reduced, fastest)
+        if isinstance(motions, Rejection):
             return Candidate(
-                number, "infeasible", design, motions.stage, motions.reason, figures=chosen
+                number, "infeasible", design, motions.stage, motions.reason, figures=parts
             )
         figures = {
-            **chosen,
-            **_figures(problems, motions),
-            **_of_geometry(next(iter(problems.values()))),
+            **parts,
+            **_motion_figures(problems, motions),
+            **_geometry_figures(next(iter(problems.values()))),
         }
         for speed in np.geomspace(1.0, 1.0 / pace, PACES)[1:] if pace > 1 else ():
-            if _holds(figures, margin):
+            if _keeps_margin(figures, margin):
                 break
-            # heat and voltage are no limits of the planner: the fastest motion, slower, as the motors were selected for
+            # the planner does not limit heat and voltage: slow down the motion of the selection
             slower = {name: trajectory.slower(float(speed)) for name, trajectory in fastest.items()}
             if all(
-                check(slower[name], each.robot, each.task_limits).passed
-                for name, each in within.items()
+                check(slower[name], problem.robot, problem.task_limits).passed
+                for name, problem in reduced.items()
             ):
-                figures |= _figures(problems, slower)
-        if not _holds(figures, margin):
+                figures |= _motion_figures(problems, slower)
+        if not _keeps_margin(figures, margin):
             reason = f"a motor margin of {100 * figures['motor_margin']:.4g} %, required are {100 * margin:.4g} %"
             return Candidate(number, "infeasible", design, "motors", reason, figures=figures)
         return Candidate(number, "done", design, figures=figures)
 
 
-def evaluated(
+def evaluate_batch(
     pickled: bytes, candidates: Sequence[tuple[int, Design]]
 ) -> tuple[list[Candidate], float]:
-    """What a worker is asked for: the rows of candidates (number, design), and the seconds that they took.
+    """Evaluate candidates (number, design) in a worker; return their rows and the time in s.
 
     pickled: the Evaluation, which a worker reads once.
     """
-    evaluation, begin = _read(pickled), time.monotonic()
+    evaluation, start = _read(pickled), time.monotonic()
     rows = []
     for number, design in candidates:
         rows.append(evaluation(number, design))
         if _memory() > max(MEMORY, _left[-1] + GROWTH):
-            _give_back()
+            _release_memory()
             _left[:] = [_memory()]
-    return rows, time.monotonic() - begin
+    return rows, time.monotonic() - start
 
 
 def _memory() -> int:
-    """Bytes that the process holds; 0 where the system does not say it this way."""
+    """Return the bytes that the process holds, or 0 if the system does not provide /proc."""
     try:
         return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * mmap.PAGESIZE
     except OSError:
         return 0
 
 
-def _give_back() -> None:
-    """Programs of earlier candidates, and what the allocator has kept of them, to the system."""
+def _release_memory() -> None:
+    """Discard the programs of earlier candidates and return free memory to the system."""
     from ssm_planner.planning.ocp.transcription import forget_programs
 
     forget_programs()
     gc.collect()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of the GNU library
+    # only the GNU C library has this function
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
 
 
 @lru_cache(maxsize=1)
 def _read(pickled: bytes) -> Evaluation:
+    """Return the pickled evaluation; the latest one stays in a cache."""
     evaluation: Evaluation = pickle.loads(pickled)
     return evaluation
 
 
 def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
-    """The motions of a study with a candidate as their robot. Raises ProblemError."""
+    """Generate the motions of a study, by name, with a candidate as their robot.
+
+    Raises ProblemError.
+    """
     tree = study.resolved(design)
     for name, motion in study.motions.items():
         yield name, problem_from_dict({"name": name, **motion, "robot": tree})
 
 
 def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
-    """The candidate's plans, made again with the motors it has, by motion; they keep the margin required of these."""
-    found = {}
+    """Plan a candidate's motions again with its motors; return the plans by motion.
+
+    The plans keep the motor margin that the study requires.
+    """
+    plans = {}
     for name, problem in problems_of(study, study.whole(row.design, row.figures)):
-        made = plan(quickly(sparing(problem, study.require.motor_margin)))
-        if made.trajectory is not None:
-            certificate = check(made.trajectory, problem.robot, problem.task_limits, seal=True)
-            made = replace(made, problem=problem, certificate=certificate)
-        found[name] = made
-    return found
+        result = plan(quickly(with_motor_margin(problem, study.require.motor_margin)))
+        if result.trajectory is not None:
+            certificate = check(result.trajectory, problem.robot, problem.task_limits, seal=True)
+            result = replace(result, problem=problem, certificate=certificate)
+        plans[name] = result
+    return plans
 
 
-def _planned(problems: Mapping[str, Problem], known: Motions) -> Motions | Fallen:
-    """A certified trajectory of each problem: the one that is known where it keeps the limits, else one planned."""
-    found = {}
+def _plan_motions(problems: Mapping[str, Problem], previous: Motions) -> Motions | Rejection:
+    """Return a certified trajectory for each problem, or the rejection.
+
+    previous: trajectories to reuse if they keep the limits.
+    """
+    motions = {}
     for name, problem in problems.items():
-        if name in known and check(known[name], problem.robot, problem.task_limits).passed:
-            found[name] = known[name]
+        if name in previous and check(previous[name], problem.robot, problem.task_limits).passed:
+            motions[name] = previous[name]
             continue
-        made = plan(quickly(problem), relaxations=False)
-        if not made.passed or made.trajectory is None:
-            return Fallen(
+        result = plan(quickly(problem), relaxations=False)
+        if not result.passed or result.trajectory is None:
+            return Rejection(
                 "plan",
-                f"{name}: {'no motion found' if made.reason is None else made.reason.message}",
+                f"{name}: {'no motion found' if result.reason is None else result.reason.message}",
             )
-        found[name] = made.trajectory
-    return found
+        motions[name] = result.trajectory
+    return motions
 
 
-def sparing(problem: Problem, margin: float) -> Problem:
-    """The problem with motors that may use what a margin, as a share, leaves of their torque, continuous torque and speed."""
+def with_motor_margin(problem: Problem, margin: float) -> Problem:
+    """Reduce torque, continuous torque and speed of all motors by a margin (share)."""
     if margin == 0:
         return problem
     names = ("max_torque", "nominal_torque", "max_speed")
-    less = 1 - margin - SPARE
+    share = 1 - margin - SPARE
 
     def spared(motor: Motor | None) -> Motor | None:
         return (
             None
             if motor is None
-            else unchecked(motor, **{name: less * getattr(motor, name) for name in names})
+            else unchecked(motor, **{name: share * getattr(motor, name) for name in names})
         )
 
     joints = tuple(unchecked(joint, motor=spared(joint.motor)) for joint in problem.robot.joints)
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
 
 
-def _undriven(study: Study, problem: Problem) -> Problem:
-    """The problem without the motors that are to be selected, or that drive a gear that is."""
-    free = {choice.path.split(".")[1] for choice in study.selected}
+def _without_selected_motors(study: Study, problem: Problem) -> Problem:
+    """Return the problem without the motors of all joints whose motor or gear is selected."""
+    selected_joints = {choice.path.split(".")[1] for choice in study.selected}
     joints = tuple(
-        replace(each, motor=None) if each.name in free else each for each in problem.robot.joints
+        replace(joint, motor=None) if joint.name in selected_joints else joint
+        for joint in problem.robot.joints
     )
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
 
 
-def selected(
+def select_parts(
     study: Study, problems: Mapping[str, Problem], motions: Motions, pace: float
-) -> dict[str, str] | Fallen:
-    """The names of the motors and gears, by path: of each joint the first pair by rank that holds every motion at a pace.
+) -> dict[str, str] | Rejection:
+    """Return the names of the selected motors and gears by path, or the rejection.
 
-    The whole catalogue is judged in one pass over arrays; heat and what else takes a closer look is asked of the first
-    pairs alone. The margins are those required of the study.
+    For each joint this is the first pair by rank that keeps the study's margins in every motion at
+    the given pace. One pass over arrays evaluates the whole catalogue; only the first pairs get the
+    complete checks, such as heat.
     """
-    chosen: dict[str, str] = {}
+    parts: dict[str, str] = {}
     loads = {}
     for name, problem in problems.items():
         loads_of = joint_loads(motions[name].slower(1 / pace), problem.robot)
         loads[name] = Conditions(pause=pause_of(problem)), {load.joint: load for load in loads_of}
     for joint in dict.fromkeys(choice.path.split(".")[1] for choice in study.selected):
-        own = {
+        choices = {
             choice.path.split(".")[-1]: choice
             for choice in study.selected
             if choice.path.split(".")[1] == joint
         }
-        motor_choice = own.pop("motor", None)
-        gear_choice = next(iter(own.values()), None)
+        motor_choice = choices.pop("motor", None)
+        gear_choice = next(iter(choices.values()), None)
         motors, gears = _motors(study, joint), _gears(study, joint, gear_choice)
-        judged = [
+        selections = [
             select_joint(by_joint[joint], motors, gears, conditions)
             for conditions, by_joint in loads.values()
             if joint in by_joint
         ]
         rank = (motor_choice or gear_choice or study.selected[0]).select or "mass"
-        pair = next(iter(_holding(judged, rank, study.require.motor_margin)), None)
-        if pair is None:
-            reasons = ", ".join(f"{name} {count}" for name, count in judged[0].reasons().items())
+        indices = next(iter(_admissible_pairs(selections, rank, study.require.motor_margin)), None)
+        if indices is None:
+            reasons = ", ".join(
+                f"{name} {count}" for name, count in selections[0].reasons().items()
+            )
             pairs = (
                 f"{len(motors)} motors with {len(gears)} gears"
                 if gear_choice
                 else f"{len(motors)} motors"
             )
             text = f"joint {joint}: none of {pairs} holds with {100 * study.require.motor_margin:.4g} % to spare"
-            return Fallen("selection", f"{text} (ruled out by {reasons or 'their margins'})")
-        for choice, part in ((motor_choice, motors[pair[1]]), (gear_choice, gears[pair[0]])):
+            return Rejection("selection", f"{text} (ruled out by {reasons or 'their margins'})")
+        for choice, entry in ((motor_choice, motors[indices[1]]), (gear_choice, gears[indices[0]])):
             if choice is not None:
-                chosen[choice.path] = part.label
-    return chosen
+                parts[choice.path] = entry.label
+    return parts
 
 
-def _holding(
-    judged: Sequence[JointSelection], rank: Any, margin: float
+def _admissible_pairs(
+    selections: Sequence[JointSelection], rank: Any, margin: float
 ) -> Iterator[tuple[int, int]]:
-    """The pairs (gear, motor) that hold every motion with a margin, by rank."""
-    least = np.min([np.nanmin(list(each.margins.values()), axis=0) for each in judged], axis=0)
-    holds = np.all([each.adequate >= 0 for each in judged], axis=0) & (least >= margin)
-    for g, m in judged[0].ranked(rank):
-        if not holds[g, m]:
+    """Generate the pairs (gear, motor) that keep the margin in every motion, by rank."""
+    margins = np.min(
+        [np.nanmin(list(selection.margins.values()), axis=0) for selection in selections], axis=0
+    )
+    admissible = np.all([selection.adequate >= 0 for selection in selections], axis=0) & (
+        margins >= margin
+    )
+    for g, m in selections[0].ranked(rank):
+        if not admissible[g, m]:
             continue
         checks = [
-            check for each in judged for check in each.verdict(g, m).checks if check.name in CHECKED
+            check
+            for selection in selections
+            for check in selection.verdict(g, m).checks
+            if check.name in CHECKED
         ]
         if all(check.margin is None or check.margin >= margin for check in checks):
             yield g, m
@@ -281,50 +308,53 @@ def _holding(
 
 @lru_cache(maxsize=8)
 def _motors(study: Study, joint: str) -> list[Part[Motor]]:
-    """The motors to select among; a joint's own where only its gear is selected."""
-    choice = next((each for each in study.selected if each.path == f"joints.{joint}.motor"), None)
-    own = study.robot["joints"][joint].get("motor")
-    contents, beside = ({"": own}, {}) if choice is None else (choice.contents, choice.beside)
+    """Return the motors to select from; if only the gear is selected, the joint's motor."""
+    path = f"joints.{joint}.motor"
+    choice = next((choice for choice in study.selected if choice.path == path), None)
+    original = study.robot["joints"][joint].get("motor")
+    contents, sizes = ({"": original}, {}) if choice is None else (choice.contents, choice.beside)
     motors = {label: motor_from(of_data(content)) for label, content in contents.items()}
     return [
-        Part(label, motor, motor.mass, beside.get(label, {}).get("length"))
+        Part(label, motor, motor.mass, sizes.get(label, {}).get("length"))
         for label, motor in motors.items()
     ]
 
 
 def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]:
-    """The drives with each gear to select among; a joint's own drive where none is selected."""
+    """Return the drives with each gear of the choice; without a choice, the joint's drive."""
     designs: dict[str, Design] = (
         {"": {}} if choice is None else {label: {choice.path: label} for label in choice.contents}
     )
     trees = {
         label: study.resolved(design)["joints"][joint]["drive"] for label, design in designs.items()
     }
-    beside = {} if choice is None else choice.beside
+    sizes = {} if choice is None else choice.beside
     return [
-        Part(label, drive_from(of_data(tree)), **beside.get(label, {}))
+        Part(label, drive_from(of_data(tree)), **sizes.get(label, {}))
         for label, tree in trees.items()
     ]
 
 
-def _holds(figures: Mapping[str, Any], margin: float) -> bool:
-    reached = figures["motor_margin"]
-    return reached is None or reached >= margin
+def _keeps_margin(figures: Mapping[str, Any], margin: float) -> bool:
+    """Return whether the figures keep the motor margin; a missing margin passes."""
+    available = figures["motor_margin"]
+    return available is None or available >= margin
 
 
-def _figures(problems: Mapping[str, Problem], motions: Motions) -> dict[str, Any]:
-    """Durations of the motions, and what they ask of the motors; SI."""
+def _motion_figures(problems: Mapping[str, Problem], motions: Motions) -> JsonObject:
+    """Return the durations of the motions and the figures of the motors, SI."""
     durations = {f"duration.{name}": trajectory.duration for name, trajectory in motions.items()}
     sizings = [
-        size_motion(motions[name], each.robot, pause_of(each)) for name, each in problems.items()
+        size_motion(motions[name], problem.robot, pause_of(problem))
+        for name, problem in problems.items()
     ]
-    return {**durations, "duration": sum(durations.values()), **_of_motors(sizings)}
+    return {**durations, "duration": sum(durations.values()), **_motor_figures(sizings)}
 
 
-def _of_motors(sizings: Sequence[Sizing]) -> dict[str, Any]:
-    """Smallest margin of any motor in any motion, the largest torques by joint, and the mass of the motors; SI."""
+def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
+    """Return the smallest motor margin, the largest torques by joint, and the mass; SI."""
     margins = []
-    figures: dict[str, Any] = {}
+    figures: JsonObject = {}
     masses: dict[str, float | None] = {}
     for verdict in (verdict for sizing in sizings for verdict in sizing.verdicts):
         margins += [
@@ -339,16 +369,17 @@ def _of_motors(sizings: Sequence[Sizing]) -> dict[str, Any]:
             key = f"{name}.{verdict.joint}"
             figures[key] = max(value, figures.get(key, 0.0))
         masses[verdict.joint] = verdict.motor.mass
-    known = [mass for mass in masses.values() if mass is not None]
+    stated = [mass for mass in masses.values() if mass is not None]
     figures["motor_margin"] = min(margins, default=None)
     figures["peak_torque"] = max(
         (value for key, value in figures.items() if key.startswith("peak_torque.")), default=None
     )
-    figures["motor_mass"] = sum(known) if len(known) == len(masses) and known else None
+    figures["motor_mass"] = sum(stated) if len(stated) == len(masses) and stated else None
     return figures
 
 
-def _of_geometry(problem: Problem) -> dict[str, Any]:
+def _geometry_figures(problem: Problem) -> JsonObject:
+    """Return alpha, beta and the tilt range of a robot, rad."""
     from ssm_planner.kinematics.mechanism import Mechanism
     from ssm_planner.kinematics.workspace import tilt_interval
 

@@ -1,4 +1,4 @@
-"""Figures of a study: the front of its first two objectives, and where candidates fall out by its first two choices."""
+"""Draw the front of a study's first two objectives, and the stages that rejected candidates."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ def write_study_figures(
     front: Sequence[Candidate],
     folder: Path,
 ) -> dict[str, Path]:
-    """Write `front` and `map` as PNG and PDF, as far as there is something to draw; paths by name. Raises ExportError."""
+    """Write `front` and `map` as PNG and PDF if they have content; return the paths by name.
+
+    Raises ExportError.
+    """
     figures: dict[str, Figure] = {}
     names = [
         name for name in study.minimise if any(row.figures.get(name) is not None for row in front)
@@ -57,40 +60,46 @@ def _front(
     front: Sequence[Candidate],
     names: list[str],
 ) -> None:
-    def places(some: Sequence[Candidate]) -> Any:
+    """Plot planned candidates, the front and the study's own robot by the first two objectives."""
+
+    def coordinates(candidates: Sequence[Candidate]) -> Any:
         return (
             np.array(
-                [[scaled(name, row.figures) for name in names[:2]] for row in some], dtype=float
+                [[scaled(name, row.figures) for name in names[:2]] for row in candidates],
+                dtype=float,
             )
             .reshape(-1, 2)
             .T
         )
 
     done = [row for row in rows if row.state == "done"]
-    axes.plot(*places(done), "o", markersize=3, color="0.6", label=f"planned, {len(done)}")
-    axes.plot(*places(front), "o-", markersize=5, color=COLOURS[0], label=f"front, {len(front)}")
+    axes.plot(*coordinates(done), "o", markersize=3, color="0.6", label=f"planned, {len(done)}")
+    axes.plot(
+        *coordinates(front), "o-", markersize=5, color=COLOURS[0], label=f"front, {len(front)}"
+    )
     if own.state == "done":
         axes.plot(
-            *places([own]), "*", markersize=12, color=COLOURS[1], label="the study's own robot"
+            *coordinates([own]), "*", markersize=12, color=COLOURS[1], label="the study's own robot"
         )
     finish(axes, *(title_of(name) for name in names[:2]))
     legend(axes)
 
 
 def _map(axes: Axes, study: Study, rows: Sequence[Candidate]) -> None:
+    """Plot the state of every candidate by its first two variables."""
     across, up = (choices_at(study, path, rows) for path in study.paths[:2])
     states = [
         row.state if row.state in ("done", "waiting") else row.stage or row.state for row in rows
     ]
     kinds = sorted(set(states), key=lambda state: (state != "done", state))
     for k, kind in enumerate(kinds):
-        places = [
+        points = [
             (x, y)
             for x, y, state in zip(across["at"], up["at"], states, strict=True)
             if state == kind
         ]
         colour = COLOURS[0] if kind == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
-        marker, label = MARKERS[k % len(MARKERS)], f"{kind}, {len(places)}"
-        axes.plot(*zip(*places, strict=True), marker, markersize=4, color=colour, label=label)
+        marker, label = MARKERS[k % len(MARKERS)], f"{kind}, {len(points)}"
+        axes.plot(*zip(*points, strict=True), marker, markersize=4, color=colour, label=label)
     finish(axes, across["title"], up["title"])
     legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -1,4 +1,4 @@
-"""The page of a study: front, map of what falls out, parallel coordinates, sensitivity. One file, nothing fetched."""
+"""Write the page of a study: front, rejections, parallel coordinates and sensitivity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ssm_planner.display import number
 from ssm_planner.reporting.html.page import render
 from ssm_planner.studies.store import Candidate, better
 from ssm_planner.studies.study import Study, Varied
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import shown
 
 UNITS = {
@@ -24,30 +24,32 @@ UNITS = {
     "rms_torque": "N·m",
     "reach_margin": "rad",
 }
-"""SI, by the first part of a figure's name; others are without unit."""
+"""SI units by the first part of a figure's name; other figures have no unit."""
 BINS = 12
-"""In which a quantity is cut to see how much of an objective it explains."""
+"""Number of bins of a quantity for the share of an objective that it explains."""
 SHOWN = 50
-"""Rows of the front's table."""
+"""Largest number of rows in the table of the front."""
 
 
 def write_study_page(
     study: Study, rows: Sequence[Candidate], front: Sequence[Candidate], path: Path, finished: bool
 ) -> Path:
-    """Write the page; rows: the study's own robot, then its candidates. While the study runs the page loads itself again.
+    """Write the page.
 
+    rows: the study's own robot, then its candidates. While the study runs, the page reloads itself.
     Raises ExportError.
     """
-    own, others = rows[0], rows[1:]
-    content = _content(study, others, front)
-    content["notes"] = [*study.notes, against_own(study, own, front)]
-    text = render("study.html", _data(study, others, front), **content, unfinished=not finished)
+    original, candidates = rows[0], rows[1:]
+    content = _content(study, candidates, front)
+    content["notes"] = [*study.notes, against_own(study, original, front)]
+    text = render("study.html", _data(study, candidates, front), **content, unfinished=not finished)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
 
 
-def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> dict[str, Any]:
+def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> JsonObject:
+    """Return the values of the template."""
     states = {
         state: sum(row.state == state for row in rows)
         for state in sorted({row.state for row in rows})
@@ -62,7 +64,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
         "number",
         *(title_of(name) for name in names),
         *study.paths,
-        *(each.path for each in study.selected),
+        *(choice.path for choice in study.selected),
     ]
     cells = [
         [
@@ -79,10 +81,10 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
         "fallen": [
             {
                 "stage": stage,
-                "count": len(each),
-                "example": re.sub(r"(?<!\w)-(?=\d)", "−", each[0].reason or ""),
+                "count": len(rejected),
+                "example": re.sub(r"(?<!\w)-(?=\d)", "−", rejected[0].reason or ""),
             }
-            for stage, each in sorted(stages.items(), key=lambda item: -len(item[1]))
+            for stage, rejected in sorted(stages.items(), key=lambda item: -len(item[1]))
         ],
         "objectives": [title_of(name) for name in study.minimise],
         "sensitivity": sensitivity(study, rows),
@@ -91,23 +93,23 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
 
 
 def against_own(study: Study, own: Candidate, front: Sequence[Candidate]) -> str:
-    """What the study's own robot reaches, and how many of the front beat it, in one sentence of page and terminal."""
-    reached = ", ".join(in_words(name, own.figures) for name in study.minimise)
+    """State in one sentence the result of the study's own robot and how many beat it."""
+    results = ", ".join(in_words(name, own.figures) for name in study.minimise)
     missing = [named(name) for name in study.minimise if own.figures.get(name) is None]
     count = len(better(own, front, study.minimise))
     if own.state != "done":
-        beaten = f"{own.state}, {own.reason}" if own.reason else own.state
+        outcome = f"{own.state}, {own.reason}" if own.reason else own.state
     elif missing:
-        beaten = f"{reached}; whether any of the front beats it is not known without {', '.join(missing)}"
+        outcome = f"{results}; whether any of the front beats it is not known without {', '.join(missing)}"
     else:
-        beaten = f"{reached}; {count} of the front beat{'s' if count == 1 else ''} it: better in one, worse in none"
-    return f"{study.own_words}: {beaten}"
+        outcome = f"{results}; {count} of the front beat{'s' if count == 1 else ''} it: better in one, worse in none"
+    return f"{study.own_words}: {outcome}"
 
 
-def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> dict[str, Any]:
-    """What the script reads: columns over all candidates."""
-    figures = _figures(study, rows)
-    best = {row.number for row in front}
+def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> JsonObject:
+    """Return the values for the script: columns over all candidates."""
+    figures = _shown_figures(study, rows)
+    front_numbers = {row.number for row in front}
     columns = [choices_at(study, path, rows) for path in study.paths]
     columns += [
         {"title": title_of(name), "at": [scaled(name, row.figures) for row in rows], "labels": None}
@@ -122,18 +124,22 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
         "number": [row.number for row in rows],
         "state": [row.state for row in rows],
         "stage": [row.stage or row.state for row in rows],
-        "front": [i for i, row in enumerate(rows) if row.number in best],
+        "front": [i for i, row in enumerate(rows) if row.number in front_numbers],
     }
 
 
-def _figures(study: Study, rows: Sequence[Candidate]) -> list[str]:
-    """The objectives, then the other figures that planned candidates have and that differ."""
-    found: dict[str, set[Any]] = {}
+def _shown_figures(study: Study, rows: Sequence[Candidate]) -> list[str]:
+    """Return the objectives, then other figures that differ between planned candidates."""
+    values_by_name: dict[str, set[Any]] = {}
     for row in rows:
         if row.state == "done":
             for name, value in row.figures.items():
-                found.setdefault(name, set()).add(value)
-    names = [name for name in sorted(found) if len(found[name]) > 1 and None not in found[name]]
+                values_by_name.setdefault(name, set()).add(value)
+    names = [
+        name
+        for name in sorted(values_by_name)
+        if len(values_by_name[name]) > 1 and None not in values_by_name[name]
+    ]
     others = [
         name
         for name in names
@@ -142,8 +148,11 @@ def _figures(study: Study, rows: Sequence[Candidate]) -> list[str]:
     return [*(name for name in study.minimise if name in names), *others]
 
 
-def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> dict[str, Any]:
-    """What the rows chose at a path, as numbers in the unit of its title; of named entries their places and labels."""
+def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> JsonObject:
+    """Return the choices of the rows at a path: {title, at, labels}.
+
+    at: numbers in the unit of the title, or indices of entries with their labels.
+    """
     variable = study.vary[study.paths.index(path)]
     if isinstance(variable, Varied):
         values: list[float] = [float(row.design[path].split()[0]) for row in rows]
@@ -153,36 +162,46 @@ def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> dict[str, 
             "labels": None,
         }
     labels = list(variable.contents)
-    places = {label: i for i, label in enumerate(labels)}
-    return {"title": path, "at": [places[row.design[path]] for row in rows], "labels": labels}
+    indices = {label: i for i, label in enumerate(labels)}
+    return {"title": path, "at": [indices[row.design[path]] for row in rows], "labels": labels}
 
 
-def sensitivity(study: Study, rows: Sequence[Candidate]) -> list[dict[str, Any]]:
-    """For each choice the share, %, of each objective's variance between its bins or entries, over planned candidates."""
+def sensitivity(study: Study, rows: Sequence[Candidate]) -> list[JsonObject]:
+    """Return the share (%) of each objective's variance that each choice explains.
+
+    Only planned candidates count; one entry per path.
+    """
     done = [row for row in rows if row.state == "done"]
-    found = []
+    shares_by_path = []
     for path in study.paths:
-        at = np.array(choices_at(study, path, done)["at"], dtype=float)
+        positions = np.array(choices_at(study, path, done)["at"], dtype=float)
         shares = []
         for name in study.minimise:
             value = np.array([row.figures.get(name) for row in done], dtype=float)
-            shares.append(round(100 * explained(at, value)) if len(done) > BINS else 0)
-        found.append({"path": path, "shares": shares})
-    return found
+            shares.append(
+                round(100 * correlation_ratio(positions, value)) if len(done) > BINS else 0
+            )
+        shares_by_path.append({"path": path, "shares": shares})
+    return shares_by_path
 
 
-def explained(at: Array, value: Array) -> float:
-    """Correlation ratio η² of values (n,) over places (n,) in bins of equal count: 0 without, 1 with full dependence.
+def correlation_ratio(positions: Array, value: Array) -> float:
+    """Return the correlation ratio η² of values (n,) over positions (n,).
 
-    Corrected for the bins' number, so that independent ones give 0 on average.
+    It is 0 without and 1 with full dependence. Positions are grouped into bins of equal count. A
+    correction for the number of bins makes the mean 0 for independent values.
     """
-    good = np.isfinite(value)
-    at, value = at[good], value[good]
+    finite = np.isfinite(value)
+    positions, value = positions[finite], value[finite]
     if len(value) < 2 or np.ptp(value) == 0:
         return 0.0
-    places = np.unique(at)
-    edges = places if len(places) <= BINS else np.quantile(at, np.linspace(0, 1, BINS + 1)[:-1])
-    group = np.searchsorted(edges, at, side="right") - 1
+    distinct = np.unique(positions)
+    edges = (
+        distinct
+        if len(distinct) <= BINS
+        else np.quantile(positions, np.linspace(0, 1, BINS + 1)[:-1])
+    )
+    group = np.searchsorted(edges, positions, side="right") - 1
     within = sum(
         float(np.sum((value[group == k] - value[group == k].mean()) ** 2)) for k in np.unique(group)
     )
@@ -194,18 +213,18 @@ def explained(at: Array, value: Array) -> float:
 
 
 def chosen(study: Study, row: Candidate) -> dict[str, str]:
-    """What was chosen for a candidate by path, as people read it."""
+    """Return the choices of a candidate by path, with a typographic minus sign."""
     whole = study.whole(row.design, row.figures)
     return {path: re.sub(r"^-", "−", str(value)) for path, value in whole.items()}
 
 
 def named(name: str) -> str:
-    """A figure's name in words: "motor_mass" as "motor mass"."""
+    """Return the name of a figure in words: "motor_mass" as "motor mass"."""
     return name.replace("_", " ")
 
 
 def unit_of(name: str) -> tuple[str, float]:
-    """The unit in which a figure is shown, "" for none, and the factor from SI."""
+    """Return the unit in which a figure is shown ("" for none) and the factor from SI."""
     kind = name.split(".")[0]
     return (
         ("%", 100.0)
@@ -217,17 +236,17 @@ def unit_of(name: str) -> tuple[str, float]:
 
 
 def title_of(name: str) -> str:
-    """A figure's name with the unit in which it is shown."""
+    """Return the name of a figure with the unit in which it is shown."""
     unit = unit_of(name)[0]
     return f"{named(name)} ({unit})" if unit else named(name)
 
 
 def in_words(name: str, figures: Mapping[str, Any]) -> str:
-    """A figure with its unit, such as "motor mass 0.239 kg"."""
+    """Return a figure with its unit, such as "motor mass 0.239 kg"."""
     return f"{named(name)} {number(scaled(name, figures), 4)} {unit_of(name)[0]}".strip()
 
 
 def scaled(name: str, figures: Mapping[str, Any]) -> float | None:
-    """A figure in that unit; None where it is not known."""
+    """Return a figure in the unit in which it is shown, or None if it is missing."""
     value = figures.get(name)
     return None if value is None else float(value) * unit_of(name)[1]

@@ -1,7 +1,8 @@
-"""The funnel's first stages: closed forms over all candidates at once, that only drop what surely falls out.
+"""Reject candidates by closed forms, for all candidates at once and before any planning.
 
-Reach (paper, eq. 9), self-locking of every drive, and the torque that starts each straight motion from rest: of the load's
-weight and the static friction alone. What a screen cannot look at, it lets pass.
+The screens check the reach (paper, eq. 9), self-locking of every drive, and the torque that starts
+each straight motion from rest against weight and static friction. A screen passes every candidate
+that it cannot evaluate.
 """
 
 from __future__ import annotations
@@ -25,24 +26,24 @@ from ssm_planner.problem.motion import Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.studies.study import Choice, Design, Study
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 from ssm_planner.units import quantity
 
 ANGLES = ("alpha", "home_tilt", "home_roll")
 FIRST_STEP = 1e-6
-"""Of a straight motion, relative, in which its joints' directions are looked at."""
+"""Share of a straight motion after which the directions of its joints are determined."""
 DEGREE = math.pi / 180
 
 
 @dataclass(frozen=True)
-class Fallen:
-    """Why a candidate falls out."""
+class Rejection:
+    """Stage and reason of a candidate's rejection."""
 
     stage: str
     reason: str
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Move:
     """A straight motion between task coordinates (4,)."""
 
@@ -61,43 +62,44 @@ class Screens:
         self._tilts, self._moves = _demands(problems)
         self._joints = self._alternatives()
 
-    def fallen(self, designs: Sequence[Design]) -> list[Fallen | None]:
-        """What each candidate falls out by; None: it goes on."""
+    def reject(self, designs: Sequence[Design]) -> list[Rejection | None]:
+        """Return the rejection of each candidate, or None if it passes."""
         if not designs:
             return []
-        found: list[Fallen | None] = [None] * len(designs)
+        rejections: list[Rejection | None] = [None] * len(designs)
         family = self._family(designs)
         if family is not None:
-            self._reach(family, found)
-        self._parts(designs, found)
+            self._reach(family, rejections)
+        self._parts(designs, rejections)
         if family is not None and self._moves and not self._bodies_vary:
-            self._start(designs, family, found)
-        return found
+            self._start(designs, family, rejections)
+        return rejections
 
     @property
     def _bodies_vary(self) -> bool:
+        """Return whether masses, bodies or gravity differ between candidates."""
         if any(path.startswith(("bodies", "gravity")) for path in self.study.paths):
             return True
         return any("parts" in body for body in self.study.robot["bodies"])
 
     def _problems(self) -> Iterator[Problem]:
-        """The motions with the first candidates that a robot and its motions can be made of."""
-        for place in (0.0, 0.5, 1.0):
-            design = self.study.design([place] * len(self.study.vary))
+        """Generate the motions with the first candidate whose robot and motions are valid."""
+        for position in (0.0, 0.5, 1.0):
+            design = self.study.design([position] * len(self.study.vary))
             try:
                 tree = self.study.resolved(design)
-                found = [
+                problems = [
                     problem_from_dict({**motion, "robot": tree})
                     for motion in self.study.motions.values()
                 ]
             except ProblemError:
                 continue
             self._first = design
-            yield from found
+            yield from problems
             return
 
     def _family(self, designs: Sequence[Design]) -> Family | None:
-        """The candidates' geometries; None where they are not given by alpha, home_tilt and home_roll."""
+        """Return the geometries; None unless alpha, home_tilt and home_roll define them."""
         geometry = self.study.robot["geometry"]
         if (
             "alpha" not in geometry
@@ -118,94 +120,102 @@ class Screens:
         sign = -1 if geometry["insertion"] == "negative" else 1
         return Family(columns[0], columns[1], columns[2], sign)
 
-    def _reach(self, family: Family, found: list[Fallen | None]) -> None:
+    def _reach(self, family: Family, rejections: list[Rejection | None]) -> None:
+        """Reject candidates whose workspace lacks required tilts or those of a motion."""
         require = self.study.require
-        wanted: list[tuple[str, Array, float]] = []
+        demands: list[tuple[str, Array, float]] = []
         if require.reach is not None:
-            wanted.append(("the tilts required", np.array(require.reach), require.reach_margin))
+            demands.append(("the tilts required", np.array(require.reach), require.reach_margin))
         if len(self._tilts):
-            wanted.append(("the tilts of the motions", self._tilts, 0.0))
-        for what, tilts, margin in wanted:
+            demands.append(("the tilts of the motions", self._tilts, 0.0))
+        for subject, tilts, margin in demands:
             distance = family.boundary_distance(tilts)
             for i in np.flatnonzero(distance < margin):
-                if found[i] is None:
+                if rejections[i] is None:
                     low, high = (ends[i] / DEGREE for ends in family.tilt_magnitudes)
                     ends = f"{tilts.min() / DEGREE:.5g} to {tilts.max() / DEGREE:.5g} deg"
-                    found[i] = Fallen(
+                    rejections[i] = Rejection(
                         "reach",
-                        f"{what}, {ends}, are not within {low:.5g} to {high:.5g} deg of joint 1",
+                        f"{subject}, {ends}, are not within {low:.5g} to {high:.5g} deg of joint 1",
                     )
 
-    def _parts(self, designs: Sequence[Design], found: list[Fallen | None]) -> None:
-        """Drives and motors that cannot be, or do not lock."""
+    def _parts(self, designs: Sequence[Design], rejections: list[Rejection | None]) -> None:
+        """Reject drives and motors that are invalid or do not lock."""
         for path, options in self._joints.items():
             faults = {label: self._fault(option) for label, option in options.items()}
             for i, design in enumerate(designs):
-                if found[i] is None:
-                    found[i] = faults[design[path]]
+                if rejections[i] is None:
+                    rejections[i] = faults[design[path]]
 
-    def _fault(self, joint: Joint | ProblemError) -> Fallen | None:
+    def _fault(self, joint: Joint | ProblemError) -> Rejection | None:
+        """Return the rejection of a joint's drive, or None."""
         if isinstance(joint, ProblemError):
-            return Fallen("parts", joint.reason)
+            return Rejection("parts", joint.reason)
         drive = joint.drive
         if drive is None or not (self.study.require.self_locking or drive.self_locking):
             return None
         try:
             replace(drive, self_locking=True).check_locking()
         except ProblemError as error:
-            return Fallen("locking", f"joint {joint.name}: {error.reason}")
+            return Rejection("locking", f"joint {joint.name}: {error.reason}")
         return None
 
     def _alternatives(self) -> dict[str, dict[str, Joint | ProblemError]]:
-        """The joint with each entry of each choice of its drive or motor, all else as at first."""
-        found: dict[str, dict[str, Joint | ProblemError]] = {}
+        """Return the joint for each entry of each choice of its drive or motor, by path and label.
+
+        All other values are those of the first candidate. An invalid entry gives its error.
+        """
+        joints: dict[str, dict[str, Joint | ProblemError]] = {}
         for variable in self.study.vary:
-            parts = variable.path.split(".")
+            keys = variable.path.split(".")
             if (
                 not isinstance(variable, Choice)
-                or parts[0] != "joints"
-                or not {"drive", "motor"} & set(parts)
+                or keys[0] != "joints"
+                or not {"drive", "motor"} & set(keys)
             ):
                 continue
-            place = JOINTS.index(parts[1])
+            index = JOINTS.index(keys[1])
             options: dict[str, Joint | ProblemError] = {}
             for label in variable.contents:
                 try:
                     tree = self.study.resolved({**self._first, variable.path: label})
-                    options[label] = robot_from(of_data(tree)).joints[place]
+                    options[label] = robot_from(of_data(tree)).joints[index]
                 except ProblemError as error:
                     options[label] = error
-            found[variable.path] = options
-        return found
+            joints[variable.path] = options
+        return joints
 
-    def _start(self, designs: Sequence[Design], family: Family, found: list[Fallen | None]) -> None:
-        """The torque that starts each motion from rest against the motor's largest, on the better branch."""
+    def _start(
+        self, designs: Sequence[Design], family: Family, rejections: list[Rejection | None]
+    ) -> None:
+        """Reject motors that cannot start a motion from rest on either branch."""
         if self.robot is None:
             return
-        alive = np.array([each is None for each in found])
+        alive = np.array([rejection is None for rejection in rejections])
         if not alive.any():
             return
         members = family.some(alive)
-        some = [design for design, lives in zip(designs, alive, strict=True) if lives]
-        lacks = [self._lacking(members, branch, some) for branch in (1, -1)]
+        passing = [design for design, lives in zip(designs, alive, strict=True) if lives]
+        by_branch = [self._lacking(members, branch, passing) for branch in (1, -1)]
         for position, i in enumerate(np.flatnonzero(alive)):
-            home, other = lacks[0][position], lacks[1][position]
-            if home is not None and other is not None:
-                found[i] = home
+            first, second = by_branch[0][position], by_branch[1][position]
+            if first is not None and second is not None:
+                rejections[i] = first
 
     def _lacking(
         self, family: Family, branch: int, designs: Sequence[Design]
-    ) -> list[Fallen | None]:
+    ) -> list[Rejection | None]:
+        """Return for one branch the rejections of candidates with weak motors, else None."""
         assert self.robot is not None
         starts = np.array([move.start for move in self._moves])
         steps = starts + FIRST_STEP * (np.array([move.end for move in self._moves]) - starts)
         with np.errstate(invalid="ignore", divide="ignore"):
-            q, after = family.joints(starts, branch), family.joints(steps, branch)
-            step = after - q
+            q, next_q = family.joints(starts, branch), family.joints(steps, branch)
+            step = next_q - q
             step[..., :3] = np.arctan2(np.sin(step[..., :3]), np.cos(step[..., :3]))
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
             load = self._loads(family, q)
-        found: list[Fallen | None] = [None] * len(designs)
+        rejections: list[Rejection | None] = [None] * len(designs)
         selected = {choice.path.split(".")[1] for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
             for joint, members in self._groups(name, designs):
@@ -224,14 +234,17 @@ class Screens:
                 )
                 torque = np.where((sign == 0) | ~np.isfinite(torque), 0.0, torque).max(axis=1)
                 for i in np.flatnonzero(torque > joint.motor.max_torque):
-                    if found[members[i]] is None:
+                    if rejections[members[i]] is None:
                         needs, has = 1e3 * torque[i], 1e3 * joint.motor.max_torque
                         reason = f"joint {name} starts against {needs:.4g} mN·m, {joint.motor.name} has {has:.4g} mN·m"
-                        found[members[i]] = Fallen("static torque", reason)
-        return found
+                        rejections[members[i]] = Rejection("static torque", reason)
+        return rejections
 
     def _loads(self, family: Family, q: Array) -> Array:
-        """Efforts (n, k, 4) of the weight; the bodies as the robot file gives them, turned with their joints' axes."""
+        """Return the efforts (n, k, 4) of the weight at joints q (n, k, 4), N·m and N.
+
+        The bodies of the robot file rotate with the axes of their joints.
+        """
         assert self.robot is not None
         count = len(family.alpha)
         axes = np.stack([family.omega1, family.omega2, family.omega3], axis=1)
@@ -239,33 +252,38 @@ class Screens:
         return static_loads(axes, masses, self._coms(family), self.robot.gravity, q)
 
     def _coms(self, family: Family) -> Array:
-        """Centres of mass in the base frame at q = 0, (n, 4, 3): a frame's z stays along its joint's axis."""
+        """Return centres of mass in the base frame at q = 0, (n, 4, 3).
+
+        The z axis of a body's frame stays along its joint's axis.
+        """
         assert self.robot is not None
-        geometry = self.robot.geometry
-        olds = (geometry.omega1, geometry.omega2, geometry.omega3, geometry.omega3)
+        olds = self.robot.geometry.axes
         news = (family.omega1, family.omega2, family.omega3, family.omega3)
-        places = [body.frame @ body.com for body in self.robot.bodies]
+        centres = [body.frame @ body.com for body in self.robot.bodies]
         return np.stack(
-            [_turned(place, old, new) for place, old, new in zip(places, olds, news, strict=True)],
+            [
+                _turned(centre, old, new)
+                for centre, old, new in zip(centres, olds, news, strict=True)
+            ],
             axis=1,
         )
 
     def _groups(self, name: str, designs: Sequence[Design]) -> Iterator[tuple[Joint, Array]]:
-        """Each drive with motor of a joint, and which candidates have it."""
+        """Generate each drive and motor of a joint with the indices of its candidates."""
         assert self.robot is not None
-        own = self.robot.joints[JOINTS.index(name)]
+        original = self.robot.joints[JOINTS.index(name)]
         paths = [path for path in self._joints if path.split(".")[1] == name]
-        chosen: dict[tuple[str, ...], list[int]] = {}
+        groups: dict[tuple[str, ...], list[int]] = {}
         for i, design in enumerate(designs):
-            chosen.setdefault(tuple(design[path] for path in paths), []).append(i)
-        for labels, members in chosen.items():
-            joint: Any = own
+            groups.setdefault(tuple(design[path] for path in paths), []).append(i)
+        for labels, members in groups.items():
+            joint: Any = original
             for path, label in zip(paths, labels, strict=True):
                 option = self._joints[path][label]
-                assert isinstance(option, Joint)  # others have fallen out already
-                part = "motor" if path.endswith("motor") else "drive"
+                assert isinstance(option, Joint)  # other candidates are rejected already
+                field = "motor" if path.endswith("motor") else "drive"
                 try:
-                    joint = replace(joint, **{part: getattr(option, part)})
+                    joint = replace(joint, **{field: getattr(option, field)})
                 except ProblemError:
                     joint = None
                     break
@@ -274,39 +292,43 @@ class Screens:
 
 
 def _angles(texts: Sequence[str]) -> Array:
-    """rad; each number with its unit's factor, so that many are fast."""
+    """Return angles in rad; all texts have the unit of the first, so the conversion is fast."""
     unit = texts[0].strip().partition(" ")[2]
     factor = quantity(f"1 {unit}", "angle")
     return np.array([float(text.strip().partition(" ")[0]) for text in texts]) * factor
 
 
-def _turned(place: Array, old: Array, new: Array) -> Array:
-    """A point (3,) carried along by the smallest rotation that takes the axis `old` (3,) to each of `new` (n, 3)."""
+def _turned(point: Array, old: Array, new: Array) -> Array:
+    """Return a point (3,) after the smallest rotations from `old` (3,) to `new` (n, 3), (n, 3)."""
     axis = np.cross(old, new)
     cosine = new @ old
-    along = np.cross(axis, place)
-    return np.asarray(place + along + np.cross(axis, along) / (1.0 + cosine)[:, None])
+    tangent = np.cross(axis, point)
+    return np.asarray(point + tangent + np.cross(axis, tangent) / (1.0 + cosine)[:, None])
 
 
 def _demands(problems: Sequence[Problem]) -> tuple[Array, list[Move]]:
-    """Tilts (k,) that the motions pass for certain, and their straight motions, as far as task coordinates tell."""
+    """Return tilts (k,) that the motions certainly pass, rad, and their straight motions.
+
+    Motions behind the first one that task coordinates do not define are left out.
+    """
     tilts: list[float] = []
     moves: list[Move] = []
     for problem in problems:
-        at = problem.start
-        if not isinstance(at, Task):
+        start = problem.start
+        if not isinstance(start, Task):
             continue
-        here = {name: getattr(at, name) or 0.0 for name in TASK}
-        tilts.append(here["tilt"])
+        position = {name: getattr(start, name) or 0.0 for name in TASK}
+        tilts.append(position["tilt"])
         for motion in problem.motion:
             if not isinstance(motion, Straight):
                 break
-            there = {**here, **motion.to.given}
-            moves.append(Move(_vector(here), _vector(there)))
-            tilts.append(there["tilt"])
-            here = there
+            target = {**position, **motion.to.given}
+            moves.append(Move(_vector(position), _vector(target)))
+            tilts.append(target["tilt"])
+            position = target
     return np.array(tilts), moves
 
 
 def _vector(task: dict[str, float]) -> Array:
+    """Return task coordinates as an array (4,)."""
     return np.array([task[name] for name in TASK])

@@ -1,4 +1,4 @@
-"""A candidate of a study in full: its robot file, plans and pages; two of them side by side."""
+"""Write one candidate in full (robot file, plans, pages), or compare two candidates."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from ssm_planner.studies.evaluation import plans_of
 from ssm_planner.studies.run import STORE
 from ssm_planner.studies.store import Candidate, Store
 from ssm_planner.studies.study import Study
+from ssm_planner.typing import JsonObject
 
 
 def candidate(folder: Path, number: int) -> Candidate:
-    """A row of a study's store. Raises ProblemError."""
+    """Return a row of the store in `folder`. Raises ProblemError."""
     if not (folder / STORE).is_file():
         raise ProblemError(
             "no study has been run there",
@@ -38,12 +39,15 @@ def candidate(folder: Path, number: int) -> Candidate:
     return rows[number]
 
 
-def shown(study: Study, folder: Path, number: int) -> list[Path]:
-    """Write a candidate into `folder`/candidate_N: robot.yaml, and a folder with plan and page for each motion."""
+def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
+    """Write robot.yaml, plans and pages of a candidate into `folder`/candidate_N.
+
+    Returns the paths. Raises ProblemError if a motion has no plan.
+    """
     row = candidate(folder, number)
-    place = folder / f"candidate_{number}"
-    place.mkdir(parents=True, exist_ok=True)
-    robot = place / "robot.yaml"
+    target = folder / f"candidate_{number}"
+    target.mkdir(parents=True, exist_ok=True)
+    robot = target / "robot.yaml"
     with replacing(robot) as temporary:
         text = yaml.safe_dump(
             _named(study.resolved(study.whole(row.design, row.figures)), study, number),
@@ -53,17 +57,18 @@ def shown(study: Study, folder: Path, number: int) -> list[Path]:
         temporary.write_text(
             f"# Candidate {number} of the study {study.name}.\n{text}", encoding="utf-8"
         )
-    written = [robot]
+    paths = [robot]
     for name, plan in plans_of(study, row).items():
         if not plan.passed:
             reason = "" if plan.reason is None else plan.reason.message
             raise ProblemError(f"candidate {number} has no plan of {name}: {reason}")
-        written += write_folder(plan, place / name).values()
-        written.append(write_report(plan, place / name / "report.html"))
-    return written
+        paths += write_folder(plan, target / name).values()
+        paths.append(write_report(plan, target / name / "report.html"))
+    return paths
 
 
-def _named(tree: dict[str, Any], study: Study, number: int) -> dict[str, Any]:
+def _named(tree: JsonObject, study: Study, number: int) -> JsonObject:
+    """Return the content of a robot file with the candidate's number in name and source."""
     return {
         **tree,
         "name": f"{tree['name']}, candidate {number}",
@@ -71,8 +76,8 @@ def _named(tree: dict[str, Any], study: Study, number: int) -> dict[str, Any]:
     }
 
 
-def compared(study: Study, folder: Path, first: int, second: int) -> dict[str, Any]:
-    """What two candidates choose and give: {numbers, design, figures}, pairs by name."""
+def compare_candidates(study: Study, folder: Path, first: int, second: int) -> JsonObject:
+    """Return choices and results of two candidates: {study, numbers, design, figures}."""
     a, b = candidate(folder, first), candidate(folder, second)
     return {
         "study": study.name,
@@ -83,4 +88,5 @@ def compared(study: Study, folder: Path, first: int, second: int) -> dict[str, A
 
 
 def _pairs(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Return (a, b) by name, with None for missing values."""
     return {name: (a.get(name), b.get(name)) for name in dict.fromkeys([*a, *b])}

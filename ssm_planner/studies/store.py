@@ -1,7 +1,9 @@
-"""The store of a study: SQLite, a row for each candidate, written by the driver alone, readable by anyone meanwhile.
+"""Store the candidates of a study in SQLite, one row each.
 
-A row is known by the key of what it is a result of: the resolved design, the motions and this program's version. Figures
-are kept; plans are made again when they are asked for.
+Only the driver writes; others may read at any time.
+
+The key of a row is a hash of the resolved design, the motions and the version of this program. The
+store contains figures; plans are computed again on request.
 """
 
 from __future__ import annotations
@@ -19,10 +21,14 @@ from typing import Any, Literal
 
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError
+from ssm_planner.representation import ShortRepr
 
 State = Literal["waiting", "done", "infeasible", "failed", "quarantined"]
-"""done: planned, checked and sized; infeasible: falls out for a named reason; failed: a fault of this program;
-quarantined: ended its worker process as often as it was tried."""
+"""State of a candidate.
+
+done: planned, checked and sized. infeasible: rejected for a named reason. failed: a fault of this
+program. quarantined: ended its worker process at every attempt.
+"""
 FORMAT = 1
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS candidates (
@@ -35,31 +41,37 @@ PRAGMA user_version = {FORMAT};
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One candidate. design: what was chosen, by path; figures: what was found, SI, by name."""
+class Candidate(ShortRepr):
+    """One candidate. design: its choices by path; figures: its results by name, SI."""
 
     number: int
     state: State
     design: Mapping[str, Any]
     stage: str | None = None
-    """Where an infeasible one fell out."""
+    """Stage that rejected an infeasible candidate."""
     reason: str | None = None
     figures: Mapping[str, Any] = field(default_factory=dict)
 
 
 def key_of(design: Mapping[str, Any], context: str) -> str:
-    """Of a design within a context: a text that stands for the robot, the motions, what is required and the version."""
+    """Return the key of a design.
+
+    context: text that identifies the robot, the motions, the requirements and the version.
+    """
     return hashlib.sha256(f"{context}\n{_text(design)}".encode()).hexdigest()[:32]
 
 
 class Store(AbstractContextManager["Store"]):
-    """Candidates by key. Raises ProblemError for a file that is no store or that another driver writes."""
+    """Candidates by key.
+
+    Raises ProblemError for another kind of file, or if another driver writes the store.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         lock = path.with_suffix(
             ".lock"
-        )  # a file of its own: SQLite's locks fall when another handle of its file is closed
+        )  # a separate file, because SQLite loses its lock when another handle of its file is closed
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             lock.touch()
@@ -79,6 +91,7 @@ class Store(AbstractContextManager["Store"]):
             raise
 
     def _open(self) -> None:
+        """Open the database and create its tables. Raises ProblemError or ExportError."""
         with self._faults():
             self._connection = sqlite3.connect(self.path, isolation_level=None)
             (version,) = self._connection.execute("PRAGMA user_version").fetchone()
@@ -89,11 +102,11 @@ class Store(AbstractContextManager["Store"]):
             self._connection.execute("PRAGMA journal_mode = WAL")
             self._connection.execute(
                 "PRAGMA synchronous = NORMAL"
-            )  # a power cut loses the last rows, never the store
+            )  # a power cut loses the last rows only
             self._connection.executescript(_TABLES)
 
     def add(self, designs: Iterable[tuple[int, str, Mapping[str, Any]]]) -> None:
-        """Candidates (number, key, design) as waiting; of those that are there already only the number is renewed."""
+        """Add candidates (number, key, design) as waiting; update the number of existing ones."""
         rows = ((key, number, _text(design)) for number, key, design in designs)
         self._write(
             "INSERT INTO candidates (key, number, state, design) VALUES (?, ?, 'waiting', ?) "
@@ -102,22 +115,22 @@ class Store(AbstractContextManager["Store"]):
         )
 
     def put(self, rows: Iterable[tuple[str, Candidate]]) -> None:
-        """Results by key."""
+        """Write results by key."""
         self._write(
             "UPDATE candidates SET state = ?, stage = ?, reason = ?, figures = ? WHERE key = ?",
             ((row.state, row.stage, row.reason, _text(row.figures), key) for key, row in rows),
         )
 
     def states(self) -> dict[str, tuple[int, str]]:
-        """Numbers and states by key."""
+        """Return (number, state) by key."""
         return {
             key: (number, state)
             for key, number, state in self._read("SELECT key, number, state FROM candidates")
         }
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
-        """All candidates in the order of their numbers, or those of the keys in theirs."""
-        found = {
+        """Return all candidates in the order of their numbers, or those of `keys` in order."""
+        candidates = {
             key: Candidate(
                 number,
                 state,
@@ -131,7 +144,9 @@ class Store(AbstractContextManager["Store"]):
             )
         }
         return (
-            list(found.values()) if keys is None else [found[key] for key in keys if key in found]
+            list(candidates.values())
+            if keys is None
+            else [candidates[key] for key in keys if key in candidates]
         )
 
     def _read(self, statement: str) -> list[tuple[Any, ...]]:
@@ -139,6 +154,7 @@ class Store(AbstractContextManager["Store"]):
             return self._connection.execute(statement).fetchall()
 
     def _write(self, statement: str, rows: Iterable[tuple[Any, ...]]) -> None:
+        """Execute a statement for all rows in one transaction."""
         with self._faults():
             self._connection.execute("BEGIN IMMEDIATE")
             try:
@@ -151,6 +167,7 @@ class Store(AbstractContextManager["Store"]):
 
     @contextmanager
     def _faults(self) -> Iterator[None]:
+        """Convert errors of SQLite: ExportError for the disk, ProblemError for a damaged file."""
         try:
             yield
         except sqlite3.OperationalError as error:
@@ -169,21 +186,30 @@ class Store(AbstractContextManager["Store"]):
 
 
 _text = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":")).encode
-"""JSON that is the same for the same value."""
+"""Encode as JSON; equal values give equal text."""
 
 
 def columns(rows: Sequence[Candidate]) -> dict[str, list[Any]]:
-    """The rows as columns of one table, by name: each row's own, choices and figures; None where there is none."""
-    own = ("number", "state", "stage", "reason")
-    table: dict[str, list[Any]] = {name: [getattr(row, name) for row in rows] for name in own}
-    for part in ("design", "figures"):
-        names = sorted({name for row in rows for name in getattr(row, part)})
-        table |= {name: [getattr(row, part).get(name) for row in rows] for name in names}
+    """Return the rows as columns of one table, by name.
+
+    The columns are the attributes of the rows, their choices and their figures; missing values are
+    None.
+    """
+    attributes = ("number", "state", "stage", "reason")
+    table: dict[str, list[Any]] = {
+        name: [getattr(row, name) for row in rows] for name in attributes
+    }
+    for mapping in ("design", "figures"):
+        names = sorted({name for row in rows for name in getattr(row, mapping)})
+        table |= {name: [getattr(row, mapping).get(name) for row in rows] for name in names}
     return table
 
 
 def write_table(rows: Sequence[Candidate], path: Path) -> None:
-    """The rows as CSV, or as Parquet where the name ends so. Raises ExportError where pyarrow is missing."""
+    """Write the rows as CSV, or as Parquet if the name ends so.
+
+    Raises ExportError if pyarrow is missing.
+    """
     table = columns(rows)
     with replacing(path) as temporary:
         if path.suffix != ".parquet":
@@ -203,17 +229,23 @@ def write_table(rows: Sequence[Candidate], path: Path) -> None:
 
 
 def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
-    """The done rows that no other dominates; rows without one of the figures are left out."""
+    """Return the done rows that no other dominates.
+
+    Rows without one of the objectives do not count.
+    """
     signs = [-1.0 if name.endswith("margin") else 1.0 for name in objectives]
     points = [
         (tuple(sign * row.figures[name] for sign, name in zip(signs, objectives, strict=True)), row)
         for row in rows
         if row.state == "done" and all(row.figures.get(name) is not None for name in objectives)
     ]
-    points.sort(key=lambda each: (each[0], each[1].number))
+    points.sort(key=lambda point: (point[0], point[1].number))
     front: list[tuple[tuple[float, ...], Candidate]] = []
     for values, row in points:
-        if not any(all(a <= b for a, b in zip(other, values, strict=True)) for other, _ in front):
+        if not any(
+            all(a <= b for a, b in zip(values_of_other, values, strict=True))
+            for values_of_other, _ in front
+        ):
             front.append((values, row))
     return tuple(row for _, row in front)
 
@@ -221,9 +253,9 @@ def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candid
 def better(
     own: Candidate, front: Sequence[Candidate], objectives: Sequence[str]
 ) -> tuple[Candidate, ...]:
-    """Of a front the rows that are better than `own` in one objective and in none worse.
+    """Return the rows of a front that are better than `own` in one objective and worse in none.
 
-    None where `own` is not done or one of its objectives is not known.
+    Returns an empty tuple if `own` is not done or lacks an objective.
     """
     if not pareto((own,), objectives):
         return ()

@@ -1,4 +1,4 @@
-"""A study as a frozen value: what varies, over which motions, what a candidate must do and what is to be small."""
+"""Define a study as a frozen value: variables, motions, requirements and objectives."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ssm_planner.errors import ProblemError
 from ssm_planner.problem.value import NotNegative, Value
-from ssm_planner.typing import Array, Range
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import Array, JsonObject, Range, record
 from ssm_planner.units import BadQuantity, quantity
 
 Design = Mapping[str, str]
-"""One choice for each path that varies: a quantity with its unit, or the name of a catalogue's entry."""
+"""One choice for each path: a quantity with its unit, or the name of a catalogue entry."""
 OBJECTIVES = ("duration", "motor_mass", "motor_margin", "peak_torque", "reach_margin")
-"""What `minimise` may name; the margins are made large."""
+"""Values that `minimise` may name; the search maximises margins."""
 GEARS = ("worm", "screw")
-"""Ends of a path that stand for the gear of a drive: `joints.tilt.drive.worm`."""
+"""Last keys of a path that replace the gear of a drive, such as `joints.tilt.drive.worm`."""
 PACE = "pace"
-"""A path of no robot: by how much slower than the fastest motion the motion is that parts are selected for, 1 or more."""
+"""Path of the factor, at least 1, by which the motion for the selection of parts is slowed down."""
 
 
 @dataclass(frozen=True)
@@ -36,55 +36,63 @@ class Varied:
     high: float
     unit: str
 
-    def at(self, place: float) -> str:
-        """The choice at a place in [0, 1]."""
-        return f"{self.low + place * (self.high - self.low):.8g} {self.unit}".rstrip()
+    def at(self, position: float) -> str:
+        """Return the choice at a position in [0, 1]: a quantity with its unit."""
+        return f"{self.low + position * (self.high - self.low):.8g} {self.unit}".rstrip()
 
     def grid(self, count: int) -> list[str]:
-        """`count` choices from end to end."""
-        return [self.at(place) for place in np.linspace(0, 1, count)]
+        """Return `count` equidistant choices, including both ends."""
+        return [self.at(position) for position in np.linspace(0, 1, count)]
 
 
 @dataclass(frozen=True)
-class Choice:
-    """One of several entries; contents: what the file says in the place of the path, by the entry's name."""
+class Choice(ShortRepr):
+    """One of several entries.
+
+    contents: the value that the robot file gets at the path, by the entry's name.
+    """
 
     path: str
     contents: Mapping[str, Any]
     select: str | None = None
-    """Not searched: the first of this rank that holds what the fastest motion, at the candidate's pace, demands."""
+    """Rank for selection instead of search; the first entry that meets the demands wins."""
     beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Mass (kg) and length (m) that a catalogue states of an entry, by the entry's name."""
+    """Mass (kg) and length (m) that a catalogue states, by the entry's name."""
 
-    def at(self, place: float) -> str:
-        """The choice at a place in [0, 1]."""
+    def at(self, position: float) -> str:
+        """Return the name of the entry at a position in [0, 1]."""
         names = list(self.contents)
-        return names[min(int(place * len(names)), len(names) - 1)]
+        return names[min(int(position * len(names)), len(names) - 1)]
 
     def grid(self, count: int) -> list[str]:
-        """Every entry."""
+        """Return the names of all entries; `count` has no influence."""
         return list(self.contents)
 
 
 Variable = Varied | Choice
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Requirements(Value):
-    """What a candidate must do to be a result."""
+    """Conditions that a candidate must meet."""
 
     reach: Range | None = None
-    """Signed tilts that its workspace must hold, rad."""
+    """Signed tilts that its workspace must contain, rad."""
     reach_margin: NotNegative = 0.0
     """Tilt beyond both ends, rad."""
     self_locking: bool = False
     motor_margin: NotNegative = 0.0
-    """Smallest margin of torque and continuous torque of every motor."""
+    """Smallest permitted margin of every motor in torque, continuous torque, speed, heat and
+    voltage.
+    """
 
 
 @dataclass(frozen=True)
 class Search:
-    """How candidates are chosen. points: how many, or for a grid how many of each span."""
+    """Method that generates the candidates.
+
+    points: their number, or for a grid the number per range.
+    """
 
     method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
     points: int = 256
@@ -92,19 +100,19 @@ class Search:
 
     @property
     def adaptive(self) -> bool:
-        """Later candidates depend on what was found of earlier ones."""
+        """Return whether later candidates depend on the results of earlier ones."""
         return self.method in ("tpe", "nsga2")
 
 
-@dataclass(frozen=True, eq=False)
-class Study:
-    """A robot as its file says it, references followed; motions as theirs do, without their robot."""
+@record
+class Study(ShortRepr):
+    """A robot as in its file, with resolved references, and motions without their robot."""
 
     name: str
     robot: Mapping[str, Any]
     motions: Mapping[str, Mapping[str, Any]]
     vary: tuple[Variable, ...]
-    """What is searched."""
+    """Variables of the search."""
     require: Requirements
     minimise: tuple[str, ...]
     search: Search
@@ -114,12 +122,12 @@ class Study:
 
     @cached_property
     def paths(self) -> tuple[str, ...]:
-        """What varies."""
+        """Return the paths of the robot file that vary."""
         return tuple(variable.path for variable in self.vary)
 
     @property
     def notes(self) -> list[str]:
-        """What a reader of the results has to know."""
+        """Return remarks that a reader of the results must know."""
         fixed = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
         paths = [*self.paths, *(choice.path for choice in self.selected)]
         if not fixed or not any(
@@ -133,20 +141,27 @@ class Study:
 
     @property
     def own_words(self) -> str:
-        """What the study's own robot is, to which candidates are compared."""
+        """Describe the study's own robot, with which candidates are compared."""
         if self.selected:
             return "The study's own robot with motors and gears selected in the same way, at pace 1"
         return "The study's own robot as it stands"
 
     def whole(self, design: Design, figures: Mapping[str, Any]) -> dict[str, str]:
-        """What was chosen for a candidate, and what was selected for it as its figures say."""
+        """Return all choices of a candidate by path: its design and the parts selected for it.
+
+        figures: the candidate's results, which contain the selected parts.
+        """
         return {
             **design,
-            **{each.path: figures[each.path] for each in self.selected if each.path in figures},
+            **{
+                choice.path: figures[choice.path]
+                for choice in self.selected
+                if choice.path in figures
+            },
         }
 
     def designs(self) -> Iterator[Design]:
-        """The candidates of a search that is not adaptive, in order."""
+        """Generate the candidates of a search that is not adaptive, in order."""
         search = self.search
         if search.method == "grid":
             for choices in itertools.product(
@@ -154,27 +169,30 @@ class Study:
             ):
                 yield dict(zip(self.paths, choices, strict=True))
             return
-        for place in sobol(len(self.vary), search.points, search.seed):
-            yield self.design(place)
+        for point in sobol(len(self.vary), search.points, search.seed):
+            yield self.design(point)
 
-    def design(self, place: Sequence[float] | Array) -> Design:
-        """The candidate at a place (d,) in the unit cube, one number in [0, 1] for each variable."""
+    def design(self, point: Sequence[float] | Array) -> Design:
+        """Return the candidate at a point (d,) of the unit cube, one number per variable."""
         return {
             variable.path: variable.at(float(x))
-            for variable, x in zip(self.vary, place, strict=True)
+            for variable, x in zip(self.vary, point, strict=True)
         }
 
-    def resolved(self, design: Design) -> dict[str, Any]:
-        """What the robot file of a candidate says; with an empty design the study's own robot."""
+    def resolved(self, design: Design) -> JsonObject:
+        """Return the content of a candidate's robot file.
+
+        An empty design gives the study's own robot.
+        """
         tree = copy.deepcopy(dict(self.robot))
         for variable in (*self.vary, *self.selected):
             if variable.path not in design or variable.path == PACE:
                 continue
-            chosen = design[variable.path]
+            entry = design[variable.path]
             _put(
                 tree,
                 variable.path,
-                variable.contents[chosen] if isinstance(variable, Choice) else chosen,
+                variable.contents[entry] if isinstance(variable, Choice) else entry,
             )
         for path in design:
             if path.startswith("joints.") and path.endswith(".motor"):
@@ -185,25 +203,28 @@ class Study:
 
 
 def sobol(dimensions: int, points: int, seed: int) -> Array:
-    """Places (points, dimensions) in the unit cube: a scrambled Sobol' sequence, the same for the same seed."""
+    """Return points (points, dimensions) of a scrambled Sobol' sequence in the unit cube."""
     from scipy.stats import qmc
 
     sampler = qmc.Sobol(dimensions, scramble=True, seed=seed)
     return np.asarray(sampler.random_base2(math.ceil(math.log2(max(points, 1)))))[:points]
 
 
-def _put(tree: dict[str, Any], path: str, content: Any) -> None:
-    """Set what stands at a dotted path; a mapping of a gear or of dotted keys goes into what is there."""
-    parts = path.split(".")
-    gear = parts.pop() if parts[-1] in GEARS else None
+def _put(tree: JsonObject, path: str, content: Any) -> None:
+    """Set the value at a dotted path of `tree`.
+
+    The mapping of a gear, or a mapping with dotted keys, is merged into the existing drive.
+    """
+    keys = path.split(".")
+    gear = keys.pop() if keys[-1] in GEARS else None
     node: Any = tree
-    for part in parts[:-1]:
-        node = node[int(part)] if isinstance(node, list) else node.setdefault(part, {})
-    place: Any = int(parts[-1]) if isinstance(node, list) else parts[-1]
+    for name in keys[:-1]:
+        node = node[int(name)] if isinstance(node, list) else node.setdefault(name, {})
+    key: Any = int(keys[-1]) if isinstance(node, list) else keys[-1]
     if gear is None:
-        node[place] = content
+        node[key] = content
         return
-    drive = node[place] = dict(node[place])
+    drive = node[key] = dict(node[key])
     geometry = {
         key.removeprefix("geometry."): value
         for key, value in content.items()
@@ -217,15 +238,16 @@ def _put(tree: dict[str, Any], path: str, content: Any) -> None:
             _nested(drive, key.split("."), value)
 
 
-def _with_rotor(joint: dict[str, Any], own: Mapping[str, Any]) -> None:
-    """Puts the motor's rotor into the drive's input inertia, in the place of that of the study's own robot.
+def _with_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
+    """Replace the rotor inertia in a drive's input inertia by that of the joint's motor.
 
-    Where that states no rotor the new one is added whole, which is an upper bound.
+    own: the joint of the study's own robot. If its motor states no rotor inertia, the new one is
+    added, which is an upper bound.
     """
     if "drive" not in joint:
         return
     inertia = _inertia(joint["drive"], "input_inertia") - _inertia(
-        own.get("motor"), "rotor_inertia"
+        original.get("motor"), "rotor_inertia"
     )
     inertia += _inertia(joint["motor"], "rotor_inertia")
     source = "the drive's, with the rotor of the motor chosen"
@@ -236,43 +258,35 @@ def _with_rotor(joint: dict[str, Any], own: Mapping[str, Any]) -> None:
 
 
 def _inertia(part: Mapping[str, Any] | None, key: str) -> float:
-    """kg·m²; 0 where it is not given, or is none: then the motor's own reading says so."""
-    given = (part or {}).get(key)
-    value = given.get("value") if isinstance(given, Mapping) else given
+    """Return the inertia that a drive or motor states under `key`, kg·m².
+
+    Missing and invalid values count as 0; the loader of motors reports invalid ones.
+    """
+    stated = (part or {}).get(key)
+    value = stated.get("value") if isinstance(stated, Mapping) else stated
     try:
         return 0.0 if value is None else quantity(value, "inertia")
     except BadQuantity:
         return 0.0
 
 
-def _nested(tree: dict[str, Any], parts: list[str], value: Any) -> None:
-    for part in parts[:-1]:
-        tree[part] = dict(tree.get(part) or {})
-        tree = tree[part]
-    tree[parts[-1]] = value
+def _nested(tree: JsonObject, keys: list[str], value: Any) -> None:
+    """Set a value below nested mappings; copy every mapping on the way."""
+    for key in keys[:-1]:
+        tree[key] = dict(tree.get(key) or {})
+        tree = tree[key]
+    tree[keys[-1]] = value
 
 
-def known(tree: Mapping[str, Any], path: str) -> bool:
-    """Whether a path leads to something in a robot file's tree, its last key excepted."""
+def path_exists(tree: Mapping[str, Any], path: str) -> bool:
+    """Return whether a path leads to an existing part of a robot file; its last key may be new."""
     node: Any = tree
-    parts = path.split(".")
-    for part in parts[: -1 if parts[-1] not in GEARS else None]:
-        if part in GEARS and part == parts[-1]:
+    keys = path.split(".")
+    for key in keys[: -1 if keys[-1] not in GEARS else None]:
+        if key in GEARS and key == keys[-1]:
             return isinstance(node, Mapping) and "geometry" in node
         try:
-            node = node[int(part)] if isinstance(node, list) else node[part]
+            node = node[int(key)] if isinstance(node, list) else node[key]
         except (KeyError, IndexError, ValueError, TypeError):
             return False
     return isinstance(node, (Mapping, list))
-
-
-def check_objectives(names: Sequence[str]) -> None:
-    """Raises ProblemError for a name that is no objective."""
-    for name in names:
-        if name not in OBJECTIVES:
-            raise ProblemError(
-                "not an objective known here",
-                key="minimise",
-                value=name,
-                allowed=", ".join(OBJECTIVES),
-            )

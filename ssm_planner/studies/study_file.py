@@ -1,4 +1,4 @@
-"""A study file → Study: what varies, with the robot, motions and catalogues that it names."""
+"""Load a study file and the robot, motions and catalogues that it names."""
 
 from __future__ import annotations
 
@@ -38,12 +38,13 @@ from ssm_planner.studies.study import (
     Study,
     Variable,
     Varied,
-    known,
+    path_exists,
 )
+from ssm_planner.typing import JsonObject
 
 
 def _share(value: object) -> float:
-    """A number, or a percentage such as `20 %`."""
+    """Return a share in [0, 1) from a number or a percentage such as `20 %`."""
     text = str(value).strip()
     try:
         share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
@@ -55,60 +56,65 @@ def _share(value: object) -> float:
 
 
 class SearchModel(Model):
-    """How candidates are chosen."""
+    """How candidates are generated."""
 
     method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
     """Scrambled Sobol points; a grid; or with the extra `optuna` TPE or NSGA-II."""
     points: Annotated[int, Field(ge=1, le=10_000_000)] = 256
-    """Candidates, at least 1; of a grid, values of each span."""
+    """Number of candidates, at least 1; for a grid, values per range."""
     seed: Annotated[int, Field(ge=0)] = 0
     """The same seed gives the same candidates."""
 
 
 class RequirementsModel(Model):
-    """What a candidate must do."""
+    """Conditions that a candidate must meet."""
 
     reach: Annotated[tuple[float, float], interval("angle")] | None = None
-    """Tilts that the mechanism has to reach."""
+    """Tilts that the mechanism must reach."""
     reach_margin: Annotated[float, quantity("angle", Bound(at_least=0.0))] = 0.0
-    """To spare at both ends of reach."""
+    """Additional tilt at both ends of reach."""
     self_locking: Truth = False
     """Every drive holds without torque."""
     motor_margin: Annotated[
         float, Share(_share, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")
     ] = 0.0
-    """Least margin of torque, continuous torque, speed, heat and voltage."""
+    """Smallest permitted margin of torque, continuous torque, speed, heat and voltage."""
 
 
 class StudyModel(Model):
-    """What a study file may say."""
+    """Keys of a study file."""
 
     name: Text | None = None
-    """By default the file's name without its ending."""
+    """Name of the study; default: the file's name without its ending."""
     robot: Reference
-    """Where the candidates start from."""
+    """Robot file from which the candidates differ."""
     motions: Annotated[list[Text], Field(min_length=1, max_length=50)]
-    """Problem files, or shipped names; the candidate takes the place of their robot."""
+    """Problem files or shipped names; the candidate replaces their robot."""
     vary: dict[str, Any]
-    """Dotted paths of the robot file, each {from: …, to: …}, {choices: [ … ]} or {catalogue: FILE, select: mass}; pace."""
+    """Dotted paths of the robot file, each {from: …, to: …}, {choices: [ … ]} or {catalogue: FILE,
+    select: mass}; pace.
+    """
     require: RequirementsModel = RequirementsModel()
-    """What a candidate must do."""
+    """Conditions that a candidate must meet."""
     minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]  # a tuple of texts
-    """Margins are made large."""
+    """Objectives; margins are maximised."""
     search: SearchModel = SearchModel()
-    """How candidates are chosen."""
+    """How candidates are generated."""
 
 
 def load_study(name: str | Path) -> Study:
-    """The study in a YAML file, or the shipped one of this name, with all that it names. Raises ProblemError."""
+    """Load a study from a YAML file or by its shipped name, with all files that it names.
+
+    Raises ProblemError.
+    """
     return study_from(read(find(name, "studies")))
 
 
 def study_from(section: Section) -> Study:
-    """The study that a section describes. Raises ProblemError."""
+    """Convert a section into a study. Raises ProblemError."""
     model = validated(section, StudyModel)
     robot = _tree(follow(section, "robot"))
-    motions: dict[str, Any] = {}
+    motions: JsonObject = {}
     for i, name in enumerate(model.motions):
         motion = follow(section, "motions", i, kind="problem")
         label = Path(name).stem
@@ -120,14 +126,18 @@ def study_from(section: Section) -> Study:
     if not model.vary:
         raise section.error("nothing varies", "vary", allowed="at least one path of the robot file")
     vary = tuple(_variable(section.sub("vary", path), path, robot) for path in model.vary)
-    selected = tuple(each for each in vary if isinstance(each, Choice) and each.select is not None)
+    selected = tuple(
+        variable
+        for variable in vary
+        if isinstance(variable, Choice) and variable.select is not None
+    )
     _check_selection(section, vary, selected)
     with located(section):
         study = Study(
             name=model.name or section.name,
             robot=robot,
             motions=motions,
-            vary=tuple(each for each in vary if each not in selected),
+            vary=tuple(variable for variable in vary if variable not in selected),
             selected=selected,
             require=Requirements(**dict(model.require)),
             minimise=tuple(model.minimise),
@@ -138,30 +148,34 @@ def study_from(section: Section) -> Study:
     return study
 
 
-def _tree(robot: Section) -> dict[str, Any]:
-    """What the robot file says, drives and motors in the place of their files' names. Raises ProblemError."""
+def _tree(robot: Section) -> JsonObject:
+    """Return the content of a robot file; drives and motors replace the names of their files.
+
+    Raises ProblemError.
+    """
     robot_from(robot)
-    tree: dict[str, Any] = {**robot.value, "joints": {}}
+    tree: JsonObject = {**robot.value, "joints": {}}
     for name, joint in robot.value["joints"].items():
-        parts = {
-            part: follow(robot, "joints", name, part).value
-            for part in ("drive", "motor")
-            if part in joint
+        references = {
+            key: follow(robot, "joints", name, key).value
+            for key in ("drive", "motor")
+            if key in joint
         }
         tree["joints"][name] = {
-            key: value for key, value in {**joint, **parts}.items() if key != "alternatives"
+            key: value for key, value in {**joint, **references}.items() if key != "alternatives"
         }
     return tree
 
 
-def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
-    if not known(robot, path):
+def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
+    """Convert the entry at `path` into a variable. Raises ProblemError."""
+    if not path_exists(robot, path):
         raise section.error(
             "the robot file has no such place", show=False, allowed="such as geometry.alpha"
         )
     value = section.value
-    ways = ({"from", "to"}, {"choices"}, {"catalogue"}, {"catalogue", "select"})
-    if not isinstance(value, dict) or set(value) not in ways:
+    forms = ({"from", "to"}, {"choices"}, {"catalogue"}, {"catalogue", "select"})
+    if not isinstance(value, dict) or set(value) not in forms:
         allowed = "{from: …, to: …}, {choices: [ … ]}, {catalogue: FILE} or {catalogue: FILE, select: mass}"
         raise section.error("not a way to vary", allowed=allowed)
     if "from" in value:
@@ -183,14 +197,17 @@ def _variable(section: Section, path: str, robot: dict[str, Any]) -> Variable:
     select = value.get("select")
     if select is not None and select not in RANKS:
         raise section.error("not a rank known here", "select", allowed=", ".join(RANKS))
-    contents, beside = catalogue(section, path)
-    return Choice(path, contents, select, beside if select else {})
+    contents, sizes = catalogue(section, path)
+    return Choice(path, contents, select, sizes if select else {})
 
 
 def _check_selection(
     section: Section, vary: Sequence[Variable], selected: Sequence[Choice]
 ) -> None:
-    """Raises ProblemError where only what is selected varies, or a pace is none."""
+    """Check that something is searched, that only motors and gears are selected, and the pace.
+
+    Raises ProblemError.
+    """
     if len(selected) == len(vary):
         raise section.error(
             "nothing is searched", "vary", show=False, allowed="at least one path without select"
@@ -203,12 +220,12 @@ def _check_selection(
             raise section.error(
                 "no motor and no gear: not selected", "vary", choice.path, show=False
             )
-    for pace in (each for each in vary if each.path == PACE):
-        given = (
-            [pace.at(0.0)] if isinstance(pace, Varied) else [str(each) for each in pace.contents]
+    for pace in (variable for variable in vary if variable.path == PACE):
+        paces = (
+            [pace.at(0.0)] if isinstance(pace, Varied) else [str(name) for name in pace.contents]
         )
         try:
-            good = all(1.0 <= float(each) < math.inf for each in given)
+            good = all(1.0 <= float(text) < math.inf for text in paces)
         except ValueError:
             good = False
         if not good or not selected:
@@ -224,7 +241,8 @@ def _check_selection(
 
 
 def _span(section: Section, path: str) -> Varied:
-    numbers, found = [], []
+    """Convert `{from, to}` into a range. Raises ProblemError."""
+    numbers, units = [], []
     for end in ("from", "to"):
         text = str(section.value[end])
         number, _, unit = text.strip().partition(" ")
@@ -232,19 +250,23 @@ def _span(section: Section, path: str) -> Varied:
             numbers.append(float(number))
         except ValueError:
             raise section.error("not a number with a unit", end, allowed="such as 26 deg") from None
-        found.append(unit.strip())
-    if found[0] != found[1]:
+        units.append(unit.strip())
+    if units[0] != units[1]:
         raise section.error(
-            f"another unit than from has ({found[0] or 'none'})", "to", allowed="one unit for both"
+            f"another unit than from has ({units[0] or 'none'})", "to", allowed="one unit for both"
         )
     low, high = numbers
     if not low < high:
         raise section.error("not above from", "to", allowed=f"above {section.value['from']}")
-    return Varied(path, low, high, found[0])
+    return Varied(path, low, high, units[0])
 
 
-def catalogue(section: Section, path: str) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
-    """What the entries of a catalogue, a CSV or a folder of YAML files, say by name; mass and length where stated."""
+def catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, dict[str, float]]]:
+    """Read a catalogue: a CSV or a folder of YAML files.
+
+    Returns the contents by the entry's name, and the masses (kg) and lengths (m) that the catalogue
+    states. Raises ProblemError.
+    """
     file = (Path() if section.file is None else section.file.parent) / str(
         section.value["catalogue"]
     )
@@ -257,7 +279,10 @@ def catalogue(section: Section, path: str) -> tuple[dict[str, Any], dict[str, di
 
 
 def _check_paths(section: Section, study: Study) -> None:
-    """The robot with each variable at its first value can be read: else the message says which of them cannot be."""
+    """Check that the robot is valid with the first value of each variable.
+
+    Raises ProblemError for the faulty path.
+    """
     first = {variable.path: variable.at(0.0) for variable in study.vary}
     tree = study.resolved(first)
     try:

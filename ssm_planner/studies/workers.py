@@ -1,7 +1,8 @@
-"""Worker processes under supervision, behind the interface of `concurrent.futures.Executor`.
+"""Run tasks in supervised worker processes behind the interface of `concurrent.futures.Executor`.
 
-The standard process pool is lost as a whole when one of its processes dies. Here a process that dies is replaced and its
-task tried again; a task that ends its worker `attempts` times is given up as `WorkerDied`, the others go on.
+The standard process pool fails as a whole when one of its processes dies. This pool replaces a dead
+process and tries its task again. After `attempts` deaths it gives up the task as `WorkerDied`; the
+other tasks continue.
 """
 
 from __future__ import annotations
@@ -24,9 +25,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 ATTEMPTS = 3
-"""Workers that one task may end before it is given up."""
+"""Number of workers that one task may end."""
 _START = "from ssm_planner.studies.workers import serve; serve()"
-_LENGTH = 8
 
 
 class WorkerDied(SsmPlannerError):
@@ -34,31 +34,35 @@ class WorkerDied(SsmPlannerError):
 
 
 class Workers(Executor):
-    """`count` processes that call what is submitted; arguments and results travel as pickles.
+    """Pool of `count` processes; calls, arguments and results travel as pickles.
 
-    attempts: workers that one task may end. patience: seconds after which a call counts as hung and its worker is ended.
+    attempts: number of workers that one task may end. timeout: seconds after which a call counts as
+    hung and its worker is killed; None: no limit.
     """
 
-    def __init__(self, count: int, attempts: int = ATTEMPTS, patience: float | None = None) -> None:
-        self._attempts, self._patience = attempts, patience
+    def __init__(self, count: int, attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
+        self._attempts, self._timeout = attempts, timeout
         self._tasks: queue.SimpleQueue[tuple[Future[Any], bytes] | None] = queue.SimpleQueue()
         self._closed = self._ended = False
         self._processes: dict[int, subprocess.Popen[bytes]] = {}
         self._threads = [
-            threading.Thread(target=self._tend, args=(i,), daemon=True) for i in range(count)
+            threading.Thread(target=self._supervise, args=(i,), daemon=True) for i in range(count)
         ]
         for thread in self._threads:
             thread.start()
 
     @property
     def pids(self) -> tuple[int, ...]:
-        """Process identifiers of the workers that run now."""
+        """Return the process identifiers of the running workers."""
         return tuple(
             process.pid for process in list(self._processes.values()) if process.poll() is None
         )
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """A call on the next free worker. Raises RuntimeError after `shutdown`."""
+        """Schedule a call on the next free worker and return its future.
+
+        Raises RuntimeError after `shutdown`.
+        """
         if self._closed:
             raise RuntimeError("the workers are shut down")
         future: Future[T] = Future()
@@ -66,7 +70,11 @@ class Workers(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the workers when all that was submitted is done; with cancel_futures at once, what waits is cancelled."""
+        """End the workers after all submitted calls.
+
+        cancel_futures: kill the workers at once and cancel waiting calls. wait: return after all
+        workers ended.
+        """
         self._closed = True
         if cancel_futures:
             self._ended = True
@@ -85,8 +93,8 @@ class Workers(Executor):
             for thread in self._threads:
                 thread.join()
 
-    def _tend(self, place: int) -> None:
-        """One worker's supervisor: hands it tasks, replaces it when it has died."""
+    def _supervise(self, index: int) -> None:
+        """Supervise one worker: send it tasks and replace it after its death."""
         process: subprocess.Popen[bytes] | None = None
         while (task := self._tasks.get()) is not None:
             future, message = task
@@ -96,20 +104,20 @@ class Workers(Executor):
             died = 0
             while answer is None and died < self._attempts and not (died and self._closed):
                 if process is None or process.poll() is not None:
-                    process = self._processes[place] = _started()
-                    if self._ended:  # it began after `shutdown` had ended the others
+                    process = self._processes[index] = _start_worker()
+                    if self._ended:  # this worker started after `shutdown` had killed the others
                         process.kill()
                 answer = self._ask(process, message)
                 died += answer is None
-            _settle(future, answer, died)
+            _resolve(future, answer, died)
         if process is not None:
             _end(process)
 
     def _ask(self, process: subprocess.Popen[bytes], message: bytes) -> bytes | None:
-        """The worker's answer; None where it died, or was ended because it took too long."""
+        """Return the worker's answer, or None if the worker died or exceeded the timeout."""
         assert process.stdin is not None
         assert process.stdout is not None
-        timer = None if self._patience is None else threading.Timer(self._patience, process.kill)
+        timer = None if self._timeout is None else threading.Timer(self._timeout, process.kill)
         if timer is not None:
             timer.start()
         try:
@@ -123,7 +131,8 @@ class Workers(Executor):
                 timer.cancel()
 
 
-def _settle(future: Future[Any], answer: bytes | None, died: int) -> None:
+def _resolve(future: Future[Any], answer: bytes | None, died: int) -> None:
+    """Set the result or the exception of a future from a worker's answer; None: the worker died."""
     if answer is None:
         future.set_exception(WorkerDied(f"ended its worker process {died} times"))
         return
@@ -134,19 +143,21 @@ def _settle(future: Future[Any], answer: bytes | None, died: int) -> None:
         future.set_exception(value)
 
 
-def _started() -> subprocess.Popen[bytes]:
-    # one thread each: the workers share the processors already
+def _start_worker() -> subprocess.Popen[bytes]:
+    """Start a worker process with one thread for linear algebra."""
+    # one thread each, because the workers already share the processors
     quiet = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     return subprocess.Popen(
         python_command(_START),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**os.environ, **quiet},
-        start_new_session=True,  # Ctrl-C is the driver's
+        start_new_session=True,  # only the driver receives Ctrl-C
     )
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
+    """Kill a worker, close its pipes and wait for its end."""
     process.kill()
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
@@ -156,27 +167,27 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _send(stream: BinaryIO | Any, message: bytes) -> None:
-    stream.write(len(message).to_bytes(_LENGTH, "big") + message)
+    """Write a message. As a pickle, it states its own length."""
+    pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
     stream.flush()
 
 
 def _receive(stream: BinaryIO | Any) -> bytes:
-    """The next message. Raises EOFError where the other side has ended."""
-    message = _exactly(stream, int.from_bytes(_exactly(stream, _LENGTH), "big"))
+    """Return the next message.
+
+    Raises EOFError if the other side has closed the stream, also within a message.
+    """
+    try:
+        message: bytes = pickle.load(stream)
+    except pickle.UnpicklingError as error:
+        raise EOFError from error
     return message
 
 
-def _exactly(stream: BinaryIO | Any, count: int) -> bytes:
-    data: bytes = stream.read(count)
-    if len(data) < count:
-        raise EOFError
-    return data
-
-
 def serve() -> None:
-    """The life of a worker: calls what comes on standard input, answers on standard output, ends when it is closed."""
+    """Evaluate calls from standard input and answer on standard output until the input closes."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints must not stand among the answers
+    os.dup2(2, 1)  # keep the output of libraries out of the answers
     while True:
         try:
             message = _receive(sys.stdin.buffer)
@@ -185,14 +196,15 @@ def serve() -> None:
         try:
             function, arguments, named = pickle.loads(message)
             answer = pickle.dumps((True, function(*arguments, **named)), pickle.HIGHEST_PROTOCOL)
-        except Exception as error:  # noqa: BLE001 every fault is the caller's to judge
+        except Exception as error:  # noqa: BLE001 the caller handles every exception
             answer = _fault(error)
         _send(answers, answer)
 
 
 def _fault(error: Exception) -> bytes:
+    """Return the answer for a failed call; an exception that cannot be pickled travels as text."""
     try:
         pickle.loads(pickle.dumps(error))
         return pickle.dumps((False, error))
-    except Exception:  # noqa: BLE001 an exception that does not survive pickling travels as its text
+    except Exception:  # noqa: BLE001 an exception that cannot be pickled travels as text
         return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))

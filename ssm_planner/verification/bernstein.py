@@ -1,11 +1,12 @@
-"""Exact extremes and sign changes of many polynomials on [0, 1] at once, by their Bernstein coefficients.
+"""Exact extremes and sign changes of many polynomials on [0, 1], by their Bernstein coefficients.
 
-A polynomial lies between the smallest and the largest of its Bernstein coefficients, begins at the first and ends at
-the last, and has at most as many roots as they have changes of sign (Farouki, The Bernstein polynomial basis: a
-centennial retrospective, 2012). Halving the interval brings the coefficients to the polynomial quadratically.
+A polynomial lies between its smallest and its largest Bernstein coefficient. It starts at the first
+coefficient and ends at the last. It has at most as many roots as the coefficients have sign changes
+(Farouki, The Bernstein polynomial basis: a centennial retrospective, 2012). When the interval is
+halved, the coefficients converge to the polynomial quadratically.
 
-Polynomials come first, (m, n + 1, …) for the n + 1 coefficients of each; operations are fastest where each coefficient's m
-values lie together in memory (Fortran order), as they do in the results.
+Arrays are (m, n + 1, …) for m polynomials with n + 1 coefficients each. Operations are fastest if
+the m values of one coefficient are adjacent in memory (Fortran order). The results have this order.
 """
 
 from __future__ import annotations
@@ -17,26 +18,27 @@ import numpy as np
 from ssm_planner.typing import Array, Indices
 
 DEPTH = 48
-"""Halvings after which an interval counts as a point."""
+"""Number of halvings after which an interval counts as a point."""
 BISECTIONS = 54
-"""Of an interval with one zero."""
+"""Number of bisections of an interval with one zero."""
 FEW = 8
-"""Polynomials up to which numbers are faster than arrays of them."""
+"""Number of polynomials up to which Python floats are faster than arrays."""
 
 
 def from_powers(powers: Array) -> Array:
-    """Bernstein coefficients (m, n + 1, …) of Σ powers[:, k] s^k, (m, n + 1, …)."""
+    """Return the Bernstein coefficients (m, n + 1, …) of Σ powers[:, k] s^k."""
     degree = powers.shape[1] - 1
     scale = np.array([1 / comb(degree, i) for i in range(degree + 1)])
     coefficients: Array = powers * scale.reshape(-1, *(1,) * (powers.ndim - 2))
-    # Σ_i C(j, i) a_i by Pascal's triangle: cheaper than a matrix product, whose threads cost more than they give
+    # Σ_i C(j, i) a_i by Pascal's triangle: cheaper than a matrix product, whose threads cost more
+    # than they give
     for row in range(1, degree + 1):
         coefficients[:, row:] += coefficients[:, row - 1 : -1].copy(order="K")
     return coefficients
 
 
 def to_powers(coefficients: Array) -> Array:
-    """The inverse of `from_powers`: (m, n + 1) to the same shape."""
+    """Return power coefficients (m, n + 1) from Bernstein coefficients."""
     degree = coefficients.shape[1] - 1
     powers = coefficients.copy(order="K")
     for row in range(degree, 0, -1):
@@ -46,7 +48,7 @@ def to_powers(coefficients: Array) -> Array:
 
 
 def halves(coefficients: Array) -> tuple[Array, Array]:
-    """Coefficients (m, n + 1) on [0, 1/2] and on [1/2, 1] (de Casteljau)."""
+    """Return the coefficients (m, n + 1) on [0, 1/2] and on [1/2, 1] (de Casteljau)."""
     row, left, right = coefficients.T, [coefficients[:, 0]], [coefficients[:, -1]]
     while len(row) > 1:
         row = (row[1:] + row[:-1]) / 2
@@ -56,10 +58,20 @@ def halves(coefficients: Array) -> tuple[Array, Array]:
 
 
 def largest(coefficients: Array, tolerance: Array, known: Array) -> tuple[Array, Indices, Array]:
-    """(value, polynomial, s), (k,) each, of the largest values on [0, 1] of k groups of m polynomials.
+    """Find the largest value on [0, 1] in each of k groups of m polynomials.
 
-    coefficients (k, n + 1, m), known (k,), tolerance (k,): to which they are exact. Where none of a group exceeds `known`,
-    the largest value that was met; it may then not be exact.
+    Parameters
+    ----------
+    coefficients : (k, n + 1, m)
+    tolerance : (k,)
+        Absolute accuracy of the values.
+    known : (k,)
+        Values that are already known. A result that does not exceed it may be inexact.
+
+    Returns
+    -------
+    value, polynomial, s : (k,)
+        The largest value, the index of its polynomial, and its argument.
     """
     ends = np.maximum(coefficients[:, 0], coefficients[:, -1])
     index = np.argmax(ends, axis=1)
@@ -92,14 +104,16 @@ def largest(coefficients: Array, tolerance: Array, known: Array) -> tuple[Array,
 
 
 def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]:
-    """(polynomial, s) of every zero inside (0, 1) of m polynomials that leave [−tolerance, tolerance] on both sides.
+    """Find every zero inside (0, 1) at which a polynomial changes its sign.
 
-    coefficients (m, n + 1), tolerance (m,). Zeros that only touch count too, where rounding does not decide otherwise.
+    A zero counts if the polynomial leaves [−tolerance, tolerance] on both sides. A zero that only
+    touches counts as well, unless rounding decides otherwise. coefficients: (m, n + 1). tolerance:
+    (m,). Returns the polynomial index and s of each zero.
     """
     crosses = (coefficients.max(axis=1) > tolerance) & (coefficients.min(axis=1) < -tolerance)
     index = np.flatnonzero(crosses)
     pieces, start, width = coefficients[index], np.zeros(len(index)), 1.0
-    found: list[tuple[Indices, Array]] = []
+    roots: list[tuple[Indices, Array]] = []
     for _ in range(DEPTH):
         if not len(index):
             break
@@ -111,10 +125,10 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
         pieces, index, start = pieces[keep], index[keep], start[keep]
         single = _changes(pieces) == 1
         single &= (pieces[:, 0] != 0) & (pieces[:, -1] != 0)
-        found.append((index[single], start[single] + width * _bisect(pieces[single])))
+        roots.append((index[single], start[single] + width * _bisect(pieces[single])))
         pieces, index, start = pieces[~single], index[~single], start[~single]
-    found.append((index, start + width / 2))
-    where, s = np.concatenate([i for i, _ in found]), np.concatenate([s for _, s in found])
+    roots.append((index, start + width / 2))
+    where, s = np.concatenate([i for i, _ in roots]), np.concatenate([s for _, s in roots])
     order = np.lexsort((s, where))
     where, s = where[order], s[order]
     inside = (s > 0) & (s < 1)
@@ -123,7 +137,7 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
 
 
 def _changes(coefficients: Array) -> Indices:
-    """Changes of sign along the coefficients (m, n + 1) of each polynomial, zeros left out, (m,)."""
+    """Return the number (m,) of sign changes along the coefficients (m, n + 1), zeros left out."""
     signs = np.sign(coefficients.T)
     for k in range(1, len(signs)):
         signs[k] = np.where(signs[k] == 0, signs[k - 1], signs[k])
@@ -131,13 +145,13 @@ def _changes(coefficients: Array) -> Indices:
 
 
 def _bisect(coefficients: Array) -> Array:
-    """The one zero in [0, 1] of each polynomial (m, n + 1), its ends of opposite sign; (m,)."""
+    """Return the single zero (m,) of each polynomial (m, n + 1) whose ends have opposite signs."""
     powers = to_powers(coefficients)
     if len(powers) <= FEW:
         return np.array(
             [
-                _bisected(own, bool(first > 0))
-                for own, first in zip(powers.tolist(), coefficients[:, 0], strict=True)
+                _bisected(row, bool(first > 0))
+                for row, first in zip(powers.tolist(), coefficients[:, 0], strict=True)
             ]
         )
     low, high = np.zeros(len(powers)), np.ones(len(powers))
@@ -150,7 +164,7 @@ def _bisect(coefficients: Array) -> Array:
 
 
 def _bisected(powers: list[float], falling: bool) -> float:
-    """The zero of one polynomial, as `_bisect` finds it."""
+    """Return the zero of one polynomial like `_bisect`."""
     low, high = 0.0, 1.0
     last, *others = powers[::-1]
     for _ in range(BISECTIONS):
@@ -166,7 +180,7 @@ def _bisected(powers: list[float], falling: bool) -> float:
 
 
 def evaluate(powers: Array, s: Array) -> Array:
-    """Σ powers[:, k] s^k by Horner's rule, (m,); powers (m, n + 1), s (m,) or one for all."""
+    """Return Σ powers[:, k] s^k (m,) by Horner's rule. powers: (m, n + 1). s: (m,) or a number."""
     value = powers[:, -1] + 0.0 * s
     for coefficient in powers.T[-2::-1]:
         value = value * s + coefficient

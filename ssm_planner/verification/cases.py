@@ -1,8 +1,10 @@
-"""Of a range of friction and payload, the cases in which a motion asks most of its motors.
+"""Worst cases within a range of friction and payload.
 
-Every outermost set of friction parameters that spans the range (`FrictionSpread.within`), with an empty tip, the least and
-the largest payload, at both ends of every piece and evenly between: the sets for which the torque of a motor, either way, or
-its mean square is largest are then looked at as closely as the robot's own torques. The planner's corners are not used.
+The candidates are the outermost sets of friction parameters (`FrictionSpread.within`), each with an
+empty tip, the smallest and the largest payload. They are evaluated at both ends of every piece and
+at evenly spaced instants. The check then evaluates the candidates with the largest motor torque in
+either direction, or with the largest mean square, as closely as the nominal robot. The planner's
+choice of cases is not used.
 """
 
 from __future__ import annotations
@@ -24,18 +26,21 @@ from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.limits import Case, Quantity
 
 INSTANTS = 250
-"""Looked at with every set: evenly spread ones, and as many at which the stated friction takes most."""
+"""Number of evenly spaced instants that are evaluated with every set.
+
+As many instants with the largest nominal torque are added.
+"""
 BLOCK = 400_000
-"""Torques evaluated at once."""
+"""Number of torques that are evaluated together."""
 
 
 def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> list[Quantity]:
-    """Motor torques in the worst cases; none where no range is asked for."""
+    """Return the motor torques of the worst cases. The list is empty if no range is required."""
     if limits.friction is None and limits.payload is None:
         return []
     masses = sorted({0.0, *(limits.payload or ())})
     motion = _Motion(trajectory, robot, masses)
-    found: list[Quantity] = []
+    quantities: list[Quantity] = []
     for i, joint in enumerate(robot.joints):
         if joint.drive is None or joint.motor is None:
             continue
@@ -52,23 +57,24 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
             }
         ):
             values = {name: float(column[k]) for name, column in sets.items()}
-            words = ", ".join(starmap(_said, values.items())) if limits.friction else ""
+            text = ", ".join(starmap(_case_text, values.items())) if limits.friction else ""
             payload = f"payload {1e3 * masses[mass]:g} g" if limits.payload else ""
             case = Case(
-                drawn(joint.drive, values), masses[mass], "; ".join(filter(None, (words, payload)))
+                drawn(joint.drive, values), masses[mass], "; ".join(filter(None, (text, payload)))
             )
-            found.append(Quantity(joint.limit(MotorTorque), i, case=case))
-    return found
+            quantities.append(Quantity(joint.limit(MotorTorque), i, case=case))
+    return quantities
 
 
-def _said(name: str, value: float) -> str:
+def _case_text(name: str, value: float) -> str:
     return f"{name} {LAWS[int(value)]}" if name == LAW else f"{name} {value:.4g}"
 
 
 def _outermost(sets: dict[str, Array]) -> dict[str, Array]:
-    """The sets of parameters (sets,) that no other exceeds in all of them, or none is below in all.
+    """Return the parameter sets (sets,) that are not dominated.
 
-    The torque in the direction of motion grows with every one of them, by one law.
+    The torque in the direction of motion grows with every parameter. A set is therefore kept if no
+    other set is larger in all parameters, or if none is smaller in all.
     """
     values = np.unique(np.column_stack(list(sets.values())), axis=0)
     more = np.ones((len(values), len(values)), dtype=bool)
@@ -80,7 +86,7 @@ def _outermost(sets: dict[str, Array]) -> dict[str, Array]:
 
 
 class _Motion:
-    """A motion at instants of which the ends of every piece are some."""
+    """A motion at instants that include the ends of every piece."""
 
     def __init__(self, trajectory: Trajectory, robot: Robot, masses: list[float]) -> None:
         lengths = np.diff(trajectory.breaks)
@@ -90,29 +96,33 @@ class _Motion:
         )
         piece = np.repeat(np.arange(len(lengths)), inner + 2)
         samples = trajectory.sample_pieces(piece, share * lengths[piece])
-        after, starting = directions(robot, samples, 1)
-        before, _ = directions(robot, samples, -1)
-        self.way = np.where(share[:, None] == 1.0, before, after)
+        departing, starting = directions(robot, samples, 1)
+        arriving, _ = directions(robot, samples, -1)
+        self.way = np.where(share[:, None] == 1.0, arriving, departing)
         self.start = np.where(share[:, None] == 0.0, starting, 0.0) > 0
         self.qd, self.qdd = samples.qd, samples.qdd
         bodies = (RigidBody.from_robot(with_payload(robot, mass)) for mass in masses)
         self.tau = [body.inverse_dynamics(samples.q, samples.qd, samples.qdd) for body in bodies]
 
     def torque(self, i: int, drive: Drive, load: int, at: Indices) -> Array:
-        """(sets, instants) of joint i; of a drive with columns (sets, 1)."""
+        """Return the torque (sets, instants) of joint i for a drive with columns (sets, 1)."""
         motion = self.tau[load][at, i], self.qd[at, i], self.qdd[at, i], self.way[at, i]
         return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[at, i])[0])
 
     def worst(
         self, i: int, drive: Drive, sets: dict[str, Array], load: int
     ) -> set[tuple[int, int]]:
-        """(set, load) at which the torque is largest, smallest, and largest in the mean."""
-        whole = np.arange(len(self.qd))
-        stated = np.abs(self.torque(i, drive, load, whole)[0])
-        step = max(len(whole) // INSTANTS, 1)
+        """Return (set, load) with the largest, the smallest, and the largest mean square torque."""
+        everywhere = np.arange(len(self.qd))
+        nominal = np.abs(self.torque(i, drive, load, everywhere)[0])
+        step = max(len(everywhere) // INSTANTS, 1)
         at = np.unique(
             np.concatenate(
-                [whole[::step], np.argsort(stated)[-INSTANTS:], np.flatnonzero(self.start[:, i])]
+                [
+                    everywhere[::step],
+                    np.argsort(nominal)[-INSTANTS:],
+                    np.flatnonzero(self.start[:, i]),
+                ]
             )
         )
         rows = max(BLOCK // len(at), 1)

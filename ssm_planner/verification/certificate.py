@@ -1,6 +1,7 @@
-"""The certificate: for every named limit the worst value found, its margin, joint and time; and its seal.
+"""The certificate of a motion and its seal.
 
-The seal is SHA-256 over what was checked and what was found, so that a change of either shows.
+A certificate contains the worst value of every named limit with its margin, joint and time. The
+seal is the SHA-256 of the checked motion and the result, so a change of either is detected.
 """
 
 from __future__ import annotations
@@ -18,17 +19,19 @@ from ssm_planner.problem.motion import Follow, Straight
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain, robot_text
+from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import BLOCK, Trajectory
 
 TOLERANCE = 1e-6
-"""A limit counts as kept while it is exceeded by no more than this share of itself (rounding)."""
+"""Relative excess of a limit that counts as rounding."""
 
 
 @dataclass(frozen=True)
-class LimitCheck:
-    """One limit over a whole motion; SI units.
+class LimitCheck(ShortRepr):
+    """The result of checking one limit over a whole motion, in SI units.
 
-    margin = (limit − worst)/limit, for a range the distance to its nearer end by half its width; negative: violated.
+    The margin is (limit − worst)/limit. For a range it is the distance to the nearer end divided by
+    half the width. A negative margin means that the limit is violated.
     """
 
     name: str
@@ -39,11 +42,14 @@ class LimitCheck:
     time: float
     unit: str
     case: str | None = None
-    """Friction and payload at which it is worst, where a range of them was looked at; of a promised path its phase."""
+    """Friction and payload of the worst case if a range was checked.
+
+    For a path promise, it names the phase.
+    """
 
     @classmethod
     def of(cls, limit: Limit, worst: float, time: float) -> LimitCheck:
-        """A limit on a magnitude, with the largest one found and when."""
+        """Build the result for a limit on a magnitude from the largest value and its time."""
         bound = limit.high
         margin = (bound - worst) / bound
         return cls(
@@ -58,16 +64,16 @@ class LimitCheck:
 
     @property
     def passed(self) -> bool:
-        """The limit is kept, up to rounding."""
+        """True if the limit is kept, up to rounding."""
         return self.margin >= -TOLERANCE
 
     def to_dict(self) -> dict[str, Any]:
-        """An entry of `limits` in what `check --json` prints; SI."""
+        """Return the entry of `limits` in the output of `check --json`, in SI units."""
         return dict(vars(self))
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> LimitCheck:
-        """Read back what `to_dict` wrote. Raises TrajectoryError."""
+        """Build a result from the output of `to_dict`. Raises TrajectoryError."""
         try:
             numbers = {key: float(data[key]) for key in ("worst", "limit", "margin", "time")}
             joint = None if data["joint"] is None else str(data["joint"])
@@ -78,23 +84,36 @@ class LimitCheck:
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """Outcome of a check of one trajectory; `unchecked` names what could not be checked, and why."""
+class Certificate(ShortRepr):
+    """The result of checking one trajectory.
+
+    `unchecked` lists what could not be checked and why.
+    """
 
     limits: tuple[LimitCheck, ...]
     interpolation: str
     instants: int
     unchecked: tuple[str, ...] = ()
     sha256: str | None = None
-    """Seal of what was checked and found (`sealed`); None where nobody asked for it."""
+    """Seal of the check (see `sealed`). None if no seal was requested."""
+
+    def __getitem__(self, key: tuple[str, str]) -> LimitCheck:
+        """Return the check of a limit by its name and joint, such as ("velocity", "tilt").
+
+        Raises KeyError if the certificate has none.
+        """
+        for limit in self.limits:
+            if (limit.name, limit.joint) == key:
+                return limit
+        raise KeyError(key)
 
     def with_more(self, checks: tuple[LimitCheck, ...]) -> Certificate:
-        """With further limits."""
+        """Return the certificate with further limits."""
         return replace(self, limits=(*self.limits, *checks)) if checks else self
 
     @property
     def passed(self) -> bool:
-        """Every limit is kept, and there are some."""
+        """True if there are limits and all of them are kept."""
         return bool(self.limits) and all(limit.passed for limit in self.limits)
 
     @property
@@ -104,11 +123,11 @@ class Certificate:
 
     @property
     def violations(self) -> tuple[LimitCheck, ...]:
-        """The limits that are not kept."""
+        """The limits that are violated."""
         return tuple(limit for limit in self.limits if not limit.passed)
 
     def to_dict(self) -> dict[str, Any]:
-        """What plan.json holds; SI."""
+        """Return the certificate as plan.json stores it, in SI units."""
         return {
             "passed": self.passed,
             "interpolation": self.interpolation,
@@ -120,7 +139,7 @@ class Certificate:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Certificate:
-        """Read back what `to_dict` wrote. Raises TrajectoryError."""
+        """Build a certificate from the output of `to_dict`. Raises TrajectoryError."""
         try:
             limits = tuple(LimitCheck.from_dict(limit) for limit in data["limits"])
             unchecked = tuple(str(what) for what in data["unchecked"])
@@ -142,7 +161,7 @@ class Certificate:
 def sealed(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> Certificate:
-    """The certificate with the seal of what it was found for."""
+    """Return the certificate with its seal for this trajectory, robot and limits."""
     global _last
     found = replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
     _last = tuple(map(ref, (found, trajectory, robot, limits)))
@@ -150,13 +169,16 @@ def sealed(
 
 
 _last: tuple[ref[Any], ...] = ()
-"""The certificate that was sealed last, and for what: values never change, so that its seal holds for these objects."""
+"""The most recently sealed certificate and its inputs.
+
+They are immutable, so the seal stays valid.
+"""
 
 
 def broken_seal(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str | None:
-    """Why a certificate says nothing of this trajectory with this robot and these limits; None where it does."""
+    """Return why a certificate does not apply to its input, or None if it does."""
     if not certificate.limits:
         return "its certificate names no limits"
     if certificate.sha256 is None:
@@ -190,7 +212,7 @@ def _digest(
 
 
 def _promise(entry: Straight | Follow) -> dict[str, Any]:
-    """What a motion says of its way."""
+    """Return what a motion promises about the path of the tip."""
     return {
         key: value for key, value in plain(entry).items() if key not in ("duration", "line", "file")
     }

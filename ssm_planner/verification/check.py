@@ -1,9 +1,11 @@
-"""Independent check of any trajectory against every limit, with the exact friction law, between the samples too.
+"""Independent check of a trajectory against every limit, with the exact friction law.
 
-It knows nothing of how the trajectory came about: it takes polynomials in time. What is a polynomial itself (position,
-velocity, acceleration, jerk, motor speed) has its extremes found exactly; the rest is looked at densely, on both sides of
-every break and of every reversal, and ever closer where something worse may hide. Starts and reversals are treated with
-static friction. Motor torques are held against what the motors may give for all time too, as root mean squares.
+The check knows nothing about the planner. Its input are polynomials in time. For quantities that
+are polynomials themselves (position, velocity, acceleration, jerk, motor speed), it computes the
+exact
+extremes. It samples the other quantities densely, on both sides of every break and every reversal,
+and refines the intervals in which a larger value may hide. Starts and reversals use static
+friction. RMS motor torques are compared with the continuous torque of the motors.
 """
 
 from __future__ import annotations
@@ -33,9 +35,12 @@ from ssm_planner.verification.stops import StopMotions, quickest_stops
 RATE = 10_000.0
 RATE_OF_STOPS = 1000.0
 CLOSER = 21
-"""Instants about the one with the farthest stop that are looked at again."""
+"""Number of instants around the farthest stop that are evaluated again."""
 INSTANTS = 3_000_000
-"""A trajectory so long that it would have more instants at the given rate is sampled at a lower one first."""
+"""Largest number of instants of the first pass.
+
+Longer trajectories are sampled at a lower rate first.
+"""
 NONE = TaskLimits()
 
 
@@ -48,12 +53,28 @@ def check(
     resolution: Array | None = None,
     seal: bool = False,
 ) -> Certificate:
-    """Certificate of a trajectory: every limit of the robot, and those of the task; rest at both ends unless these say else.
+    """Check a trajectory against every limit of the robot and the task.
 
-    rate: of the second look in Hz, the first has a fifth of it; never fewer than four instants in a piece.
-    resolution (4,): for a trajectory of straight pieces between points, which has no acceleration, the largest rounding
-    error of the points (rad, m); None where the pieces are smooth.
-    seal: the certificate says by a hash what it was found for, as a plan needs it.
+    Parameters
+    ----------
+    trajectory : Trajectory
+    robot : Robot
+    limits : TaskLimits
+        Limits of the task. The motion must rest at both ends unless these declare end rates.
+    rate : float
+        Sampling rate of the second pass in Hz. The first pass has a fifth of it, and at least
+        four instants in every piece.
+    interpolation : str
+        Description of the pieces for the certificate.
+    resolution : (4,), optional
+        Largest rounding error of the points of a piecewise linear trajectory (rad, m). Such a
+        trajectory has no acceleration. None means that the pieces are smooth.
+    seal : bool
+        Add a hash of the input, which plans need.
+
+    Returns
+    -------
+    Certificate
     """
     straight = resolution is not None
     # on straight pieces what depends on the acceleration is not defined
@@ -75,7 +96,8 @@ def check(
     ]
     if limits.duty is None:
         unchecked.append(
-            "continuous torque: the motion is done once, and what motors may do for all time is no limit then"
+            "continuous torque: the motion is done once, and what motors may do for all time is no "
+            "limit then"
         )
     else:
         found += sampled.rms.checks(robot, trajectory, limits.duty)
@@ -94,14 +116,15 @@ def check(
         found += path_checks(trajectory, Mechanism.from_geometry(robot.geometry), limits)
     elif limits.promising:
         unchecked.append(
-            f"that the tip keeps to the path of {limits.promising}: a table does not say when it begins"
+            f"that the tip keeps to the path of {limits.promising}: a table does not say when it "
+            "begins"
         )
     certificate = Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
 
 
 def _worst_of_each(found: list[LimitCheck]) -> list[LimitCheck]:
-    """One check for each limit of a joint: of the cases of a range the worst."""
+    """Return one result for each limit and joint: the worst of all cases."""
     worst: dict[tuple[str, str | None], LimitCheck] = {}
     for check_ in found:
         key = check_.name, check_.joint
@@ -111,7 +134,7 @@ def _worst_of_each(found: list[LimitCheck]) -> list[LimitCheck]:
 
 
 def _lacking(joint: Joint) -> str:
-    """Why a joint's motor is not checked."""
+    """Return why the motor of a joint is not checked."""
     if joint.drive is not None:
         return "the robot file names no motor for it"
     if joint.motor is None:
@@ -122,7 +145,10 @@ def _lacking(joint: Joint) -> str:
 
 
 def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
-    """φ_f > λ at the lowest plausible friction, for every drive the robot relies on to hold; share: of its range, if any."""
+    """Check φ_f > λ at the lowest plausible friction for every drive that must hold by itself.
+
+    share: fraction of the friction range, if there is one.
+    """
     checks = []
     for joint in robot.joints:
         limit, drive = (
@@ -148,7 +174,11 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
 def check_stops(
     stops: StopMotions, motion: Trajectory, robot: Robot, limits: TaskLimits
 ) -> Certificate:
-    """Of all stops together, one after the other: what holds of a motion as a whole, and between two stops, left out."""
+    """Check all controlled stops together.
+
+    The stops follow one another in one trajectory. Limits on a motion as a whole, and the
+    transitions between two stops, are left out.
+    """
     joined = stops.joined
     kept = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
     limits = replace(limits, limits=kept, motion=())
@@ -159,7 +189,10 @@ def check_stops(
 
 
 def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:
-    """Way of the tip in the farthest of the stops, each of which keeps the other limits; nothing where it is not limited."""
+    """Check the tip travel of the farthest controlled stop.
+
+    Each stop keeps the other limits. The result is empty if the stop travel is not limited.
+    """
     limit = limits.stop_travel
     if limit is None:
         return []

@@ -1,4 +1,7 @@
-"""Where a motion may not jump: at its breaks, and at both ends, where it rests unless end speeds are declared."""
+"""Jumps at the breaks of a motion, and its velocities at both ends.
+
+A motion must rest at both ends unless end velocities are declared.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ _jump, _end_velocity = lru_cache(maxsize=256)(Jump), lru_cache(maxsize=256)(EndV
 
 
 class Jumps:
-    """Worst jumps of position, velocity and acceleration of the four joints, block after block."""
+    """Collect the worst jumps of position, velocity and acceleration of the four joints."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -44,7 +47,10 @@ class Jumps:
         self.worst = np.maximum(largest, self.worst)
 
     def checks(self, straight: bool = False) -> list[LimitCheck]:
-        """Joint by joint; of acceleration where the jerk is limited. straight: of position alone."""
+        """Return the results for each joint.
+
+        Acceleration jumps count only if the jerk is limited. straight: judge position jumps alone.
+        """
         checks = []
         for i, joint in enumerate(self.robot.joints):
             slides = joint.kind == "prismatic"
@@ -62,7 +68,7 @@ class Jumps:
 
 
 def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
-    """q̇ at the start and at the end of a trajectory, (4,) each."""
+    """Return q̇ (4,) at the start and at the end of a trajectory."""
     first, last = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
     length = trajectory.breaks[-1] - trajectory.breaks[-2]
     orders = np.arange(1, len(last))
@@ -72,7 +78,10 @@ def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
 def declared_velocities(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> tuple[Array, Array]:
-    """q̇ that the motion shall have at both ends, (4,) each: that of the declared rates, or its own where any will do."""
+    """Return the declared q̇ (4,) at both ends.
+
+    If any rate is allowed at an end, its result is the rate of the trajectory.
+    """
     found = []
     own = end_velocities(trajectory)
     for velocity, rate, t in zip(
@@ -85,7 +94,10 @@ def declared_velocities(
 def end_checks(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, straight: bool
 ) -> list[LimitCheck]:
-    """Joint by joint, at both ends. straight: not where the piece there is straight, and says nothing of the speed."""
+    """Check the velocity of each joint at both ends.
+
+    straight: skip an end with a linear piece, which does not determine the velocity.
+    """
     checks = []
     declared = declared_velocities(trajectory, robot, limits)
     outer = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))

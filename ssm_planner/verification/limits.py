@@ -1,4 +1,4 @@
-"""What a check looks at: every limit with the way to evaluate it, and the worst value of each found so far."""
+"""Quantities that a check evaluates, and the worst value of each."""
 
 from __future__ import annotations
 
@@ -26,12 +26,15 @@ from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck
 
 JUMP = 1e-6
-"""Largest jump of position (rad, m), or of velocity or acceleration (share of its limit), at a break."""
+"""Largest jump of the position at a break, rad or m.
+
+Jumps of velocity and acceleration are relative to their limits.
+"""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A drive and a mass at the tip (kg) within the range that a motion has to hold for."""
+    """A drive and a mass at the tip (kg) within the range that a motion must be valid for."""
 
     drive: Drive
     payload: float
@@ -40,31 +43,37 @@ class Case:
 
 @dataclass(frozen=True)
 class Quantity:
-    """The value along a motion that a limit bounds, and how it follows from the joints."""
+    """A limited quantity and how it follows from the joint motion."""
 
     limit: Limit
     index: int = -1
-    """Of the joint, or of the task coordinate."""
+    """Index of the joint or of the task coordinate."""
     order: int | None = None
-    """The value is `scale` times this derivative of q[index]; None where it is no polynomial in time."""
+    """The quantity is `scale` times this derivative of q[index].
+
+    It is None if the quantity is no polynomial in time.
+    """
     scale: float = 1.0
     case: Case | None = None
-    """Of a motor torque: friction and payload other than the robot's own."""
+    """Friction and payload of a motor torque if they differ from the robot's."""
 
     @property
     def kinked(self) -> bool:
-        """It may turn back sharply between two instants, which a cubic does not foresee."""
+        """True if the quantity may have a kink between two instants, which no cubic predicts."""
         return isinstance(self.limit, RetinaClearance)
 
     def excess(self, lowest: Array, highest: Array) -> Array:
-        """−margin of values between lowest and highest: what lies beyond the nearer bound, by the half width."""
+        """Return the negative margin of values between `lowest` and `highest`.
+
+        It is the excess over the nearer bound divided by the half width.
+        """
         limit = self.limit
         return np.maximum(highest - limit.high, limit.low - lowest) / limit.half_width
 
 
 @dataclass
 class Worst:
-    """The worst value of one quantity so far."""
+    """The worst value of one quantity."""
 
     quantity: Quantity
     excess: float = -np.inf
@@ -72,7 +81,7 @@ class Worst:
     time: float = 0.0
 
     def offer(self, excess: float, value: float, time: float) -> None:
-        """Take a value if it is worse than the one known."""
+        """Store a value if it is worse than the stored one."""
         if excess > self.excess:
             self.excess, self.value, self.time = excess, value, time
 
@@ -94,7 +103,7 @@ class Worst:
 
 
 def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
-    """Everything that is limited at every instant: by joints and motors, by the task, by the eye."""
+    """Return every quantity that is limited at each instant: by joints, motors, task and eye."""
     for i, joint in enumerate(robot.joints):
         for limit in joint.limits:
             if isinstance(limit, (MotorTorque, NutContact)):

@@ -1,6 +1,7 @@
-"""A stretch of a trajectory's pieces, each on s ∈ [0, 1], with what a check asks of them, and the extremes of polynomials.
+"""Blocks of consecutive polynomial pieces, each on s ∈ [0, 1], and extremes of polynomials.
 
-Arrays are pieces first, in Fortran order: operations then run along values that lie together in memory.
+The first axis of every array counts pieces. Arrays are in Fortran order, so operations run along
+values that are adjacent in memory.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from ssm_planner.verification import bernstein
 from ssm_planner.verification.limits import Worst
 
 State = tuple[Array, Array, Array]
-"""q, qd, qdd, (…, 4) each."""
+"""q, qd and qdd, each (…, 4)."""
 
 BLOCK = 8192
-"""Pieces at a time: what is worked out of them stays small."""
+"""Number of pieces that are evaluated together, which bounds the memory in use."""
 EXACT = 1e-10
-"""Share of a limit to which the extreme of a polynomial is exact."""
+"""Accuracy of the extreme of a polynomial relative to its limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +34,15 @@ class Pieces:
     """Consecutive pieces as polynomials of s = (t − start)/length."""
 
     start: Array
-    """(m,), s."""
+    """Start times (m,), s."""
     length: Array
-    """(m,), s."""
+    """Durations (m,), s."""
     powers: tuple[Array, ...]
-    """Of q, qd, qdd, qddd: coefficients of s^k, (m, 6 … 3, 4), in rad/s^order and m/s^order."""
+    """Coefficients of s^k of q, qd, qdd and qddd, (m, 6 … 3, 4), in rad/s^order and m/s^order."""
 
     @cached_property
     def bernstein(self) -> tuple[Array, ...]:
-        """Bernstein coefficients of q, qd, qdd, qddd, (m, 6 … 3, 4)."""
+        """Bernstein coefficients of q, qd, qdd and qddd, (m, 6 … 3, 4)."""
         return tuple(bernstein.from_powers(powers) for powers in self.powers)
 
     @property
@@ -54,12 +55,15 @@ class Pieces:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """(lowest, highest) (4, 4): between these are q, qd, qdd, qddd (rows) of the four joints."""
+        """Lowest and highest values (4, 4) of q, qd, qdd, qddd (rows) of the four joints."""
         lowest = np.stack([b.min(axis=0).min(axis=0) for b in self.bernstein])
         return lowest, np.stack([b.max(axis=0).max(axis=0) for b in self.bernstein])
 
     def at(self, piece: Indices | slice, s: Array, out: Sequence[Array] | Array = ()) -> State:
-        """q, qd, qdd, each (…, n, 4), at s (…, n) of pieces (n,), counted from the first of these; out: of shape (4, … n)."""
+        """Return q, qd, qdd, each (…, n, 4), at s (…, n) of the pieces with index (n,).
+
+        out: arrays for the results, (4, … n).
+        """
         q, qd, qdd = (
             _horner(powers.T[..., piece], s, values)
             for powers, values in zip_longest(self.powers[:3], out)
@@ -67,18 +71,24 @@ class Pieces:
         return q, qd, qdd
 
     def speeds(self, piece: Indices, s: Array) -> Array:
-        """qd (…, n, 4) alone, as `at`."""
+        """Return qd (…, n, 4) like `at`."""
         return _horner(self.powers[1].T[..., piece], s)
 
     def time(self, piece: Indices, s: Array) -> Array:
         return self.start[piece] + s * self.length[piece]
 
     def moving(self, robot: Robot) -> Mask:
-        """(m, 4): the joint moves within the piece; what stays below STILL throughout is rounding of a joint at rest."""
+        """Return whether each joint moves within each piece, (m, 4).
+
+        A speed that stays below STILL is the rounding error of a joint at rest.
+        """
         return np.asarray(np.abs(self.bernstein[1]).max(axis=1) > still(robot))
 
     def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
-        """(piece, from, to): the pieces, cut where a joint turns back within one, so that directions keep."""
+        """Return (piece, from, to) of the pieces, cut where a joint reverses.
+
+        Every joint keeps its direction within a segment.
+        """
         whole = np.arange(len(self.start))
         # the joints one below the other
         speeds = self.bernstein[1].T.swapaxes(0, 1).reshape(DEGREE, -1).T
@@ -93,7 +103,7 @@ class Pieces:
 
 
 def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
-    """The pieces of a trajectory, in blocks."""
+    """Yield the pieces of a trajectory in blocks."""
     count = len(trajectory.breaks) - 1
     for first in range(0, count, BLOCK):
         block = slice(first, min(first + BLOCK, count))
@@ -116,14 +126,14 @@ def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
 
 
 def still(robot: Robot) -> Array:
-    """Speed (4,) up to which a joint stands."""
+    """Return the speeds (4,) up to which the joints count as standing."""
     return np.array([joint.velocity for joint in robot.joints]) * STILL
 
 
 def _horner(powers: Array, s: Array, out: Array | None = None) -> Array:
-    """Σ powers[:, k] s^k: powers (4, degree + 1, n), s (…, n) → (…, n, 4), each joint's values together in memory.
+    """Return Σ powers[:, k] s^k (…, n, 4) for powers (4, degree + 1, n) and s (…, n).
 
-    out: where they are to be, with any shape of (4, … n).
+    The values of each joint are adjacent in memory. out: array for the result, (4, … n).
     """
     shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
     last, *others = (coefficient.reshape(shape) for coefficient in powers.swapaxes(0, 1)[::-1])
@@ -136,7 +146,7 @@ def _horner(powers: Array, s: Array, out: Array | None = None) -> Array:
 
 
 def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
-    """Bring the worst values of polynomial quantities up to date with these pieces."""
+    """Update the worst values of the polynomial quantities with these pieces."""
     lowest, highest = pieces.bounds
     for order, bernstein_of in enumerate(pieces.bernstein):
         open_: list[tuple[Worst, float, float, float]] = []

@@ -1,10 +1,11 @@
-"""A trajectory of straight pieces between points: what can be said of its speed and acceleration.
+"""Speed and acceleration of a trajectory that consists of linear pieces between points.
 
-Its velocity jumps at every point, so it has no acceleration, and torques are not defined. But whatever smooth motion
-passes through three points has somewhere an acceleration of at least the jump of the mean velocity by the mean length of
-the two intervals (mean value theorem; at the ends of the motion, which rests there or has a declared speed, the interval
-outside has no length).
-So a jump that the acceleration limit does not allow is a violation, however the points are joined.
+Its velocity jumps at every point, so acceleration and torque are undefined. However, every smooth
+motion through three points has at some instant at least a certain acceleration: the jump of the
+mean velocity divided by the mean length of both intervals (mean value theorem). At the ends of the
+motion, which rests there or has a declared speed, the outer interval has no length. A jump that
+exceeds the
+acceleration limit is therefore a violation for every way to join the points.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from ssm_planner.verification.limits import Quantity
 from ssm_planner.verification.pieces import BLOCK
 
 FINEST = 1e-12
-"""rad or m: positions are never taken to be known better."""
+"""Best accuracy of positions that is ever assumed, rad or m."""
 
 
 def linear_limits(
@@ -38,10 +39,10 @@ def linear_limits(
     resolution: Array,
     judged: Mapping[Quantity, LimitCheck],
 ) -> tuple[list[LimitCheck], list[str]]:
-    """The limits with speeds judged within the rounding of the points, velocity jumps, and what is not defined.
+    """Return the limits of a trajectory that consists of linear pieces.
 
-    resolution (4,): largest rounding error of a point, rad or m; a speed or jump that rounding alone can explain does
-    not count.
+    Speeds and velocity jumps that the rounding of the points can explain do not count. The second
+    result lists what is undefined. resolution (4,): largest rounding error of a point, rad or m.
     """
     resolution = np.maximum(resolution, FINEST)
     speeds = _Speeds(robot, resolution, declared_velocities(trajectory, robot, limits)[0])
@@ -65,7 +66,7 @@ def linear_limits(
 
 
 class _Speeds:
-    """Speeds of the joints on straight pieces and jumps between them, block after block, less what rounding explains."""
+    """Collect joint speeds on linear pieces and jumps between them, less the possible rounding."""
 
     def __init__(self, robot: Robot, resolution: Array, start: Array) -> None:
         self.robot, self.resolution = robot, resolution
@@ -77,7 +78,7 @@ class _Speeds:
         self._before, self._length, self._time = start, 0.0, 0.0
 
     def look(self, breaks: Array, coefficients: Array) -> None:
-        """Pieces between breaks (m + 1,), with coefficients (m, 6, 4)."""
+        """Add pieces between breaks (m + 1,) with coefficients (m, 6, 4)."""
         length = np.diff(breaks)
         speed = np.maximum(np.abs(coefficients[:, 1]) - 2 * self.resolution / length[:, None], 0.0)
         largest, k = speed.max(axis=0), speed.argmax(axis=0)
@@ -94,12 +95,15 @@ class _Speeds:
         self._before, self._length, self._time = ends[-1], float(length[-1]), float(breaks[-1])
 
     def end(self, velocity: Array) -> None:
-        """The motion is to end with q̇ (4,)."""
+        """Add the end of the motion with the velocity q̇ (4,)."""
         last, none = np.array([self._length]), np.zeros(1)
         self._jumps(np.array([self._time]), last, none, (velocity - self._before)[None])
 
     def _jumps(self, time: Array, before: Array, after: Array, jump: Array) -> None:
-        """Jumps (n, 4) at times (n,) between intervals of these lengths, 0 outside the motion."""
+        """Add jumps (n, 4) at times (n,) between intervals of the given lengths.
+
+        A length is 0 outside the motion.
+        """
         first, second = (
             np.divide(1.0, x, out=np.zeros_like(x), where=x > 0) for x in (before, after)
         )
@@ -116,7 +120,7 @@ class _Speeds:
         self.share = np.where(worse, share[k, each], self.share)
 
     def checks(self) -> list[LimitCheck]:
-        """Velocity jumps, joint by joint."""
+        """Return the velocity jumps of each joint."""
         checks = []
         for i, joint in enumerate(self.robot.joints):
             worst, allowed, time = self.worst[:, i].tolist()
@@ -128,7 +132,7 @@ class _Speeds:
 def _within_rounding(
     of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: _Speeds
 ) -> LimitCheck:
-    """Speed limits without the part of the speed that rounding of the points can explain."""
+    """Judge speed limits without the part of the speed that rounding of the points can explain."""
     if of.limit.order != 1:
         return limit
     if of.order is None:
@@ -147,7 +151,7 @@ def _within_rounding(
 def _of_tool(
     of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
 ) -> LimitCheck:
-    """A speed of the tool, at the start of every piece and at the worst instant found."""
+    """Judge a tool speed at the start of every piece and at the worst sampled instant."""
     if limit.passed:
         return limit
     mechanism = Mechanism.from_geometry(robot.geometry)

@@ -1,7 +1,8 @@
-"""Pieces of a very long trajectory that cannot hold the worst value of anything, told by one look at their middle.
+"""Exclusion of pieces of a very long trajectory by one evaluation in their middle.
 
-A quantity moves from its value at the middle of a piece by no more than Σ S·Δ: S, the largest change per change of
-q, qd or qdd found along the trajectory, Δ, how far these move within the piece by their Bernstein coefficients.
+A quantity differs from its value at the middle of a piece by at most Σ S·Δ. S is the largest change
+per change of q, qd or qdd that was sampled along the trajectory. Δ is the largest change of these
+within the piece according to their Bernstein coefficients.
 """
 
 from __future__ import annotations
@@ -16,28 +17,28 @@ from ssm_planner.typing import Array, Mask
 from ssm_planner.verification.pieces import Pieces, State, pieces_of, still
 
 WORTHWHILE = 20_000
-"""Pieces above which the prefilter saves time."""
+"""Number of pieces above which the prefilter saves time."""
 PARTS = 8
-"""Of a block of pieces."""
+"""Number of parts of a block of pieces."""
 CAUTION = 2.0
 STEP = 1e-4
-"""Of the differences that S is taken from, as a share of the joint's velocity (and the like) in a second."""
+"""Step of the differences for S, relative to the distance that a joint travels in one second."""
 
 Evaluate = Callable[[State, Array, Array], Array]
-"""State q, qd, qdd, directions and breakaways, (n, 4) each → quantities (n, k)."""
+"""Function from (q, qd, qdd), directions and breakaways, each (n, 4), to quantities (n, k)."""
 
 
 def sensitivity(trajectory: Trajectory, robot: Robot, evaluate: Evaluate) -> Array:
-    """Largest |∂quantity / ∂(q, qd, qdd)| along a trajectory, (3, 4, k), by central differences.
+    """Return the largest |∂quantity / ∂(q, qd, qdd)| along a trajectory, (3, 4, k).
 
-    Taken where, in each part of each block of pieces, a joint is farthest, fastest or hardest accelerated either way: a short
-    move among many pieces at rest is so found.
+    Central differences are taken where a joint has an extreme position, velocity or acceleration in
+    a part of a block of pieces. A short move among many pieces at rest is therefore included.
     """
     return _slopes(np.concatenate(list(_extremes(trajectory)), axis=1), robot, evaluate)
 
 
 def _extremes(trajectory: Trajectory) -> Iterator[Array]:
-    """States (3, n, 4) of the pieces of each block that are extreme in its PARTS."""
+    """Return the extreme states (3, n, 4) in the PARTS of each block of pieces."""
     for pieces in pieces_of(trajectory):
         state = np.stack(middle(pieces))
         chosen = [np.empty(0, dtype=np.intp)]
@@ -49,7 +50,7 @@ def _extremes(trajectory: Trajectory) -> Iterator[Array]:
 
 
 def _slopes(state: Array, robot: Robot, evaluate: Evaluate) -> Array:
-    """Largest slopes (3, 4, k) at states (3, n, 4)."""
+    """Return the largest slopes (3, 4, k) at states (3, n, 4)."""
     direction, breakaway = np.sign(state[1]), np.zeros_like(state[1])
 
     def slope(order: int, i: int) -> Array:
@@ -64,19 +65,25 @@ def _slopes(state: Array, robot: Robot, evaluate: Evaluate) -> Array:
 
 
 def middle(pieces: Pieces) -> State:
-    """q, qd, qdd, each (m, 4), at s = 1/2."""
+    """Return q, qd and qdd, each (m, 4), at s = 1/2."""
     return pieces.at(slice(None), np.full(len(pieces.start), 0.5))
 
 
 def spread(pieces: Pieces, state: State, slopes: Array) -> Array:
-    """How far each quantity may be from its value at the middle, (m, k); slopes (3, 4, k)."""
+    """Return the largest change (m, k) of each quantity from its value at the middle.
+
+    slopes: (3, 4, k).
+    """
     pairs = zip(pieces.bernstein[:3], state, strict=True)
     moved = [np.abs(coefficients - at[:, None]).max(axis=1) for coefficients, at in pairs]
     return CAUTION * sum(distance @ slope for distance, slope in zip(moved, slopes, strict=True))
 
 
 def starting(pieces: Pieces, robot: Robot) -> Mask:
-    """(m,): a driven joint stands at an end of the piece and moves within it, so that friction may be static."""
+    """Return whether friction may be static in each piece, (m,).
+
+    It may be if a driven joint stands at an end of the piece and moves within it.
+    """
     driven = np.array([joint.drive is not None for joint in robot.joints])
     speed = np.abs(pieces.bernstein[1])
     ends = np.minimum(speed[:, 0], speed[:, -1]) <= still(robot)

@@ -1,6 +1,7 @@
-"""How a motion keeps what its problem promises of the tip's way: lines, corners, constant speed, distance from the retina.
+"""Promises about the path of the tip: lines, corners, constant speed, distance from the retina.
 
-Lines follow from the problem and from where the tip is when it begins to follow them, by kinematics alone.
+The lines follow from the problem and from the position of the tip where the phase begins, by
+kinematics alone.
 """
 
 from __future__ import annotations
@@ -31,79 +32,94 @@ from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck
 
 OFF = 1e-7
-"""m from its lines beyond which the tip has left them."""
+"""Distance from its lines, m, beyond which the tip has left them."""
 ON, CONSTANT = 1e-6, 1e-6
-"""m by which the tip may be off a line without corners, and off its distance from the retina; share for a constant speed."""
+"""Tolerances without corners: distance from a line or from a constant distance to the retina, m.
+
+The second value is the largest relative error of a constant speed.
+"""
 SLACK = 1e-9
-"""m by which it may leave its lines farther from a corner than is allowed."""
+"""Extra distance, m, from a corner at which the tip may leave its lines."""
 LOOKS, FEW = 8, 3
-"""Instants in every piece of a motion at constant speed, and of others."""
+"""Number of instants in every piece of a motion at constant speed, and of other motions."""
 ABOUT, INSTANTS = 1.5, 301
-"""Distances allowed from a corner within which more instants are looked at, and how many."""
+"""Radius around a corner, in allowed distances, with more instants, and the number of these."""
 COARSE, STEPS, STEP = 65, 3, 1e-7
-"""Points of a line among which the nearest to the tip is looked for, steps from there, and of differences."""
+"""Search of the point of a line that is nearest to the tip.
+
+The values are the number of points to start from, the number of Newton steps, and the step of
+differences.
+"""
 SOME = 4096
-"""Instants at a time."""
+"""Number of instants that are evaluated together."""
 
 Curve = Callable[[Array], Array]
-"""Tips (n, 3) at shares (n,) of a line."""
+"""Function from fractions (n,) of a line to tip positions (n, 3)."""
 
 
 @dataclass(frozen=True)
 class Way:
-    """What is promised of one phase of a motion."""
+    """The promises about one phase of a motion."""
 
     span: Span
     lines: tuple[Curve, ...]
-    """That the tip follows one after the other."""
+    """Lines that the tip follows one after the other."""
     distances: tuple[float, ...] = ()
-    """Within which of the corners between them the tip may leave them, m."""
+    """Distance from each corner within which the tip may leave the lines, m."""
     speed: float | None = None
-    """That the tip keeps, m/s."""
+    """Speed that the tip keeps, m/s."""
     over: tuple[Array, float, float] | None = None
-    """Centre (3,) and radius of a retina, and the distance that the tip keeps from it, m."""
+    """Centre (3,) and radius of a retina and the distance that the tip keeps from it, m."""
 
     @property
     def corners(self) -> Array:
-        """Between the lines, (k, 3)."""
+        """Corners between the lines, (k, 3)."""
         return np.array([line(np.ones(1))[0] for line in self.lines[:-1]]).reshape(-1, 3)
 
 
 @dataclass(frozen=True)
 class WayKept:
-    """How a phase keeps its promises; SI."""
+    """How well a phase keeps its promises, in SI units."""
 
     way: Way
     checks: tuple[LimitCheck, ...]
     departure: float
     """Largest distance of the tip from its lines."""
     stretch: tuple[float, float, float] | None = None
-    """Of a constant speed: from when to when, s from the start of the phase, and the largest share by which it is off."""
+    """Start and end of a constant speed in s from the start of the phase, and its relative
+    error.
+    """
 
     @property
     def reach(self) -> float | None:
-        """Largest distance from a corner at which the tip is off its lines; None without corners."""
+        """Largest distance from a corner at which the tip is off its lines.
+
+        It is None without corners.
+        """
         return next(
             (check.worst for check in self.checks if check.name == CornerRounding.name), None
         )
 
 
 def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[WayKept]:
-    """Of every phase of which something is promised."""
+    """Return how every phase with promises keeps them."""
     return [_kept(motion, mechanism, way) for way in _ways(motion, mechanism, limits)]
 
 
 def path_checks(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[LimitCheck]:
-    """The worst of every promise over all phases."""
-    found = (check for kept in promises_kept(motion, mechanism, limits) for check in kept.checks)
+    """Return the worst result of every promise over all phases."""
+    checks = (check for kept in promises_kept(motion, mechanism, limits) for check in kept.checks)
     worst: dict[str, LimitCheck] = {}
-    for check in found:
-        worst[check.name] = min(worst.get(check.name, check), check, key=lambda each: each.margin)
+    for check in checks:
+        worst[check.name] = min(worst.get(check.name, check), check, key=lambda item: item.margin)
     return list(worst.values())
 
 
 def _ways(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Iterator[Way]:
-    """The promises of a problem's motions, each with the phase that it is of: phases are named like these, in their order."""
+    """Return the promises of the motions of a problem with their phases.
+
+    Phases have the names of the motions and their order.
+    """
     place, loose = 0, False
     spans = motion.phases
     for chain in _chains(limits.motion):
@@ -130,7 +146,7 @@ def _ways(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Itera
 
 
 def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
-    """The motions of a problem, those between rounded corners together."""
+    """Return the motions of a problem. Motions joined by rounded corners form one chain."""
     chain: list[Motion] = []
     for entry in entries:
         chain.append(entry)
@@ -142,7 +158,10 @@ def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
 def _way(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: list[Motion], span: Span
 ) -> Way:
-    """The lines of motions that are one phase, from where the tip is when it begins."""
+    """Return the lines of motions that form one phase.
+
+    They begin at the position of the tip at the begin of the phase.
+    """
     task, branch = _begun(motion, mechanism, chain, span)
     lines: list[Curve] = []
     over: tuple[Array, float, float] | None = None
@@ -179,7 +198,10 @@ def _way(
 def _begun(
     motion: Trajectory, mechanism: Mechanism, chain: list[Motion], span: Span
 ) -> tuple[Array, int]:
-    """Task coordinates (4,) where a phase begins, rolls counted as its motions do, and the branch."""
+    """Return the task coordinates (4,) and the branch at the begin of a phase.
+
+    The roll is counted in whole turns like that of the motions.
+    """
     named = [
         entry.to.roll
         for entry in chain
@@ -197,7 +219,10 @@ def _begun(
 
 
 def _task_at(mechanism: Mechanism, point: Point, held: Array, branch: int) -> Array:
-    """Task coordinates (4,) of a point; those that it leaves out are held (4,)."""
+    """Return the task coordinates (4,) of a point.
+
+    Coordinates that the point leaves out are those of `held` (4,).
+    """
     if isinstance(point, Task):
         return np.array([point.given.get(name, held[k]) for k, name in enumerate(TASK)])
     if isinstance(point, Joints):
@@ -210,7 +235,10 @@ def _task_at(mechanism: Mechanism, point: Point, held: Array, branch: int) -> Ar
 
 
 def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
-    """How deep the tool is whose tip is on a sphere about a centre (3,), where it points as task coordinates (4,) say."""
+    """Return the depth of a tool whose tip is on a sphere.
+
+    The tool has the direction of the task coordinates (4,). centre: (3,).
+    """
     along = tip_from_task(mechanism, np.array([[*task[:3], 1.0]]))[0]
     return float(
         along @ centre + np.sqrt(max((along @ centre) ** 2 - centre @ centre + radius**2, 0.0))
@@ -218,7 +246,7 @@ def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -
 
 
 def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
-    """Straight in task coordinates, (4,) each."""
+    """Return points on a straight line in task coordinates between two points (4,)."""
     return tip_from_task(mechanism, start + s[:, None] * (end - start))
 
 
@@ -227,7 +255,10 @@ def _line(start: Array, end: Array, s: Array) -> Array:
 
 
 def _middle(tips: Array) -> Array:
-    """Centre (3,) of the circle through three points (3, 3), where the bisecting planes of two sides meet theirs."""
+    """Return the centre (3,) of the circle through three points (3, 3).
+
+    It is the intersection of the perpendicular bisecting planes of two sides and the points' plane.
+    """
     sides, normal = tips[1:] - tips[0], np.cross(tips[1] - tips[0], tips[2] - tips[0])
     half = (sides * (tips[1:] + tips[0])).sum(axis=1) / 2
     return np.asarray(
@@ -238,12 +269,14 @@ def _middle(tips: Array) -> Array:
 
 
 def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
-    """The arc about a centre from the first tip to the last: the shorter one, or that by the tip between them."""
+    """Return the arc about a centre from the first tip to the last.
+
+    It is the shorter arc, or the arc through the tip between them.
+    """
     first, end = tips[0] - centre, tips[-1] - centre
-    aside = end if shorter else tips[1] - centre
     normal = np.cross(first, end) if shorter else np.cross(tips[1] - tips[0], tips[-1] - tips[0])
     size = np.linalg.norm(normal)
-    second = np.cross(normal / size, first) if size else aside - first
+    second = np.cross(normal / size, first) if size else first
     angle = float(np.arctan2(end @ second, end @ first)) % (2 * np.pi) if size else 0.0
     return lambda s: np.asarray(
         centre + np.cos(angle * s)[:, None] * first + np.sin(angle * s)[:, None] * second
@@ -251,20 +284,20 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
 
 
 def _off(line: Curve, tips: Array) -> Array:
-    """Distances (n,) of tips (n, 3) from the places of a line that are found to be nearest to them."""
+    """Return the distances (n,) of tips (n, 3) from the nearest points of a line."""
     shares = np.linspace(0.0, 1.0, COARSE)
-    places = line(shares)
-    s = shares[np.argmin((places**2).sum(axis=1) - 2 * tips @ places.T, axis=1)]
+    positions = line(shares)
+    s = shares[np.argmin((positions**2).sum(axis=1) - 2 * tips @ positions.T, axis=1)]
     for _ in range(STEPS):
-        at, ahead = np.split(line(np.concatenate([s, s + STEP])), 2)
-        along = (ahead - at) / STEP
+        positions_at, ahead = np.split(line(np.concatenate([s, s + STEP])), 2)
+        along = (ahead - positions_at) / STEP
         square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
-        s = np.clip(s + ((tips - at) * along).sum(axis=1) / square, 0.0, 1.0)
+        s = np.clip(s + ((tips - positions_at) * along).sum(axis=1) / square, 0.0, 1.0)
     return np.asarray(np.linalg.norm(tips - line(s), axis=1))
 
 
 def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
-    """One phase held against what is promised of it."""
+    """Compare one phase with its promises."""
     t = _instants(motion, mechanism, way)
     blocks = [t[k : k + SOME] for k in range(0, len(t), SOME)]
     along = [tip_position(mechanism, motion.positions(block)) for block in blocks]
@@ -282,7 +315,7 @@ def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
     if way.speed is not None:
         samples = map(motion.sample, blocks)
         speeds = np.concatenate(
-            [tool_speed(TipSpeed, mechanism, each.q, each.qd) for each in samples]
+            [tool_speed(TipSpeed, mechanism, sample.q, sample.qd) for sample in samples]
         )
         check, stretch = _at_speed(way, way.speed, t, speeds)
         checks.append(check)
@@ -290,7 +323,7 @@ def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
 
 
 def _instants(motion: Trajectory, mechanism: Mechanism, way: Way) -> Array:
-    """In every piece of a phase, and more about its corners, (n,)."""
+    """Return the instants (n,) in every piece of a phase, with more of them near its corners."""
     start, end = way.span.start, way.span.end
     breaks = np.concatenate(
         [[start], motion.breaks[(motion.breaks > start) & (motion.breaks < end)], [end]]
@@ -313,7 +346,11 @@ def _instants(motion: Trajectory, mechanism: Mechanism, way: Way) -> Array:
 
 
 def _leaving(way: Way, t: Array, tips: Array, off: Array) -> list[LimitCheck]:
-    """How far the tips (n, 3), off (n,) from the lines, leave these away from corners, and where about corners."""
+    """Return how far the tips (n, 3) leave the lines.
+
+    The first result is the largest distance from the lines away from corners. The second tells
+    where the tips leave the lines near corners. off: distances (n,) from the lines.
+    """
     shares = np.linalg.norm(tips[:, None] - way.corners, axis=2) / np.array(way.distances)
     outside = np.all(shares * way.distances > np.array(way.distances) + SLACK, axis=1)
     away = np.where(outside, off, 0.0)
@@ -333,7 +370,7 @@ def _check(limit: OfPath, way: Way, worst: float, time: float) -> LimitCheck:
 
 
 def _farthest_off(limit: OfPath, by: float, way: Way, t: Array, values: Array) -> LimitCheck:
-    """Of values (n,) that are to be one value, up to so much."""
+    """Judge values (n,) that must equal one value up to a tolerance."""
     error = values - limit.largest
     k = int(np.argmax(np.abs(error)))
     bound = limit.largest + by * float(np.sign(error[k]) or 1.0)
@@ -353,13 +390,17 @@ def _farthest_off(limit: OfPath, by: float, way: Way, t: Array, values: Array) -
 def _at_speed(
     way: Way, speed: float, t: Array, speeds: Array
 ) -> tuple[LimitCheck, tuple[float, float, float]]:
-    """Of the tip's speeds (n,): kept from where it first has the one asked for to where it last does, and never exceeded."""
-    kept = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT)
-    ends, judged = (0.0, 0.0), speeds
-    if len(kept) >= LOOKS:
-        first, last = kept[0], kept[-1]
-        ends = float(t[first] - t[0]), float(t[last] - t[0])
-        judged = np.maximum(speeds, speed)
-        judged[first : last + 1] = speeds[first : last + 1]
-    check = _farthest_off(ConstantSpeed(speed), CONSTANT * speed, way, t, judged)
-    return check, (*ends, float(np.abs(judged / speed - 1).max()))
+    """Judge the tip speeds (n,).
+
+    The speed must be constant between the first and the last instant at which it has the required
+    value, and must never exceed it.
+    """
+    at_speed = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT)
+    ends, checked = (0.0, 0.0), speeds
+    if len(at_speed) >= LOOKS:
+        start, end = at_speed[0], at_speed[-1]
+        ends = float(t[start] - t[0]), float(t[end] - t[0])
+        checked = np.maximum(speeds, speed)
+        checked[start : end + 1] = speeds[start : end + 1]
+    check = _farthest_off(ConstantSpeed(speed), CONSTANT * speed, way, t, checked)
+    return check, (*ends, float(np.abs(checked / speed - 1).max()))

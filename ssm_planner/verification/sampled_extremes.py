@@ -1,19 +1,24 @@
-"""Extremes of the quantities that are no polynomials: motor torques, nut contact, task coordinates and rates, the eye.
+"""Extremes of quantities that are no polynomials: motor torque, nut contact, task coordinates, eye.
 
-What is sampled: every piece, cut where a joint turns back, in intervals with four instants at equal distances s = 0, 1/3,
-2/3, 1, so that within an interval directions keep and every quantity is smooth.
+Sampling: Every piece is cut where a joint reverses, and then into intervals. Each interval has four
+instants at s = 0, 1/3, 2/3 and 1. Directions are constant within an interval, so every quantity is
+smooth there.
 
-How an extreme is bracketed: the cubic through the four values lies between its Bernstein coefficients; the quantity is
-taken to lie no further beyond the four values than CAUTION times as far as that cubic. A quantity with corners (`kinked`)
-may besides go on as steeply as it goes between two of the instants.
+Bracketing: The cubic through the four values lies between its Bernstein coefficients. A quantity is
+assumed to overshoot the four values by at most CAUTION times as much as this cubic. A quantity with
+kinks (`kinked`) may also continue with the slope between two of the instants.
 
-How it is refined: intervals of the first look are PARTS times as wide as the rate asks for. Those whose bracket is worse
-than the worst value known are cut into PARTS, and so are those beside a start, a stop or a reversal, where friction changes
-quickly, and those in which a torque has a corner. Then intervals with such a bracket are halved, until none is left or the
-bracket has closed to a share CLOSE of the limit. Nothing hides in the others: their brackets hold nothing worse. On very
-long trajectories `prefilter` leaves out whole pieces by a similar bracket about their middle.
+Refinement: The intervals of the first pass are PARTS times as wide as the rate requires. An
+interval is cut into PARTS if its bracket exceeds the worst known value, if it is next to a start, a
+stop or
+a reversal, where friction changes quickly, or if a torque has a kink in it. Intervals whose
+brackets
+exceed the worst value are then halved until none is left, or until the bracket is within the
+fraction CLOSE of the limit. No other interval can contain a worse value according to its bracket.
+For very
+long trajectories, `prefilter` excludes whole pieces by a similar bracket around their middle.
 
-The torques at these instants are integrated on the way: see `RmsTorques`.
+`RmsTorques` integrates the torques at these instants.
 """
 
 from __future__ import annotations
@@ -55,36 +60,42 @@ from ssm_planner.verification.limits import Case, Quantity, Worst
 from ssm_planner.verification.pieces import Pieces, State, still
 
 CLOSE = 1e-8
-"""Share of a limit below which a possible worse value is not searched for."""
+"""Relative accuracy of a limit at which the search for a worse value ends."""
 CAUTION = 2.0
-"""The overshoot of the cubic through four values counts so many times."""
+"""Factor on the overshoot of the cubic through four values."""
 PARTS = 5
-"""Of an interval of the first look, where it is looked at closer."""
+"""Number of parts into which an interval of the first pass is cut."""
 UNEVEN = 1e-8
-"""Share of the mean square of a torque, beyond which an interval is looked at closer for what it adds to it."""
+"""Relative contribution to a mean square torque above which an interval is refined."""
 HALVINGS = 10
 INTERVALS, PIECE = 40_000, (64, 512)
-"""Into how many a trajectory is cut at first, and a piece, at most: in its own time a quintic is as smooth when it takes an
-hour, so that cost grows with pieces, not with seconds."""
+"""Largest number of intervals of a trajectory and of a piece in the first pass.
+
+A slow quintic is as smooth as a fast one, so the cost grows with the number of pieces and not with
+the duration.
+"""
 MOST = 2048
-"""Intervals of a block that are halved at a time, those first that may hold the worst."""
+"""Largest number of intervals that are halved together.
+
+The intervals with the worst brackets come first.
+"""
 BLOCK = 2500
-"""Intervals that are sampled at a time, so that what is worked out stays in the cache."""
+"""Number of intervals that are sampled together, so that temporaries stay in the cache."""
 INSTANTS = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
-"""Of an interval, as shares of its width."""
+"""Instants of an interval as fractions of its width."""
 LONG = 10.0
-"""Mean lengths of a piece, beyond which one look at its middle does not stand for the whole of it."""
+"""Length of a piece in mean lengths above which its middle does not represent it."""
 FOUR_EIGHTHS = np.array([1.0, 3.0, 3.0, 1.0]) / 8
-"""Weights of four instants at equal distances: exact for cubics (Simpson's 3/8 rule)."""
+"""Weights of four equidistant instants, exact for cubics (Simpson's 3/8 rule)."""
 WITHOUT_FIRST = np.array([0.0, 3.0, 0.0, 1.0]) / 4
-"""The same without the first instant: exact for parabolas (Radau's rule of two points)."""
+"""Weights without the first instant, exact for parabolas (Radau's rule with two points)."""
 
 
 class SampledExtremes:
-    """Looks for the worst values of the sampled quantities of one robot, block of pieces after block.
+    """Searches the worst values of the sampled quantities of a robot, block by block.
 
-    Arrays are samples first: values (n, k) of k quantities at n instants, or (4, n, k) at the four instants of n
-    intervals.
+    The first axis counts samples: values (n, k) of k quantities at n instants, or (4, n, k) at the
+    four instants of n intervals.
     """
 
     def __init__(
@@ -96,7 +107,11 @@ class SampledExtremes:
         rate: float,
         eye: Eye | None,
     ) -> None:
-        """worst: those of all quantities, brought up to date as blocks are searched. rate: of the second look, Hz."""
+        """Prepare the search.
+
+        worst: worst values of all quantities, which the search updates. rate: sampling rate of the
+        second pass, Hz.
+        """
         self.robot, self.rate, self.eye = robot, rate, eye
         self.worst = [each for each in worst if each.quantity.order is None]
         self.quantities = tuple(each.quantity for each in self.worst)
@@ -115,7 +130,7 @@ class SampledExtremes:
             self.slopes = prefilter.sensitivity(trajectory, robot, self.evaluate)
 
     def search(self, pieces: Pieces) -> None:
-        """Bring the worst values up to date with these pieces."""
+        """Update the worst values with these pieces."""
         if not self.quantities:
             return
         piece, begin, end = pieces.segments(self.robot)
@@ -147,7 +162,10 @@ class SampledExtremes:
             intervals = intervals.parts(open_, 2 if look else PARTS)
 
     def evaluate(self, state: State, direction: Array, breakaway: Array) -> Array:
-        """The quantities (n, k) at a state q, qd, qdd (n, 4), directions of motion (n, 4) and breakaways (n, 4)."""
+        """Return the quantities (n, k) for n states.
+
+        state: q, qd and qdd. direction, breakaway: see `directions`. All are (n, 4).
+        """
         assert self._law is not None
         values = self._law(*state, direction, breakaway)[0]
         for k, quantity in enumerate(self.quantities):
@@ -162,7 +180,7 @@ class SampledExtremes:
         return values
 
     def _sample(self, pieces: Pieces, intervals: Intervals) -> Array:
-        """Values (4, n, k) at the instants of n intervals; the worst of them are kept."""
+        """Return the values (4, n, k) at the instants of n intervals, and store the worst ones."""
         values = np.empty((len(self.quantities), 4, len(intervals.piece))).transpose(1, 2, 0)
         for first in range(0, len(intervals.piece), BLOCK):
             block = slice(first, first + BLOCK)
@@ -170,30 +188,31 @@ class SampledExtremes:
         return values
 
     def _sample_block(self, pieces: Pieces, at: Intervals, values: Array) -> None:
-        """Write into values (4, n, k)."""
-        last = np.flatnonzero(~at.joined)
+        """Write the values of a block into `values` (4, n, k)."""
+        final = np.flatnonzero(~at.joined)
         s, end = (
             at.begin + INSTANTS[:3] * at.width,
-            np.minimum(at.begin[last] + at.width[last], 1.0),
+            np.minimum(at.begin[final] + at.width[final], 1.0),
         )
-        states = np.empty((3, 4, s.size + len(last)))
+        states = np.empty((3, 4, s.size + len(final)))
         pieces.at(at.piece, s, states[..., : s.size])
-        pieces.at(at.piece[last], end, states[..., s.size :])
+        pieces.at(at.piece[final], end, states[..., s.size :])
         q, qd, qdd = (state.T for state in states)
-        direction = np.concatenate([at.direction.T] * 3 + [at.direction[last].T], axis=1).T
+        direction = np.concatenate([at.direction.T] * 3 + [at.direction[final].T], axis=1).T
         static = np.zeros_like(direction)
         static[: len(at.piece)] = at.starting
-        found = self.evaluate((q, qd, qdd), direction, static)
+        results = self.evaluate((q, qd, qdd), direction, static)
         self._keep_worst(
-            found, np.append(pieces.time(at.piece, s), pieces.time(at.piece[last], end))
+            results, np.append(pieces.time(at.piece, s), pieces.time(at.piece[final], end))
         )
-        values[:3] = found[: s.size].reshape(3, len(at.piece), -1)
-        values[3, :-1], values[3, last] = values[0, 1:], found[s.size :]
+        values[:3] = results[: s.size].reshape(3, len(at.piece), -1)
+        values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
     def _suspicious(self, pieces: Pieces, slopes: Array, certain: Mask) -> Mask:
-        """(m,): pieces that may hold something worse than what is known, or friction at rest.
+        """Return which pieces (m,) may contain static friction or a worse value than the known one.
 
-        The others count in the RMS torque by their middle, but for the certain ones, which are searched in any case.
+        The other pieces contribute to the RMS torque by their middle, except for the `certain`
+        ones, which are always searched.
         """
         state, moving = prefilter.middle(pieces), pieces.moving(self.robot)
         values = self.evaluate(state, np.sign(state[1]) * moving, np.zeros_like(state[1]))
@@ -208,15 +227,17 @@ class SampledExtremes:
         return np.asarray(found)
 
     def _keep_worst(self, values: Array, time: Array) -> None:
-        """Offer values (n, k) at times (n,) to the worst ones known."""
+        """Offer the values (n, k) at times (n,) to the worst known ones."""
         self.instants += len(time)
-        for each, value in zip(self.worst, values.T, strict=True):
-            excess = each.quantity.excess(value, value)
+        for entry, value in zip(self.worst, values.T, strict=True):
+            excess = entry.quantity.excess(value, value)
             k = int(np.argmax(excess))
-            each.offer(float(excess[k]), float(value[k]), float(time[k]))
+            entry.offer(float(excess[k]), float(value[k]), float(time[k]))
 
     def _gain(self, lowest: Array, highest: Array) -> Array:
-        """(n,): by how much some quantity between these bounds (n, k) may exceed the worst known."""
+        """Return by how much a quantity within these bounds (n, k) may exceed the worst
+        one, (n,).
+        """
         bounds = zip(self.worst, lowest.T, highest.T, strict=True)
         return np.max(
             [w.quantity.excess(low, high) - w.excess - CLOSE for w, low, high in bounds], axis=0
@@ -224,10 +245,10 @@ class SampledExtremes:
 
 
 def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
-    """(lowest, highest), (n, k) each: between them the quantities are taken to stay in intervals with these values.
+    """Return lower and upper bounds (n, k) of the quantities within intervals.
 
-    values (4, n, k) at the INSTANTS; kinked (k,). The inner Bernstein coefficients of the cubic through v0 … v3 are
-    (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6 and (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
+    values: (4, n, k) at the INSTANTS. kinked: (k,). The inner Bernstein coefficients of the cubic
+    through v0 … v3 are (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6 and (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
     """
     v0, v1, v2, v3 = values
     near_start, near_end = (
@@ -243,22 +264,25 @@ def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
-    """n stretches of pieces without reversals."""
+    """n intervals of pieces. No joint reverses within an interval."""
 
     piece: Indices
-    """(n,)"""
+    """Index of the piece, (n,)."""
     begin: Array
-    """(n,), s in the piece."""
+    """Start s in the piece, (n,)."""
     width: Array
-    """(n,), in s."""
+    """Width in s, (n,)."""
     direction: Array
-    """(n, 4): in which the joints move; 0: they stand."""
+    """Direction of each joint, (n, 4). A joint at rest has 0."""
     starting: Mask
-    """(n, 4): the joint starts from rest where the interval begins, so that friction there is static."""
+    """True if each joint starts from rest at the begin of the interval, (n, 4).
+
+    Its friction is static there.
+    """
     joined: Mask
-    """(n,): the interval ends where the next one begins, so that both have one value there."""
+    """True if the interval ends where the next one begins, with the same values, (n,)."""
     slow: Mask
-    """(n,): a joint starts, stops or turns back where the interval begins or ends."""
+    """True if a joint starts, stops or reverses at an end of the interval, (n,)."""
 
     @classmethod
     def of_segments(
@@ -272,7 +296,11 @@ class Intervals:
         rate: float,
         most: int,
     ) -> Intervals:
-        """Segments (m,) cut so that four instants in each interval make the rate (Hz), into `most` intervals each at most."""
+        """Cut segments (m,) into intervals.
+
+        The four instants of each interval give the sampling rate (Hz). Each segment has at most
+        `most` intervals.
+        """
         # within a segment no joint turns back, so that its direction is that at the middle
         at_begin, middle, at_end = pieces.speeds(piece, np.stack([begin, (begin + end) / 2, end]))
         direction = np.sign(middle) * pieces.moving(robot)[piece]
@@ -283,22 +311,28 @@ class Intervals:
             np.ceil((end - begin) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
         )
         counts = np.minimum(counts, most)
-        of = np.repeat(np.arange(len(piece)), counts)
+        segment = np.repeat(np.arange(len(piece)), counts)
         part = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        width, first, last = ((end - begin) / counts)[of], part == 0, part == counts[of] - 1
-        slow = (first & starting.any(axis=1)[of]) | (last & stopping.any(axis=1)[of])
+        width, is_first, is_last = (
+            ((end - begin) / counts)[segment],
+            part == 0,
+            part == counts[segment] - 1,
+        )
+        slow = (is_first & starting.any(axis=1)[segment]) | (
+            is_last & stopping.any(axis=1)[segment]
+        )
         return cls(
-            piece[of],
-            begin[of] + part * width,
+            piece[segment],
+            begin[segment] + part * width,
             width,
-            direction[of],
-            starting=starting[of] & first[:, None],
-            joined=~last,
+            direction[segment],
+            starting=starting[segment] & is_first[:, None],
+            joined=~is_last,
             slow=slow,
         )
 
     def chosen(self, some: slice) -> Intervals:
-        """Some in a row."""
+        """Return a slice of the intervals."""
         joined = self.joined[some].copy()
         joined[-1:] = False
         piece, begin, width, slow = (
@@ -318,24 +352,25 @@ class Intervals:
         )
 
     def parts(self, chosen: Indices, count: int) -> Intervals:
-        """The equal parts, so many of each, of the chosen intervals."""
-        of, part = np.repeat(chosen, count), np.tile(np.arange(count), len(chosen))
-        width, first = self.width[of] / count, part == 0
+        """Cut each of the chosen intervals into `count` equal parts."""
+        parent, part = np.repeat(chosen, count), np.tile(np.arange(count), len(chosen))
+        width, first = self.width[parent] / count, part == 0
         return Intervals(
-            self.piece[of],
-            self.begin[of] + part * width,
+            self.piece[parent],
+            self.begin[parent] + part * width,
             width,
-            self.direction[of],
-            starting=self.starting[of] & first[:, None],
+            self.direction[parent],
+            starting=self.starting[parent] & first[:, None],
             joined=part < count - 1,
-            slow=self.slow[of],
+            slow=self.slow[parent],
         )
 
 
 class RmsTorques:
-    """∫ τ² dt of every motor torque among k quantities, stretch after stretch: the motor's heat goes with it.
+    """Integrates τ² of every motor torque, which determines the heat of the motor.
 
-    A start from rest is an instant without duration: static friction there counts as a peak, not as heat.
+    A start from rest is an instant without duration. Its static friction counts as a peak, not as
+    heat.
     """
 
     def __init__(self, quantities: Sequence[Quantity]) -> None:
@@ -347,15 +382,18 @@ class RmsTorques:
         self.integrals = np.zeros(len(self.columns))
 
     def uneven(self, values: Array, duration: Array) -> Mask:
-        """(n,): where the square of a torque is no cubic, to UNEVEN of all that these intervals add to its mean."""
+        """Return the intervals (n,) in which the square of a torque is not a parabola.
+
+        The tolerance is UNEVEN times the contribution of all these intervals to the mean square.
+        """
         squares = values[:, :, self.columns] ** 2
         third = np.abs(squares[0] - squares[3] + 3 * (squares[2] - squares[1])) * duration[:, None]
         return np.any(third > UNEVEN * (duration @ squares[1]), axis=1)
 
     def add_intervals(self, values: Array, starting: Mask, duration: Array) -> None:
-        """n intervals with values (4, n, k) at four instants and durations (n,).
+        """Add n intervals with values (4, n, k) at four instants and durations (n,).
 
-        starting (n, 4): the joint starts there, so that its torque at the first instant is static.
+        starting (n, 4): the joint starts there, so its torque at the first instant is static.
         """
         for i, (column, joint) in enumerate(zip(self.columns, self.joints, strict=True)):
             square = values[:, :, column] ** 2
@@ -363,13 +401,13 @@ class RmsTorques:
             self.integrals[i] += (mean * duration).sum()
 
     def add_middles(self, values: Array, duration: Array) -> None:
-        """n short pieces with values (n, k) at their middle and durations (n,)."""
+        """Add n short pieces with values (n, k) at their middle and durations (n,)."""
         self.integrals += duration @ values[:, self.columns] ** 2
 
     def checks(self, robot: Robot, trajectory: Trajectory, pause: float) -> list[LimitCheck]:
-        """RMS torque against what the motor may give for all time, motor by motor; of the whole motion, so at its end.
+        """Compare the RMS torque of each motor over the whole motion with its continuous torque.
 
-        pause: before the motion repeats, s.
+        pause: time before the motion repeats, s. The time of the result is the end of the motion.
         """
         checks = []
         for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):
@@ -385,7 +423,10 @@ class RmsTorques:
 
 
 def _without_limits(robot: Robot) -> Robot:
-    """What of a robot the quantities depend on: laws of robots that differ in limits and motors alone are the same."""
+    """Return the parts of a robot on which the quantities depend.
+
+    Robots that differ only in limits and motors share one function.
+    """
     first, second, third, fourth = (
         unchecked(
             joint,
@@ -405,9 +446,9 @@ def _without_limits(robot: Robot) -> Robot:
 def _law(
     robot: Robot, eye: Eye | None, wanted: tuple[tuple[type[Limit], str, int, Case | None], ...]
 ) -> Vectorised:
-    """The wanted quantities (kind of limit, its name, index, case) as a function of (q, qd, qdd, direction, breakaway).
+    """Return the quantities as a function of (q, qd, qdd, direction, breakaway).
 
-    Of a nut contact it is the effort.
+    wanted: kind of limit, its name, index and case. For a nut contact, the result is the effort.
     """
     q, qd, qdd, direction, breakaway = (
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")

@@ -1,8 +1,8 @@
-"""A motion played slower: what its certificate says at one speed, and at which speed of a range it is worst.
+"""Checks of a motion that is played at a fraction of its speed.
 
-At a share k of the speed, velocities, accelerations and jerks are k, k² and k³ times as large, so their limits hold if the
-motion keeps them; places are the same. Motor torque is not: friction may grow towards low speed (Stribeck), and a load that
-inertia carried must then be carried by the motor.
+At a fraction k of the speed, velocity, acceleration and jerk scale with k, k² and k³, and positions
+do not change. Their limits hold if the motion keeps them. Motor torque does not scale like this:
+friction may grow towards low speed (Stribeck), and inertia no longer carries part of the load.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limits import ContinuousTorque, MotorTorque
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
+from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Samples, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck
@@ -25,39 +26,39 @@ from ssm_planner.verification.check import RATE, check
 
 SLOWEST = 0.01
 FACTORS = 48
-"""Speeds of a range that are looked at first, at equal ratios."""
+"""Number of speeds in geometric progression of the first pass."""
 INSTANTS = 1500
-"""Of the motion at which torque is looked for at every speed; beside them both sides of every break."""
+"""Number of instants for the torque at every speed, in addition to both sides of every break."""
 REFINED = 3
-"""Rounds in which the neighbourhood of the worst speed is looked at again, each a tenth as wide."""
+"""Number of refinements around the worst speed. Each is ten times narrower than the one before."""
 
 
 @dataclass(frozen=True)
-class WorstSpeed:
-    """The share of the speed at which one limit is nearest to be broken, and what the check finds there."""
+class WorstSpeed(ShortRepr):
+    """The speed at which a limit has its smallest margin, and the result of the check there."""
 
     speed: float
     found: LimitCheck
 
 
 @dataclass(frozen=True, eq=False)
-class SpeedRange:
-    """Every speed from `slowest` to 1."""
+class SpeedRange(ShortRepr):
+    """The result of checking all speeds from `slowest` to 1."""
 
     slowest: float
     worst: tuple[WorstSpeed, ...]
-    """Motor torque and continuous torque of every joint with a motor."""
+    """Worst speed for motor torque and continuous torque of every joint with a motor."""
     certificates: tuple[tuple[float, Certificate], ...]
-    """At each of these speeds, at the slowest and at full speed."""
+    """Certificates at these speeds, at the slowest speed and at full speed."""
 
     @property
     def passed(self) -> bool:
-        """Every limit holds at every speed."""
+        """True if every limit holds at every speed."""
         return all(certificate.passed for _, certificate in self.certificates)
 
     def to_dict(self) -> dict[str, Any]:
-        """`speeds` in what `check --json` prints; SI."""
-        worst = [{"speed": each.speed, **each.found.to_dict()} for each in self.worst]
+        """Return `speeds` in the output of `check --json`, in SI units."""
+        worst = [{"speed": item.speed, **item.found.to_dict()} for item in self.worst]
         return {"slowest": self.slowest, "passed": self.passed, "worst": worst}
 
 
@@ -68,7 +69,7 @@ def check_slower(
     speed: float,
     interpolation: str = "quintic polynomial pieces",
 ) -> Certificate:
-    """Certificate of a motion played at a share of its speed, above 0 and up to 1. Raises ProblemError."""
+    """Check a motion that is played at a fraction of its speed in (0, 1]. Raises ProblemError."""
     if not 0 < speed <= 1:
         raise ProblemError(
             "no playback", key="speed", value=speed, allowed="above 0 and up to 1 (100 %)"
@@ -82,7 +83,10 @@ def check_slower(
 def check_speeds(
     motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: float = SLOWEST
 ) -> SpeedRange:
-    """Certificate of every speed from `slowest` to 1: the worst one for each motor, found among all and then checked."""
+    """Find the worst speed from `slowest` to 1 for each motor.
+
+    The motion is then checked at these speeds.
+    """
     if not 0 < slowest < 1:
         raise ProblemError(
             "no range of speeds", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
@@ -95,26 +99,28 @@ def check_speeds(
     names = [(kind, i) for kind in (MotorTorque.name, ContinuousTorque.name) for i in driven]
     factors = np.geomspace(slowest, 1.0, FACTORS)
     pause = limits.duty or 0.0
-    found = _torques(motion, robot, factors, pause)
+    torques = _torques(motion, robot, factors, pause)
     speeds = [
         _worst(
             motion,
             robot,
             factors,
-            found[kind == ContinuousTorque.name][:, i],
+            torques[kind == ContinuousTorque.name][:, i],
             (kind == ContinuousTorque.name, i),
             pause=pause,
         )
         for kind, i in names
     ]
-    looked = sorted({slowest, 1.0, *speeds})
-    certificates = {speed: check_slower(motion, robot, limits, speed) for speed in looked}
+    tested = sorted({slowest, 1.0, *speeds})
+    certificates = {speed: check_slower(motion, robot, limits, speed) for speed in tested}
     worst = []
     for (kind, i), speed in zip(names, speeds, strict=True):
-        listed = certificates[speed].limits
+        checks = certificates[speed].limits
         name = robot.joints[i].name
         worst += [
-            WorstSpeed(speed, each) for each in listed if each.name == kind and each.joint == name
+            WorstSpeed(speed, check)
+            for check in checks
+            if check.name == kind and check.joint == name
         ]
     return SpeedRange(slowest, tuple(worst), tuple(certificates.items()))
 
@@ -127,7 +133,10 @@ def _worst(
     at: tuple[bool, int],
     pause: float,
 ) -> float:
-    """The factor of the largest value: the best of the grid (m,), then ever closer around it."""
+    """Return the factor with the largest value.
+
+    The search starts on a grid (m,) and refines around the best factor.
+    """
     for _ in range(REFINED):
         k = int(np.argmax(values))
         low, high = factors[max(k - 1, 0)], factors[min(k + 1, len(factors) - 1)]
@@ -137,7 +146,10 @@ def _worst(
 
 
 def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> tuple[Array, Array]:
-    """(largest |motor torque|, its RMS over motion and pause) of every joint at each of the factors (m,): (m, 4) each."""
+    """Return the largest |motor torque| and its RMS over motion and pause, each (m, 4).
+
+    factors: (m,).
+    """
     ends = np.linspace(motion.breaks[0], motion.breaks[-1], INSTANTS + 1)
     parts = [
         (motion.sample(ends), 1),
@@ -153,8 +165,8 @@ def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> 
             for order, name in enumerate(("q", "qd", "qdd", "qddd"))
         ]
         slow = Samples(np.tile(samples.t, len(factors)), *many)
-        way, away = directions(robot, slow, side)
-        torque = motor_motion(robot, body, slow, way, away).torque.reshape(len(factors), -1, 4)
+        sign, away = directions(robot, slow, side)
+        torque = motor_motion(robot, body, slow, sign, away).torque.reshape(len(factors), -1, 4)
         peak = np.fmax(peak, np.nanmax(np.abs(np.nan_to_num(torque)), axis=1))
         if samples is parts[0][0]:
             rms = np.sqrt(np.mean(np.nan_to_num(torque) ** 2, axis=1))

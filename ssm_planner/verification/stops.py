@@ -1,10 +1,14 @@
-"""From every instant of a motion the quickest controlled stop along its path.
+"""Quickest controlled stops along the path of a motion.
 
-The path of a motion is q(s) with s its own time, so that the motion itself is ṡ = 1. A stop slows ṡ down to 0:
-q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit of an acceleration or a motor torque bounds s̈ from below at (s, ṡ); the stop takes
-the largest of these bounds. Standing still and the motion itself both keep all limits, and so does every slower motion
-between them (the limits are convex in ṡ²), so that the largest bound never leads into a state without an answer, and no stop
-along the path within the limits goes less far. Speeds only become smaller.
+The path is q(s) with the time s of the motion, so the motion itself has ṡ = 1. A stop reduces ṡ to
+0 with q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit of an acceleration or a motor torque bounds s̈
+from
+below at (s, ṡ), and the stop takes the largest of these bounds. Standing still and the motion
+itself keep all limits. The limits are convex in ṡ², so every slower motion between both keeps them
+as
+well. The largest bound therefore always leads to a state from which a stop exists, and no stop
+along the
+path is shorter.
 """
 
 from __future__ import annotations
@@ -28,13 +32,22 @@ from ssm_planner.typing import Array, Indices, Mask
 
 INSTANTS = 1000
 STEP, MOST_STEPS = 2e-3, 8
-"""Largest interval of the path on which s̈ is constant, s of the motion."""
+"""Largest interval of the path with constant s̈, in s of the motion.
+
+The second value is the largest number of intervals of a piece.
+"""
 BACKOFF = 1e-3
-"""Share by which the limits of a stop are smaller: s̈ jumps between two intervals, and joints go on by polynomials."""
+"""Relative reduction of the limits of a stop.
+
+It covers the jumps of s̈ between intervals and the deviation of the polynomials.
+"""
 NEAR = 2e-4
-"""An instant as near to a break of the motion as this is taken there, s: rounding spoils accelerations of shorter pieces."""
+"""An instant that is closer to a break of the motion, in s, is moved to the break.
+
+Rounding would otherwise spoil the acceleration of very short pieces.
+"""
 RESTS = 1e-9
-"""A joint slower than this share of its velocity limit rests."""
+"""A joint rests below this fraction of its velocity limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,21 +55,21 @@ class StopMotions:
     """The quickest stops from n instants of a motion."""
 
     time: Array
-    """(n,), s from the motion's start."""
+    """Instants (n,) in s from the start of the motion."""
     duration: Array
-    """(n,), s until all joints rest."""
+    """Time (n,) in s until all joints rest."""
     travel: Array
-    """(n,): largest distance of the tip from where it was, m."""
+    """Largest distance (n,) of the tip from its position at the instant, m."""
     pieces: tuple[Array, Array]
-    """Of all stops, one after the other: their lengths (m,), s, and coefficients (m, 6, 4), as a `Trajectory` has them."""
+    """Lengths (m,) in s and coefficients (m, 6, 4) of all stops, one after the other."""
     edges: Indices
-    """Which of them are a stop's: from one edge to the next, (n + 1,); none where all joints rest already."""
+    """Indices (n + 1,) of the first piece of each stop. A stop without pieces starts at rest."""
     ends: bool
-    """The motion ends at rest; where it does not, a stop may go on to its end and still move there."""
+    """True if the motion ends at rest. If not, a stop may reach its end while it still moves."""
 
     @cached_property
     def motions(self) -> tuple[Trajectory | None, ...]:
-        """One for each instant; None where all joints rest already."""
+        """One trajectory for each instant. None if all joints already rest."""
         lengths, coefficients = self.pieces
         return tuple(
             None if first == end else _motion(lengths[first:end], coefficients[first:end].copy())
@@ -65,18 +78,21 @@ class StopMotions:
 
     @property
     def joined(self) -> Trajectory | None:
-        """All of them as one, which jumps from a stop to the next; None where all joints rest all along."""
+        """All stops as one trajectory that jumps between stops. None if all joints always rest."""
         return _motion(*self.pieces) if len(self.pieces[0]) else None
 
 
 def _motion(lengths: Array, coefficients: Array) -> Trajectory:
-    """From 0 on."""
+    """Return a trajectory that starts at time 0."""
     return Trajectory(np.concatenate([[0.0], np.cumsum(lengths)]), coefficients, ())
 
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """The path at both ends of its m intervals: arrays (2, m, 4), the first of them just after the interval's start."""
+    """The path at both ends of its m intervals.
+
+    Arrays are (2, m, 4). The first entry is the limit just after the start of the interval.
+    """
 
     s: Array
     """Nodes, (m + 1,)."""
@@ -84,9 +100,9 @@ class _Path:
     dq: Array
     ddq: Array
     load: tuple[Array, Array, Array]
-    """Of efforts a s̈ + b ṡ² + c."""
+    """Coefficients of the efforts a s̈ + b ṡ² + c."""
     rests: Mask
-    """(m + 1,): all joints rest in the motion."""
+    """True if all joints rest in the motion, (m + 1,)."""
 
     @classmethod
     def of(cls, motion: Trajectory, robot: Robot, instants: Array) -> _Path:
@@ -120,7 +136,7 @@ class _Path:
 def quickest_stops(
     motion: Trajectory, robot: Robot, instants: int | Array = INSTANTS
 ) -> StopMotions:
-    """From every one of n instants, or of given times (n,), s from the start."""
+    """Return the quickest stops from n instants, or from given times (n,) in s from the start."""
     times = (
         np.linspace(0.0, motion.duration, instants)
         if isinstance(instants, int)
@@ -136,12 +152,17 @@ def quickest_stops(
         begins, last = edges[:-1][moving], edges[1:][moving] - 1
         ends = _at(coefficients[last].transpose(1, 2, 0), lengths[last])
         mechanism = Mechanism.from_geometry(robot.geometry)
-        places, final = tip_position(mechanism, coefficients[:, 0]), tip_position(mechanism, ends)
-        from_where = places[begins]
-        way = np.linalg.norm(places - np.repeat(from_where, np.diff(edges)[moving], axis=0), axis=1)
+        positions, final = (
+            tip_position(mechanism, coefficients[:, 0]),
+            tip_position(mechanism, ends),
+        )
+        from_where = positions[begins]
+        distances = np.linalg.norm(
+            positions - np.repeat(from_where, np.diff(edges)[moving], axis=0), axis=1
+        )
         duration[moving] = np.add.reduceat(lengths, begins)
         travel[moving] = np.maximum(
-            np.maximum.reduceat(way, begins), np.linalg.norm(final - from_where, axis=1)
+            np.maximum.reduceat(distances, begins), np.linalg.norm(final - from_where, axis=1)
         )
     return StopMotions(
         path.s[first],
@@ -154,9 +175,10 @@ def quickest_stops(
 
 
 def _stops(path: _Path, robot: Robot, first: Indices) -> tuple[Array, Array, Indices]:
-    """The pieces of the stops from the nodes `first` (n,), as `StopMotions` has them. All go on node by node together.
+    """Return the pieces of the stops from the nodes `first` (n,), see `StopMotions`.
 
-    A stop that the path is too short for goes on to its end, where it still moves.
+    All stops advance together, node by node. A stop for which the path is too short continues to
+    the end of the path and still moves there.
     """
     last = len(path.s) - 1
     stop, k = np.arange(len(first)), first.copy()
@@ -173,12 +195,12 @@ def _stops(path: _Path, robot: Robot, first: Indices) -> tuple[Array, Array, Ind
         ends = np.flatnonzero(x + 2 * u * length <= 0)
         if len(ends):
             u[ends] = np.maximum(u[ends], bounds.least(k[ends], x[ends], ends=True))
-        after = x + 2 * u * length
-        ended = after <= 0
-        after = np.where(ended, 0.0, after)
-        way = np.where(ended, x / np.where(ended, -2 * u, 1.0), length)
-        rows.append((stop, k, x, u, after, way))
-        k, x = k + 1, after
+        next_x = x + 2 * u * length
+        ended = next_x <= 0
+        next_x = np.where(ended, 0.0, next_x)
+        travel = np.where(ended, x / np.where(ended, -2 * u, 1.0), length)
+        rows.append((stop, k, x, u, next_x, travel))
+        k, x = k + 1, next_x
     if not rows:
         return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(len(first) + 1, dtype=int)
     return _pieces(path, len(first), [np.concatenate(column) for column in zip(*rows, strict=True)])
@@ -186,22 +208,29 @@ def _stops(path: _Path, robot: Robot, first: Indices) -> tuple[Array, Array, Ind
 
 @dataclass(frozen=True, eq=False)
 class _Bounds:
-    """What bounds s̈ from below on the m intervals of a path.
+    """Lower bounds of s̈ on the m intervals of a path.
 
-    At one end of an interval ṡ² = x is that of the start, or nothing, or that of the start and grows by s̈. There every
-    acceleration and torque is linear in s̈, x and √x, but for friction that depends on the speed.
+    At the ends of an interval, ṡ² = x is the value at its start, zero, or the value at its start
+    plus the growth by s̈. Every acceleration and torque is linear there in s̈, x and √x, except for
+    friction that depends on the speed.
     """
 
     path: _Path
     robot: Robot
     lengths: Array
     terms: Array
-    """c₀, c₁, c₂ (3, rows, 3 m) of c₀ + c₁ x + c₂ √x, at the starts of the intervals, at their ends where x grows by s̈, and
-    at their ends."""
+    """Coefficients of c₀ + c₁ x + c₂ √x, (3, rows, 3 m).
+
+    The columns belong to the starts of the intervals, to their ends with x growing by s̈, and to
+    their ends.
+    """
     alone: int
-    """So many rows count each for itself; of the others the smaller of two, the first and second half of them."""
+    """Number of rows that count individually. Of the others, the smaller of two rows counts.
+
+    The two rows are at the same position in the first and the second half.
+    """
     varying: tuple[int, ...]
-    """Joints whose friction depends on the speed: their torques have no rows."""
+    """Joints whose friction depends on the speed. Their torques have no rows."""
 
     @classmethod
     def of(cls, path: _Path, robot: Robot) -> _Bounds:
@@ -248,7 +277,10 @@ class _Bounds:
         )
 
     def least(self, k: Indices, x: Array, *, ends: bool) -> Array:
-        """The least s̈ (n,) ≤ 0 on the intervals k (n,) that begin at ṡ² = x; ends: ṡ is 0 at its end."""
+        """Return the smallest s̈ (n,) ≤ 0 on the intervals k (n,) that begin at ṡ² = x.
+
+        ends: ṡ is 0 at the end of the interval.
+        """
         n, m = len(k), len(self.lengths)
         still = np.zeros(n)
         # which place of `terms`, and ṡ² there
@@ -257,11 +289,11 @@ class _Bounds:
         at = np.concatenate([place * m + k for place, _ in places])
         c0, c1, c2 = self.terms[:, :, at]
         values = c0 + c1 * square + c2 * np.sqrt(square)
-        found = values[: self.alone].max(axis=0)
+        bound = values[: self.alone].max(axis=0)
         half = (len(values) - self.alone) // 2
         if half:
             pairs = np.minimum(values[self.alone : self.alone + half], values[self.alone + half :])
-            found = np.maximum(found, pairs.max(axis=0))
+            bound = np.maximum(bound, pairs.max(axis=0))
         end, interval = (
             np.repeat([min(place, 1) for place, _ in places], n),
             np.tile(k, len(places)),
@@ -271,13 +303,16 @@ class _Bounds:
             motor = _MotorAlong.of(
                 self.path, self.robot.joints[i], (end, interval, i), grows, square
             )
-            found = np.maximum(found, motor.least(square))
-        return np.minimum(found.reshape(len(places), n).max(axis=0), 0.0)
+            bound = np.maximum(bound, motor.least(square))
+        return np.minimum(bound.reshape(len(places), n).max(axis=0), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class _MotorAlong:
-    """A motor at n places of a path: its torque in the direction σ of motion, by both rows of the friction law."""
+    """A motor at n positions of a path.
+
+    Its torque in the direction of motion follows from both rows of the friction law.
+    """
 
     joint: Joint
     rows: TorqueRows
@@ -286,7 +321,7 @@ class _MotorAlong:
     ddq: Array
     load: tuple[Array, Array, Array]
     grows: Array
-    """By so much times s̈ is ṡ² larger."""
+    """Factor with which s̈ increases ṡ²."""
 
     @classmethod
     def of(
@@ -297,7 +332,10 @@ class _MotorAlong:
         grows: Array,
         square: Array | float = 0.0,
     ) -> _MotorAlong:
-        """At these ends, intervals and of this joint; friction is that at ṡ² = square (n,)."""
+        """Build the motor of one joint at the given ends and intervals.
+
+        Its friction is that at ṡ² = square (n,).
+        """
         assert joint.drive is not None
         dq, inertia, velocity, gravity = (each[at] for each in (path.dq, *path.load))
         sigma = np.sign(dq)
@@ -316,7 +354,7 @@ class _MotorAlong:
         )
 
     def torques(self, u: Array, square: Array, root: Array) -> list[Array]:
-        """At s̈ = u, ṡ² = square and ṡ = root, (n,) each."""
+        """Return the torques at s̈ = u, ṡ² = square and ṡ = root, each (n,)."""
         drive, (inertia, velocity, gravity) = self.joint.drive, self.load
         assert drive is not None
         speed, acceleration = self.dq * root, self.dq * u + self.ddq * (square + self.grows * u)
@@ -328,21 +366,25 @@ class _MotorAlong:
             for slope in self.rows.slope
         ]
 
-    def bound(self, slope: Array, own: Array) -> Array:
-        """The least u with slope · u + own ≤ the largest torque, −∞ where only a largest one follows.
+    def bound(self, slope: Array, offset: Array) -> Array:
+        """Return the smallest u with slope · u + own ≤ the largest torque.
 
-        own (terms, n): a number and what grows with something; the bound has the same terms.
+        The result is −∞ if the torque bounds u only from above. own: (terms, n), a number and the
+        coefficients of other variables. The bound has the same terms.
         """
         assert self.joint.motor is not None
-        limit = np.zeros((len(own), 1))
+        limit = np.zeros((len(offset), 1))
         limit[0] = self.joint.motor.max_torque * (1 - BACKOFF)
         bounds = (slope < 0) & (self.sigma != 0)
         none = np.zeros_like(limit)
         none[0] = -np.inf
-        return np.where(bounds, (limit - own) / slope, none)
+        return np.where(bounds, (limit - offset) / slope, none)
 
     def least(self, square: Array) -> Array:
-        """The least s̈ (n,) with which the motor keeps its largest torque in both directions, at ṡ² = square (n,)."""
+        """Return the smallest s̈ (n,) that keeps the torque limit in both directions.
+
+        square: ṡ², (n,).
+        """
         root, zero, one = np.sqrt(square), np.zeros(len(square)), np.ones(len(square))
         driving, braking = np.full(len(square), -np.inf), np.full(len(square), np.inf)
         for begins, after in zip(
@@ -356,9 +398,12 @@ class _MotorAlong:
 
 
 def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array, Indices]:
-    """The rows (stop, interval, ṡ² before, s̈, ṡ² after, way), all of them (m,), as `StopMotions` has them."""
+    """Build the pieces of `StopMotions` from rows (stop, interval, ṡ² before, s̈, ṡ² after, length).
+
+    Each column is (m,).
+    """
     order = np.argsort(columns[0], kind="stable")
-    stop, k, x, u, after, way = (column[order] for column in columns)
+    stop, k, x, u, end_x, travel = (column[order] for column in columns)
     # the values of a joint lie together: what follows runs along them
     (q, q_end), (dq, dq_end), (ddq, ddq_end) = (
         [np.asfortranarray(values[end, k]) for end in (0, 1)]
@@ -366,23 +411,23 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     )
     h = path.s[k + 1] - path.s[k]
     # where a stop ends within an interval the path there follows from both its ends
-    within = np.flatnonzero(way < h)
+    within = np.flatnonzero(travel < h)
     begins, ends = (
         (q[within], dq[within], ddq[within]),
         (q_end[within], dq_end[within], ddq_end[within]),
     )
     between = quintics(h[within], begins, ends).transpose(1, 2, 0)
-    q_end[within] = _at(between, way[within])
-    dq_end[within] = _at(between[1:] * np.arange(1, DEGREE + 1)[:, None, None], way[within])
-    root, root_after, u = np.sqrt(x)[:, None], np.sqrt(after)[:, None], u[:, None]
-    dt = 2 * way / (root + root_after)[:, 0]
+    q_end[within] = _at(between, travel[within])
+    dq_end[within] = _at(between[1:] * np.arange(1, DEGREE + 1)[:, None, None], travel[within])
+    root, root_after, u = np.sqrt(x)[:, None], np.sqrt(end_x)[:, None], u[:, None]
+    dt = 2 * travel / (root + root_after)[:, 0]
     begin = q, dq * root, dq * u + ddq * x[:, None]
-    finish = q_end, dq_end * root_after, dq_end * u + ddq_end * after[:, None]
+    finish = q_end, dq_end * root_after, dq_end * u + ddq_end * end_x[:, None]
     return dt, quintics(dt, begin, finish), np.searchsorted(stop, np.arange(count + 1))
 
 
 def _at(coefficients: Array, t: Array) -> Array:
-    """Polynomials (k, 4, n) at t (n,): (n, 4)."""
+    """Evaluate polynomials (k, 4, n) at t (n,). The result is (n, 4)."""
     value = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         value = value * t + coefficient

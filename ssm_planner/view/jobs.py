@@ -1,4 +1,4 @@
-"""Plans made while the page waits: one at a time, in a process of its own that can be ended."""
+"""Plan motions for the view: one at a time, in a separate process that can be killed."""
 
 from __future__ import annotations
 
@@ -22,44 +22,46 @@ from ssm_planner.typing import Range
 from ssm_planner.view.page import SAME, Pose, Study, number, pose, tilt_range
 
 KEPT = 8
+"""Number of runs whose results stay available."""
 LONGEST_DWELL = 3600.0
-"""s."""
+"""Longest dwell, s."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the planner's process answers."""
+    """Answer of the planner's process."""
 
     message: str
     report: str | None = None
-    """The finished page."""
+    """HTML of the report."""
     plan: str | None = None
-    """plan.json."""
+    """Content of plan.json."""
     relaxation: str | None = None
-    """In words, of what `relaxed` has."""
+    """Description of the relaxation in `relaxed`."""
     relaxed: Problem | None = None
 
 
 @dataclass
 class Job:
-    """One planning run; steps: the file that its process writes them to."""
+    """One planning run. steps: file to which its process writes its progress."""
 
     identity: str
     steps: Path
     outcome: Outcome | None = None
 
     def to_dict(self) -> dict[str, Any]:
+        """Return the object that the page receives."""
         outcome = self.outcome  # read once: the planner may finish while this is written
-        found = outcome or Outcome("")
-        places = {"report": found.report, "plan": found.plan}
+        result = outcome or Outcome("")
+        texts = {"report": result.report, "plan": result.plan}
         return {
             "steps": self.steps.read_text(encoding="utf-8").splitlines(),
             "done": outcome is not None,
-            "message": found.message,
-            "relaxation": found.relaxation if found.relaxed is not None else None,
+            "message": result.message,
+            "relaxation": result.relaxation if result.relaxed is not None else None,
             **{
                 name: None if text is None else f"/{name}/{self.identity}"
-                for name, text in places.items()
+                for name, text in texts.items()
             },
         }
 
@@ -75,7 +77,10 @@ class Jobs:
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
     def start(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """A motion as in `wanted`, {own: true} or {relaxed: job} → {job}. Raises ProblemError."""
+        """Answer a motion as in `wanted`, {own: true} or {relaxed: job} with {job}.
+
+        Raises ProblemError.
+        """
         problem = self._relaxed(request) if "relaxed" in request else self.wanted(request)
         with self._lock:
             if any(job.outcome is None for job in self._jobs.values()):
@@ -87,17 +92,20 @@ class Jobs:
                 del self._jobs[old]
             if self._workers is None:
                 self._workers = Workers(1, attempts=1)
-            self._workers.submit(planned, problem, job.steps).add_done_callback(
+            self._workers.submit(run_plan, problem, job.steps).add_done_callback(
                 lambda done: self._finish(job, done)
             )
         return {"job": identity}
 
     def progress(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """{job} → {steps, done, message, relaxation, report, plan}. Raises ProblemError."""
+        """Answer {job} with {steps, done, message, relaxation, report, plan}.
+
+        Raises ProblemError.
+        """
         return self._job(request, "job").to_dict()
 
     def cancel(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """{job} → as `progress`; the planner's process is ended. Raises ProblemError."""
+        """Kill the planner's process and answer {job} as `progress` does. Raises ProblemError."""
         job = self._job(request, "job")
         with self._lock:
             if job.outcome is None:
@@ -106,20 +114,21 @@ class Jobs:
         return job.to_dict()
 
     def text(self, kind: str, identity: str) -> str | None:
-        """The "report" or "plan" of a run; None where there is none."""
+        """Return the "report" or "plan" of a run, or None if it does not exist."""
         job = self._jobs.get(identity)
         return None if job is None or job.outcome is None else getattr(job.outcome, kind)
 
     def close(self) -> None:
-        """End what runs."""
+        """Kill the planner's process and delete its files."""
         with self._lock:
             self._end()
         self._folder.cleanup()
 
     def wanted(self, request: Mapping[str, Any]) -> Problem:
-        """{alpha, beta, start, tilt_range, target or motion: [{pose} or {dwell}, …]} or {own: true} as a problem.
+        """Return the problem of a request.
 
-        Raises ProblemError.
+        The request is {alpha, beta, start, tilt_range, target or motion: [{pose} or {dwell}, …]} or
+        {own: true}. Raises ProblemError.
         """
         if self.study.problem is None:
             raise ProblemError(
@@ -127,8 +136,8 @@ class Jobs:
             )
         if request.get("own") is True:
             return self.study.problem
-        _, own = self.study.mechanism(request)
-        if not own:
+        _, original = self.study.mechanism(request)
+        if not original:
             raise ProblemError(
                 f"the masses of the links are known for the robot's own alpha and beta only (within {SAME:g} rad)"
             )
@@ -147,49 +156,57 @@ class Jobs:
         )
 
     def _relaxed(self, request: Mapping[str, Any]) -> Problem:
+        """Return the relaxed problem of an earlier run. Raises ProblemError."""
         outcome = self._job(request, "relaxed").outcome
         if outcome is None or outcome.relaxed is None:
             raise ProblemError("no relaxation is known", key="relaxed")
         return outcome.relaxed
 
     def _job(self, request: Mapping[str, Any], key: str) -> Job:
+        """Return the run that a request names. Raises ProblemError."""
         job = self._jobs.get(str(request.get(key)))
         if job is None:
             raise ProblemError("no such plan", key=key)
         return job
 
-    def _finish(self, job: Job, done: Future[Outcome]) -> None:
-        error = done.exception()
+    def _finish(self, job: Job, future: Future[Outcome]) -> None:
+        """Record the outcome of a run unless it was cancelled."""
+        error = future.exception()
         with self._lock:
             if job.outcome is not None:
                 return
             if error is None:
-                job.outcome = done.result()
+                job.outcome = future.result()
             elif isinstance(error, SsmPlannerError):
                 job.outcome = Outcome(str(error))
             else:
                 job.outcome = Outcome(f"stopped by a fault of the program: {error}")
 
     def _end(self) -> None:
+        """Kill the planner's process."""
         if self._workers is not None:
             self._workers.shutdown(wait=False, cancel_futures=True)
             self._workers = None
 
 
-def planned(problem: Problem, steps: Path) -> Outcome:
-    """Plan a problem in the planner's own process; steps: the file that says how far it is. Raises ProblemError."""
-    begin = time.perf_counter()
+def run_plan(problem: Problem, steps: Path) -> Outcome:
+    """Plan a problem in the planner's process.
+
+    steps: file for the progress. Raises ProblemError.
+    """
+    start = time.perf_counter()
 
     def progress(step: str) -> None:
         with steps.open("a", encoding="utf-8") as file:
-            file.write(f"{time.perf_counter() - begin:.1f} s  {step}\n")
+            file.write(f"{time.perf_counter() - start:.1f} s  {step}\n")
 
     progress("loading the planner")
-    from ssm_planner.pipeline.run import plan, quickly
+    from ssm_planner.pipeline.run import plan
+    from ssm_planner.pipeline.thermal import quickly
     from ssm_planner.reporting.html.report import report_page
 
     relaxed: list[Problem] = []
-    result = plan(quickly(problem), progress, cured=relaxed.append)
+    result = plan(quickly(problem), progress, on_relaxation=relaxed.append)
     if result.trajectory is None:
         reason = result.reason
         message = reason.message if reason else result.status
@@ -207,24 +224,24 @@ def planned(problem: Problem, steps: Path) -> Outcome:
 def posed_problem(
     problem: Problem, start: Pose, steps: Sequence[Pose | float], tilt: Range
 ) -> Problem:
-    """Straight motions through poses, rad and m, and dwells, s, within the problem's limits and a tilt range.
+    """Return the problem of straight motions through poses (rad and m) and dwells (s).
 
-    Raises ProblemError.
+    The limits are those of `problem` within the tilt range `tilt` (rad). Raises ProblemError.
     """
     low, high = problem.ranges.get("tilt", tilt)
-    wanted = TaskRange("tilt", max(low, tilt[0]), min(high, tilt[1]))
+    tilt_limit = TaskRange("tilt", max(low, tilt[0]), min(high, tilt[1]))
     return Problem(
         problem.robot,
         start=Task(*start),
         motion=tuple(Dwell(step) if isinstance(step, float) else Straight(*step) for step in steps),
-        limits=(*(limit for limit in problem.limits if limit.key != wanted.key), wanted),
+        limits=(*(limit for limit in problem.limits if limit.key != tilt_limit.key), tilt_limit),
         eye=problem.eye,
         name=f"{problem.name}, from the view",
     )
 
 
 def _step(step: Mapping[str, Any]) -> Pose | float:
-    """A pose or a dwell of a request. Raises ProblemError."""
+    """Return a pose or a dwell of a request. Raises ProblemError."""
     return (
         number(step, "dwell", 1e-3, LONGEST_DWELL, "s") if "dwell" in step else pose(step, "pose")
     )

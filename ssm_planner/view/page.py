@@ -1,4 +1,4 @@
-"""The local view's page, and what it asks about a mechanism: its workspace, and the joints of a pose (JSON types)."""
+"""Render the local view's page and answer its questions about a mechanism, in JSON types."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from ssm_planner.units import shown
 PUBLISHED = math.radians(30.0), math.radians(109.778)
 """α and β of the paper's robot, for a page without a problem."""
 SAME = 1e-9
-"""rad within which α and β count as those of the robot."""
+"""Tolerance for α and β of the robot, rad."""
 Pose = tuple[float, float, float, float]
 """Roll, tilt, spin and depth, rad and m."""
 MARGINS = tuple(math.radians(degrees) for degrees in (5.0, 2.0, 1.0))
-"""By which suggested α and β reach beyond the range, best first."""
+"""Margins of the tilt range for suggested α and β, rad, largest first."""
 LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
 
 
-def _written(point: Any) -> dict[str, str]:
-    """Task coordinates of a point as a problem file has them."""
+def _coordinates(point: Any) -> dict[str, str]:
+    """Return the task coordinates of a point as a problem file states them."""
     return {
         name: _in_units(name, getattr(point, name))
         for name in TASK
@@ -45,11 +45,12 @@ def _written(point: Any) -> dict[str, str]:
 
 
 def _in_units(name: str, value: float) -> str:
+    """Return a task coordinate with its unit."""
     return f"{1e3 * value:.12g} mm" if name == "depth" else f"{math.degrees(value):.14g} deg"
 
 
 def view_page(start: dict[str, Any], token: str) -> str:
-    """The HTML document; start: Study.start(), token: what every POST must carry."""
+    """Return the HTML document. start: Study.start(); token: secret that every POST must carry."""
     title = f"{start['name']} – mechanism" if start["name"] else "Mechanism"
     return render(
         "view.html", {"start": start, "token": token, "colours": list(COLOURS)}, title=title
@@ -58,37 +59,45 @@ def view_page(start: dict[str, Any], token: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A problem whose robot is looked at, or none: then the paper's mechanism without limits or motors."""
+    """State of the view.
+
+    problem: a problem with a robot, or None for the paper's mechanism without limits and motors.
+    """
 
     problem: Problem | None
 
     @property
     def own(self) -> Mechanism:
-        """The mechanism with the robot's own angles."""
+        """Return the mechanism with the robot's own angles."""
         if self.problem is None:
             return Mechanism.from_angles(*PUBLISHED)
         return Mechanism.from_geometry(self.problem.robot.geometry)
 
     def mechanism(self, request: Mapping[str, Any]) -> tuple[Mechanism, bool]:
-        """The mechanism of the request's alpha and beta, and whether it is the robot's own. Raises ProblemError."""
-        own = self.own
+        """Return the mechanism with the request's angles, and whether it is the robot's own.
+
+        Raises ProblemError.
+        """
+        original = self.own
         alpha, beta = (number(request, key, LOWEST, HIGHEST) for key in ("alpha", "beta"))
-        if abs(alpha - own.alpha) < SAME and abs(beta - own.beta) < SAME:
-            return own, True
-        return Mechanism.from_angles(alpha, beta, insertion_sign=own.insertion_sign), False
+        if abs(alpha - original.alpha) < SAME and abs(beta - original.beta) < SAME:
+            return original, True
+        return Mechanism.from_angles(alpha, beta, insertion_sign=original.insertion_sign), False
 
     def start(self) -> dict[str, Any]:
-        """What the page needs before it asks: angles, ranges, joints, the problem's start."""
-        own = self.own
-        low, high = tilt_interval(own)
+        """Return the initial values of the page, such as angles, ranges and joints."""
+        mechanism = self.own
+        low, high = tilt_interval(mechanism)
         ranges = {} if self.problem is None else dict(self.problem.ranges)
         start = None if self.problem is None else self.problem.start
-        begin = start.given if isinstance(start, Task) else {}
-        pose = [begin.get(name, own.home_tilt if name == "tilt" else 0.0) for name in TASK]
+        coordinates = start.given if isinstance(start, Task) else {}
+        pose = [
+            coordinates.get(name, mechanism.home_tilt if name == "tilt" else 0.0) for name in TASK
+        ]
         joints = None if self.problem is None else self.problem.robot.joints
         return {
-            "alpha": own.alpha,
-            "beta": own.beta,
+            "alpha": mechanism.alpha,
+            "beta": mechanism.beta,
             "tilt_range": list(ranges.get("tilt", (low, high))),
             "depth_range": list(ranges.get("depth", (0.0, 0.03))),
             "pose": pose,
@@ -100,11 +109,14 @@ class Study:
         }
 
     def workspace(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """{alpha, beta, tilt_range} → {tilt_range, reached, margin, own, scene}."""
+        """Answer {alpha, beta, tilt_range} with {tilt_range, reached, margin, own, scene}.
+
+        Raises ProblemError.
+        """
         mechanism, own = self.mechanism(request)
-        wanted = tilt_range(request)
+        required = tilt_range(request)
         low, high = tilt_interval(mechanism)
-        margin = min(wanted[0] - low, high - wanted[1])
+        margin = min(required[0] - low, high - required[1])
         ranges: dict[str, Range] = {} if self.problem is None else dict(self.problem.ranges)
         eye = None if self.problem is None else self.problem.eye
         sides = (
@@ -115,15 +127,19 @@ class Study:
             "reached": margin >= 0.0,
             "margin": margin,
             "own": own,
-            "scene": mechanism_scene(mechanism, {**ranges, "tilt": wanted}, sides, eye),
+            "scene": mechanism_scene(mechanism, {**ranges, "tilt": required}, sides, eye),
         }
 
     def suggest(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """{tilt_range} → {alpha, beta}: the smallest α that reaches the range with most of MARGINS. Raises ProblemError."""
-        wanted = tilt_range(request)
+        """Answer {tilt_range} with {alpha, beta, margin}.
+
+        The result is the smallest α that reaches the range with the largest possible entry of
+        MARGINS. Raises ProblemError.
+        """
+        required = tilt_range(request)
         for margin in MARGINS:
             try:
-                region = design_region(*wanted, margin)
+                region = design_region(*required, margin)
             except GeometryError as error:
                 raise ProblemError(
                     "no α and β reach a range on both sides of 0°",
@@ -136,7 +152,10 @@ class Study:
         raise ProblemError("no α and β reach this range", key="tilt_range")
 
     def problem_file(self, problem: Problem) -> dict[str, Any]:
-        """The YAML of a motion made in the view, with what the view's problem file says besides. Raises ProblemError."""
+        """Return the YAML of a motion from the view, completed by the view's problem file.
+
+        Raises ProblemError.
+        """
         import yaml
 
         file = (
@@ -145,14 +164,14 @@ class Study:
         if file is None or not file.is_file():
             raise ProblemError("the problem was not read from a file")
         document = yaml.safe_load(file.read_text(encoding="utf-8"))
-        beside = file.parent / str(document["robot"])
-        if beside.is_file():
-            document["robot"] = str(beside.resolve())
-        document["start"] = _written(problem.start)
+        robot_file = file.parent / str(document["robot"])
+        if robot_file.is_file():
+            document["robot"] = str(robot_file.resolve())
+        document["start"] = _coordinates(problem.start)
         document["motion"] = [
             {"dwell": f"{step.duration:.12g} s"}
             if isinstance(step, Dwell)
-            else {"straight": {"to": _written(step)}}
+            else {"straight": {"to": _coordinates(step)}}
             for step in problem.motion
         ]
         low, high = problem.ranges["tilt"]
@@ -163,26 +182,30 @@ class Study:
         return {"text": yaml.safe_dump(document, sort_keys=False, allow_unicode=True)}
 
     def ik(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """{alpha, beta, pose} → {reachable, error, branches: [{joints, branch, in_limits, tip}]}, nearest to home first."""
+        """Answer {alpha, beta, pose} with {reachable, error, branches}.
+
+        branches: [{joints, branch, in_limits, tip}], in the order of their distance from home.
+        Raises ProblemError.
+        """
         mechanism, _ = self.mechanism(request)
         limits = None
         if self.problem is not None:
             limits = np.array([joint.position for joint in self.problem.robot.joints])
-        found = inverse_task(
+        solutions = inverse_task(
             mechanism, [pose(request, "pose")], limits=limits, reference=np.zeros(4)
         )
-        tips = tip_position(mechanism, found.joints[0])
+        tips = tip_position(mechanism, solutions.joints[0])
         return {
-            "reachable": bool(found.reachable[0]),
-            "error": float(found.orientation_error[0]),
+            "reachable": bool(solutions.reachable[0]),
+            "error": float(solutions.orientation_error[0]),
             "branches": [
                 {
-                    "joints": found.joints[0, k].tolist(),
-                    "branch": int(found.branch[0, k]),
-                    "in_limits": bool(found.in_limits[0, k]),
+                    "joints": solutions.joints[0, k].tolist(),
+                    "branch": int(solutions.branch[0, k]),
+                    "in_limits": bool(solutions.in_limits[0, k]),
                     "tip": tips[k].tolist(),
                 }
-                for k in range(found.joints.shape[1])
+                for k in range(solutions.joints.shape[1])
             ],
         }
 
@@ -190,12 +213,15 @@ class Study:
 def number(
     request: Mapping[str, Any], key: str, low: float, high: float, unit: str = "rad"
 ) -> float:
-    """A finite number of a request within its range; unit: SI. Raises ProblemError."""
-    return _checked(request.get(key), key, low, high, unit)
+    """Return a finite number of a request within a range; unit: SI unit of the range.
+
+    Raises ProblemError.
+    """
+    return _number_within(request.get(key), key, low, high, unit)
 
 
 def pose(request: Mapping[str, Any], key: str) -> Pose:
-    """Four task coordinates, rad and m. Raises ProblemError."""
+    """Return four task coordinates of a request, rad and m. Raises ProblemError."""
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
@@ -205,28 +231,32 @@ def pose(request: Mapping[str, Any], key: str) -> Pose:
         "spin": (4 * math.pi, "rad"),
         "depth": (1.0, "m"),
     }
-    named = [
+    bounded = [
         (value, f"{key}.{name}", *reach[name]) for name, value in zip(TASK, values, strict=True)
     ]
     roll, tilt, spin, depth = (
-        _checked(value, name, -most, most, unit) for value, name, most, unit in named
+        _number_within(value, name, -largest, largest, unit)
+        for value, name, largest, unit in bounded
     )
     return roll, tilt, spin, depth
 
 
 def tilt_range(request: Mapping[str, Any]) -> Range:
-    """The tilt range asked for, rad. Raises ProblemError."""
+    """Return the tilt range of a request, rad. Raises ProblemError."""
     ends = request.get("tilt_range")
     if not isinstance(ends, list) or len(ends) != 2:
         raise ProblemError("not a range", key="tilt_range", value=ends, allowed="[low, high]")
-    low, high = (_checked(end, "tilt_range", -math.pi, math.pi, "rad") for end in ends)
+    low, high = (_number_within(end, "tilt_range", -math.pi, math.pi, "rad") for end in ends)
     if not low < high:
         raise ProblemError("the lower end is not below the upper", key="tilt_range")
     return low, high
 
 
-def _checked(value: object, key: str, low: float, high: float, si: str) -> float:
-    """A number in its range; one that is out of it by rounding is its end."""
+def _number_within(value: object, key: str, low: float, high: float, si: str) -> float:
+    """Return a number within its range; rounding beyond an end gives the end.
+
+    Raises ProblemError.
+    """
     unit, scale = shown(si, "°")
     allowed = f"{scale * low:.6g} to {scale * high:.6g} {unit}"
     if not isinstance(value, (int, float)) or isinstance(value, bool):

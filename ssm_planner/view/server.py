@@ -1,4 +1,4 @@
-"""A local server for one page: loopback only, no login, and it accepts nothing that the page does not send."""
+"""Serve one page on the loopback interface; accept requests from this page only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ssm_planner.view.page import Study, view_page
 
 ADDRESS = "127.0.0.1"
 LONGEST = 4096
-"""Bytes that a request may hold."""
+"""Largest number of bytes of a request."""
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'self'; base-uri 'none'; form-action 'none'",
@@ -27,17 +27,17 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
 }
 KINDS = {"report": "text/html", "plan": "application/json"}
-"""What a finished plan has, at /<kind>/<job>."""
+"""Content types of /<kind>/<job>."""
 Answer = Callable[[Mapping[str, Any]], dict[str, Any]]
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Serves the view of a study on the loopback interface; port 0: any free one."""
+    """Server of the view of a study on the loopback interface; port 0: any free port."""
 
     daemon_threads = True
 
     def __init__(self, study: Study, port: int = 0) -> None:
-        self.jobs = Jobs(study)  # a socket that cannot be had is closed with them
+        self.jobs = Jobs(study)  # created first, so that server_close works if the socket fails
         super().__init__((ADDRESS, port), Handler)
         self.study = study
         self.token = secrets.token_urlsafe(24)
@@ -53,22 +53,23 @@ class ViewServer(ThreadingHTTPServer):
         }
 
     def server_close(self) -> None:
-        """The planner ends with its server."""
+        """Close the server and kill the planner's process."""
         super().server_close()
         self.jobs.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that hangs up is no news."""
+        """Ignore closed connections; report other errors."""
         if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)
 
     @property
     def url(self) -> str:
+        """Return the address of the page."""
         return f"http://{ADDRESS}:{self.server_port}/"
 
 
 class Handler(BaseHTTPRequestHandler):
-    """GET of the page and of finished reports; POST of JSON with the page's token."""
+    """Handles GET of the page and of finished reports, and POST of JSON with the page's token."""
 
     server: ViewServer
     protocol_version = "HTTP/1.1"
@@ -77,6 +78,7 @@ class Handler(BaseHTTPRequestHandler):
     sys_version = ""
 
     def do_GET(self) -> None:
+        """Send the page, or the report or plan of a run."""
         if not self._known_host():
             return
         if self.path == "/":
@@ -92,6 +94,7 @@ class Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.OK, text, KINDS[kind])
 
     def do_POST(self) -> None:
+        """Answer a request of the page."""
         if not self._known_host():
             return
         answer = self.server.answers.get(self.path)
@@ -115,7 +118,10 @@ class Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.BAD_REQUEST, str(error), key, reason)
 
     def _known_host(self) -> bool:
-        """The browser reached this server by its own name: a page elsewhere cannot point a name of its own here."""
+        """Return whether the browser used a name of this server, or refuse the request.
+
+        This prevents access by pages whose host name resolves to this machine.
+        """
         if self.headers.get("Host") in self.server.hosts:
             return True
         self._refuse(
@@ -124,7 +130,7 @@ class Handler(BaseHTTPRequestHandler):
         return False
 
     def _request(self) -> dict[str, Any] | None:
-        """The JSON object of a request from this server's own page, or None after refusing."""
+        """Return the JSON object of a request from this server's page, or None after a refusal."""
         fault = self._fault()
         if fault is not None:
             self._refuse(*fault)
@@ -139,7 +145,7 @@ class Handler(BaseHTTPRequestHandler):
         return request
 
     def _fault(self) -> tuple[HTTPStatus, str] | None:
-        """What is wrong with the headers of a POST, before anything of its body is read."""
+        """Return the fault of a POST's headers, before reading its body, or None."""
         origin, length = self.headers.get("Origin"), self.headers.get("Content-Length", "")
         if origin is not None and origin.removeprefix("http://") not in self.server.hosts:
             return HTTPStatus.FORBIDDEN, "not from this server's page"
@@ -161,13 +167,14 @@ class Handler(BaseHTTPRequestHandler):
     def _refuse(
         self, status: HTTPStatus, message: str, key: str | None = None, reason: str | None = None
     ) -> None:
-        """key: of the field that is wrong, whose fault the reason is without its name."""
+        """Send an error. key: name of the wrong field; reason: its fault without the name."""
         self.close_connection = True
         self._send(
             status, json.dumps({"error": message, "key": key, "reason": reason}), "application/json"
         )
 
     def _send(self, status: HTTPStatus, text: str, kind: str) -> None:
+        """Send a response with the security headers."""
         body = text.encode("utf-8")
         self.send_response(status)
         for name, value in HEADERS.items():
@@ -180,4 +187,4 @@ class Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """The terminal stays quiet."""
+        """Print nothing."""

@@ -2,7 +2,7 @@
 #ifndef SSM_ROBOT_H
 #define SSM_ROBOT_H
 
-/* Double precision; compiled with -DSSM_FLOAT32 single precision. One program may hold both forms. */
+/* The precision is double, or single with -DSSM_FLOAT32. One program may contain both. */
 {{ real }}
 #ifdef SSM_FLOAT32
 {% for name in names %}
@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-/* Limits of the joints and their motors, SI units; INFINITY where there is none. */
+/* Limits of the joints and their motors in SI units. INFINITY means that there is no limit. */
 {% for name, _ in limits %}
 extern const ssm_real {{ name }}[4];
 {% endfor %}

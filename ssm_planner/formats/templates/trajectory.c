@@ -5,14 +5,14 @@ enum { PIECES = {{ pieces | length }}, DEGREE = 5 };
 
 const ssm_real ssm_duration = {{ breaks[-1] }};
 
-/* Start of every piece, and the end, s. */
+/* Start of every piece and end of the motion, s. */
 static const ssm_real breaks[PIECES + 1] = {
 {% for row in breaks | batch(8) %}
     {{ row | join(", ") }},
 {% endfor %}
 };
 
-/* Of every piece, power of the time since its start, and joint. */
+/* Coefficients by piece, power of the time since its start, and joint. */
 static const ssm_real coefficients[PIECES][DEGREE + 1][4] = {
 {% for powers in pieces %}
     {
@@ -23,7 +23,7 @@ static const ssm_real coefficients[PIECES][DEGREE + 1][4] = {
 {% endfor %}
 };
 
-/* Whether each joint moves at the start and at the end. */
+/* 1 if a joint moves at the start (first row) or at the end (second row). */
 static const int moves[2][4] = {
 {% for row in moves %}
     { {{- row | join(", ") -}} },

@@ -13,12 +13,13 @@
 extern "C" {
 #endif
 
-/* s */
+/* Duration, s. */
 extern const ssm_real ssm_duration;
 
-/* Positions, velocities, accelerations and motor torques of the plan t seconds after its start. Before the start and from the
-   end on a joint that rests there stands still and its motor is held; one that moves there is taken as at the start or end.
-   tau_motor, by ssm_motor_torque, may be a null pointer. At an instant where the acceleration jumps it is what follows. */
+/* Computes positions, velocities, accelerations and motor torques of the plan t seconds after its start.
+   Before the start and after the end, a joint that rests there stands still and its motor is held.
+   A joint that moves there keeps its state at the start or the end. At an acceleration jump the result
+   is the value after the jump. tau_motor (see ssm_motor_torque) may be a null pointer. */
 void ssm_sample(ssm_real t, ssm_real q[4], ssm_real qd[4], ssm_real qdd[4], ssm_real tau_motor[4]);
 
 #ifdef __cplusplus

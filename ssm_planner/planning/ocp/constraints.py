@@ -1,7 +1,7 @@
-"""Path constraints: the limits at one instant of a motion as symbolic rows, value ≤ 1, and the costs of the motors.
+"""Path constraints: limits at one instant as symbolic rows (value ≤ 1), and motor costs.
 
-Of a robot, its limits are parameters of the program (`joint_limits`), the rest are constants in the expressions
-(`robot_key`).
+The limits of a robot are parameters of the program (`joint_limits`). Everything else about the
+robot is constant in the expressions (`robot_key`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
-from ssm_planner.dynamics.motors import motorised
+from ssm_planner.dynamics.motors import motorised, motorless
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.forward import JACOBIANS, speed_bounds
 from ssm_planner.problem.drive import Drive
@@ -46,15 +46,17 @@ LIMITS = {
     "speeds": len(JACOBIANS),
     "stop": 1,
 }
-"""Limits as parameters, with their lengths: of the joints, of their motors, of the speeds of the tool and of its stops.
-cooling: what a second of every motor at its nominal torque costs, in seconds."""
+"""Limits that are parameters, with their lengths: of joints, motors, tool speeds and stops.
+
+`cooling` is the cost of one second of a motor at its nominal torque, in seconds.
+"""
 
 
 TIP = list(JACOBIANS).index(TipSpeed)
 
 
 def joint_limits(robot: Robot, cooling: Array | None = None) -> dict[str, Array]:
-    """Velocity, acceleration, jerk and motor-torque limits of the joints by their names in LIMITS, and cooling, (4,) each."""
+    """Return the limits of joints and motors by their names in LIMITS, and `cooling`, (4,) each."""
     joints = robot.joints
     limits = {
         "velocity": np.array([joint.velocity for joint in joints]),
@@ -70,7 +72,7 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> dict[str, Array]
 
 
 def tool_limits(limits: Iterable[ToolLimit]) -> dict[str, Array]:
-    """The limits of the tool by their names in LIMITS: speeds (kinds,), stop (1,)."""
+    """Return the limits of the tool by their names in LIMITS: speeds (kinds,) and stop (1,)."""
     limits = tuple(limits)
     stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)
     speeds = speed_bounds((limit for limit in limits if isinstance(limit, SpeedLimit)), UNLIMITED)
@@ -78,25 +80,30 @@ def tool_limits(limits: Iterable[ToolLimit]) -> dict[str, Array]:
 
 
 def tool_names(limits: Iterable[ToolLimit], moving: Iterable[int]) -> set[RowName]:
-    """Of the rows of these limits; moving: the joints that move."""
+    """Return the names of the rows of tool limits.
+
+    `moving` are the indices of the joints that move.
+    """
     joints = {limit.name: moving if isinstance(limit, StopTravel) else (None,) for limit in limits}
-    return {(name, None if i is None else int(i)) for name, each in joints.items() for i in each}
+    return {
+        (name, None if i is None else int(i)) for name, indices in joints.items() for i in indices
+    }
 
 
 def with_margin(robot: Robot, share: float) -> Robot:
-    """The robot with velocity, acceleration and motor torque of its joints limited to a share below what they are."""
-    kept = 1 - share
+    """Return the robot with velocity, acceleration and motor torque reduced by a share."""
+    factor = 1 - share
 
     def reduced(joint: Joint) -> Joint:
         motor = (
             None
             if joint.motor is None
-            else unchecked(joint.motor, max_torque=joint.motor.max_torque * kept)
+            else unchecked(joint.motor, max_torque=joint.motor.max_torque * factor)
         )
         return replace(
             joint,
-            velocity=joint.velocity * kept,
-            acceleration=joint.acceleration * kept,
+            velocity=joint.velocity * factor,
+            acceleration=joint.acceleration * factor,
             motor=motor,
         )
 
@@ -105,57 +112,80 @@ def with_margin(robot: Robot, share: float) -> Robot:
 
 
 def robot_key(robot: Robot) -> bytes:
-    """What of a robot stands as constants in an element model: geometry, bodies, gravity, drives and nominal torques.
+    """Return a key of all properties of a robot that are constants in an element model.
 
-    Its limits are parameters. Equal keys mean equal content; equal content may have different keys, which only costs time.
+    These are geometry, bodies, gravity, drives and nominal torques. Limits are parameters. Equal
+    keys mean equal content. Equal content may have different keys, which only costs time.
     """
     drives = tuple(joint.drive for joint in robot.joints)
     nominal = [
         None if joint.motor is None else joint.motor.nominal_torque for joint in robot.joints
     ]
-    parts = robot.geometry, *robot.bodies, *drives, robot.corners, robot.lightest
-    numbers = nominal, robot.gravity.tobytes()  # every robot copies its gravity
-    for known in tuple(_known):
-        if known[1] == numbers and all(map(is_, known[0], parts)):
-            return known[2]
+    components = robot.geometry, *robot.bodies, *drives, robot.corners, robot.lightest
+    # Every robot copies its gravity, so it is compared by value.
+    numbers = nominal, robot.gravity.tobytes()
+    for entry in tuple(_latest_keys):
+        if entry[1] == numbers and all(map(is_, entry[0], components)):
+            return entry[2]
     joints = list(zip(drives, nominal, strict=True))
     corners = (
         [load.bodies for load in robot.loads],
         [robot.actuations(i) for i in range(4)] if robot.corners else None,
     )
     key = pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
-    _known.appendleft((parts, numbers, key))
+    _latest_keys.appendleft((components, numbers, key))
     return key
 
 
-_known: deque[tuple[tuple[Any, ...], tuple[list[float | None], bytes], bytes]] = deque(maxlen=4)
-"""Parts of the robots that were asked for last, their nominal torques and gravity, and their keys."""
+_latest_keys: deque[tuple[tuple[Any, ...], tuple[list[float | None], bytes], bytes]] = deque(
+    maxlen=4
+)
+"""Latest robots: their parts, their nominal torques and gravity, and their keys."""
 
 
 def limits_jerk(robot: Robot) -> bool:
-    """Whether any joint has a jerk limit."""
+    """Return True if any joint has a jerk limit."""
     return any(joint.jerk is not None for joint in robot.joints)
 
 
 BRAKING_SOFTNESS = 1e-3
-"""Smoothing of the mesh's larger side in the braking rows, as a share of the torque limit (on the safe side)."""
+"""Smoothing of the mesh's larger side in braking rows, as a share of the torque limit.
+
+The smoothed row is on the safe side.
+"""
 COST_SOFTNESS = 1e-2
-"""The same in heat and effort, as a share of the nominal torque: at a sharp edge of the cost the solver goes to and fro."""
+"""The same smoothing in heat and effort, as a share of the nominal torque.
+
+The solver would oscillate at a sharp edge of the cost.
+"""
+
+
+ACCELERATION_SHARE = 1e-3
+"""Weight of the accelerations of joints without a motor, so small that motors come first."""
 
 
 RowName = tuple[str, int | None]
-"""Limit and joint of a row; of the torque with the k-th of `Robot.actuations` joint + 4 k, so that each is active alone."""
+"""Name of the limit and joint of a row.
+
+For the torque with the k-th of `Robot.actuations` the second entry is joint + 4 k, so that each of
+them is active alone.
+"""
 
 
 RowPlace = tuple[str, int | None, int]
-"""The same, and the place of the row among all that native/elements.c knows."""
+"""A RowName, and the index of the row in native/elements.c."""
 JOINT_ROWS = 10
-"""Places of a joint: velocity and two of its stop in either sense, acceleration and jerk in either."""
+"""Rows of one joint: velocity and two of its stop in either sense, acceleration and jerk in either
+sense.
+"""
 
 
 @dataclass(frozen=True)
 class PathConstraint:
-    """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint` (as in RowName; None for the whole arm)."""
+    """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint`.
+
+    `joint` is encoded as in RowName and None for the whole arm.
+    """
 
     name: str
     joint: int | None
@@ -164,75 +194,89 @@ class PathConstraint:
 
 @dataclass(frozen=True)
 class Instant:
-    """Symbolic state of all joints, (4,) each; sigma: direction of each joint's motion, +1, −1 or 0 (does not move)."""
+    """Symbolic state of all joints at one instant, (4,) each.
+
+    `sigma` is the direction of motion of each joint: +1, −1, or 0 for a joint that does not move.
+    """
 
     qd: ca.SX
     qd_hull: ca.SX
-    """Stands in for qd in the velocity rows (`models.StraightElement.collocation_states`)."""
+    """Replaces qd in velocity rows (`models.StraightElement.collocation_states`)."""
     qdd: ca.SX
     qddd: ca.SX
     tau_rigid: ca.SX
     """(4,) for each of `Robot.loads`, the robot's own first."""
     speeds: ca.SX
-    """Speeds of the tool in the order of JACOBIANS; of the hull where qd_hull is."""
+    """Speeds of the tool in the order of JACOBIANS, computed like qd_hull."""
     sigma: ca.SX
     limits: SimpleNamespace
-    """LIMITS, as expressions, so that one program serves all values; torque of joints without motor unused."""
+    """LIMITS as expressions, so that one program serves all values.
+
+    The torque of joints without a motor is unused.
+    """
 
 
-def kinematic_rows(at: Instant, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
-    """Speeds of the tool; velocity, acceleration and, where asked for, jerk of every joint; how far the tip goes to stop
-    (`retiming.constraints.braking_travel`)."""
-    rows = speed_rows(at)
+def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
+    """Return the rows of tool speeds, and of velocity, acceleration, jerk and stop of every joint.
+
+    `jerk` selects the rows of jerk. The rows of stops are those of
+    `retiming.constraints.braking_travel`.
+    """
+    rows = speed_rows(instant)
     for i, joint in enumerate(joints):
-        for sense in (1, -1) if joint.drive is None else (at.sigma[i],):
-            rows += sense_rows(at, i, sense)
-        rows += acceleration_rows(at, i, jerk)
+        for sense in (1, -1) if joint.drive is None else (instant.sigma[i],):
+            rows += sense_rows(instant, i, sense)
+        rows += acceleration_rows(instant, i, jerk)
     return rows
 
 
-def sense_rows(at: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
-    """Velocity of joint i in one sense, ±1, and how far the tip goes to stop, by its speed and by its braking."""
-    bounds, speed = at.limits, sense * at.qd_hull[i]
-    tip = at.speeds[TIP] / (2 * bounds.stop)
+def sense_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
+    """Return the velocity row of joint i in one sense (±1), and the two rows of its stop."""
+    bounds, speed = instant.limits, sense * instant.qd_hull[i]
+    tip = instant.speeds[TIP] / (2 * bounds.stop)
     rows = [PathConstraint(JointVelocity.name, i, speed / bounds.velocity[i])]
-    for braking in (0, -sense * at.qdd[i]):
+    for braking in (0, -sense * instant.qdd[i]):
         rows.append(
             PathConstraint(StopTravel.name, i, (tip * speed + braking) / bounds.acceleration[i])
         )
     return rows
 
 
-def acceleration_rows(at: Instant, i: int, jerk: bool) -> list[PathConstraint]:
-    """Acceleration and, where asked for, jerk of joint i."""
+def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstraint]:
+    """Return the acceleration rows of joint i and, if requested, its jerk rows."""
     rows = []
     for side in (1, -1):
         rows.append(
-            PathConstraint(JointAcceleration.name, i, side * at.qdd[i] / at.limits.acceleration[i])
+            PathConstraint(
+                JointAcceleration.name, i, side * instant.qdd[i] / instant.limits.acceleration[i]
+            )
         )
         if jerk:
-            rows.append(PathConstraint(JointJerk.name, i, side * at.qddd[i] / at.limits.jerk[i]))
+            rows.append(
+                PathConstraint(JointJerk.name, i, side * instant.qddd[i] / instant.limits.jerk[i])
+            )
     return rows
 
 
-def speed_rows(at: Instant) -> list[PathConstraint]:
-    """Every speed of the tool that a problem may limit."""
+def speed_rows(instant: Instant) -> list[PathConstraint]:
+    """Return the rows of all tool speeds that a problem may limit."""
     return [
-        PathConstraint(kind.name, None, at.speeds[k] / at.limits.speeds[k])
-        for k, kind in enumerate(JACOBIANS)
+        PathConstraint(limit_class.name, None, instant.speeds[k] / instant.limits.speeds[k])
+        for k, limit_class in enumerate(JACOBIANS)
     ]
 
 
-def torque_rows(at: Instant, robot: Robot, *, breakaway: bool = False) -> list[PathConstraint]:
-    """Motor torque of every driven joint under the exact friction law for the known direction of motion; at corners too.
+def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> list[PathConstraint]:
+    """Return the torque rows of every motor, with exact friction for the known direction of motion.
 
-    breakaway: with the static coefficient, for instants at which a joint starts to move.
+    Rows at the corners of a range of friction are included. `breakaway` takes the static
+    coefficient, for instants at which a joint starts to move.
     """
     rows = []
-    each = [(i, k, *one) for i in range(4) for k, one in enumerate(robot.actuations(i))]
-    for i, k, load, drive, sides in each:
-        torques = directed_torques(drive, at, i, breakaway=breakaway, load=load)
-        driving, braking = sides_of_torque(torques, at.limits.torque[i])
+    actuations = [(i, k, *item) for i in range(4) for k, item in enumerate(robot.actuations(i))]
+    for i, k, load, drive, sides in actuations:
+        torques = directed_torques(drive, instant, i, breakaway=breakaway, load=load)
+        driving, braking = sides_of_torque(torques, instant.limits.torque[i])
         values = [*(driving if 1 in sides else ()), *(braking if -1 in sides else ())]
         rows += [PathConstraint(MotorTorque.name, i + 4 * k, value) for value in values]
     return rows
@@ -241,25 +285,28 @@ def torque_rows(at: Instant, robot: Robot, *, breakaway: bool = False) -> list[P
 def sides_of_torque(
     torques: tuple[ca.SX, ca.SX], limit: ca.SX
 ) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX]]:
-    """Values of the rows of a motor that drives, and of one that brakes; torques: the two of `directed_torques`."""
+    """Return the row values of a driving and of a braking motor, from `directed_torques`."""
     first, second = torques
-    # σ τ is the larger of the two; the smooth maximum below never exceeds it
+    # σ τ is the larger of the two. The smooth maximum below never exceeds it.
     half, soft = (first - second) / (2 * limit), BRAKING_SOFTNESS
     resisting = (first + second) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
     return (first / limit, second / limit), (-resisting,)
 
 
 def actuations_by_load(robot: Robot) -> list[tuple[int, int, int, Drive, tuple[int, ...]]]:
-    """Joint, its k-th of `Robot.actuations`, load, drive and sides of all, by load."""
-    each = [(i, k, *one) for i in range(4) for k, one in enumerate(robot.actuations(i))]
-    return sorted(each, key=lambda one: one[2])
+    """Return joint, index in `Robot.actuations`, load, drive and sides, sorted by load."""
+    actuations = [(i, k, *item) for i in range(4) for k, item in enumerate(robot.actuations(i))]
+    return sorted(actuations, key=lambda item: item[2])
 
 
-def torque_places(robot: Robot, first: int) -> list[RowPlace]:
-    """Of the rows of `torque_rows`; first: the place of the first of them all."""
-    places = {one[:2]: first + 3 * at for at, one in enumerate(actuations_by_load(robot))}
+def torque_places(robot: Robot, start: int) -> list[RowPlace]:
+    """Return names and indices of the rows of `torque_rows`.
+
+    `start` is the index of the first of them.
+    """
+    indices = {item[:2]: start + 3 * index for index, item in enumerate(actuations_by_load(robot))}
     return [
-        (MotorTorque.name, i + 4 * k, places[i, k] + side)
+        (MotorTorque.name, i + 4 * k, indices[i, k] + side)
         for i in range(4)
         for k, (*_, sides) in enumerate(robot.actuations(i))
         for side in [0, 1] * (1 in sides) + [2] * (-1 in sides)
@@ -267,66 +314,81 @@ def torque_places(robot: Robot, first: int) -> list[RowPlace]:
 
 
 def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
-    """Of the rows of `kinematic_rows`."""
-    rows: list[RowPlace] = [(kind.name, None, k) for k, kind in enumerate(JACOBIANS)]
+    """Return names and indices of the rows of `kinematic_rows`."""
+    rows: list[RowPlace] = [(limit_class.name, None, k) for k, limit_class in enumerate(JACOBIANS)]
     for i, joint in enumerate(robot.joints):
-        place = len(JACOBIANS) + JOINT_ROWS * i
+        index = len(JACOBIANS) + JOINT_ROWS * i
         for side in range(2 if joint.drive is None else 1):
             names = JointVelocity.name, StopTravel.name, StopTravel.name
-            rows += [(name, i, place + 3 * side + k) for k, name in enumerate(names)]
+            rows += [(name, i, index + 3 * side + k) for k, name in enumerate(names)]
         for side in (0, 1):
-            rows.append((JointAcceleration.name, i, place + 6 + 2 * side))
-            rows += [(JointJerk.name, i, place + 7 + 2 * side)] * jerk
+            rows.append((JointAcceleration.name, i, index + 6 + 2 * side))
+            rows += [(JointJerk.name, i, index + 7 + 2 * side)] * jerk
     return rows
 
 
 def torque_names(robot: Robot, i: int) -> set[RowName]:
-    """Of the rows of the motor torque of joint i."""
+    """Return the names of the torque rows of joint i."""
     return {(MotorTorque.name, i + 4 * k) for k in range(len(robot.actuations(i)))}
 
 
-def heat(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Σ (τ_motor / τ_nominal)²: what warms the windings."""
-    return ca.sumsqr(_torques(at, joints))
+def heat(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Return Σ (τ_motor / τ_nominal)², to which the heat of the windings is proportional."""
+    return ca.sumsqr(_torques(instant, joints))
 
 
-def cooling(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Σ cooling (τ_motor / τ_nominal)²: heat of the motors, each weighted by what it costs."""
-    weights = ca.vertcat(ca.SX(0, 1), *(at.limits.cooling[i] for i, *_ in motorised(joints)))
-    return ca.dot(weights, _torques(at, joints) ** 2)
+def cooling(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Return Σ cooling (τ_motor / τ_nominal)², the heat of the motors with weights."""
+    weights = ca.vertcat(ca.SX(0, 1), *(instant.limits.cooling[i] for i, *_ in motorised(joints)))
+    return ca.dot(weights, _torques(instant, joints) ** 2)
 
 
-def effort(at: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Σ ((τ_motor − that of endlessly slow motion in the same place) / τ_nominal)².
+def effort(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Return Σ ((τ_motor − τ_slow) / τ_nominal)² + ACCELERATION_SHARE Σ (q̈ / q̈_max)².
 
-    What inertia and speed ask of the motors. Friction and weight have to be overcome at any speed; counting their heat
-    would reward standing still wherever they are small. slow: the same instant without speed and acceleration.
+    τ_slow is the torque of infinitely slow motion at the same place. Friction and weight have to be
+    overcome at any speed. Counting their heat would reward standing still wherever they are small.
+    A joint without a motor or drive has no torque to compare. Its acceleration counts so little
+    that the motors' effort comes first. `slow` is the same instant without velocity and
+    acceleration.
     """
-    return ca.sumsqr(_torques(at, joints) - _torques(slow, joints))
+    accelerations = (instant.qdd[i] / instant.limits.acceleration[i] for i in motorless(joints))
+    motorless_cost = ACCELERATION_SHARE * ca.sumsqr(ca.vertcat(ca.SX(0, 1), *accelerations))
+    return ca.sumsqr(_torques(instant, joints) - _torques(slow, joints)) + motorless_cost
 
 
-def _torques(at: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """σ τ_motor / τ_nominal of every motor, the larger side of the mesh smoothed."""
+def _torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Return σ τ_motor / τ_nominal of every motor, with a smooth maximum of the mesh's sides."""
     values = [
-        smooth_torque(drive, at, i, motor.nominal_torque) for i, drive, motor in motorised(joints)
+        smooth_torque(drive, instant, i, motor.nominal_torque)
+        for i, drive, motor in motorised(joints)
     ]
     return ca.vertcat(ca.SX(0, 1), *values)
 
 
-def smooth_torque(drive: Drive, at: Instant, i: int, nominal: float) -> ca.SX:
-    """σ τ_motor / τ_nominal of joint i, the larger side of the mesh smoothed."""
-    first, second = (side / nominal for side in directed_torques(drive, at, i, breakaway=False))
+def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.SX:
+    """Return σ τ_motor / τ_nominal of joint i, with a smooth maximum of the mesh's sides."""
+    first, second = (
+        side / nominal for side in directed_torques(drive, instant, i, breakaway=False)
+    )
     return (first + second) / 2 + ca.sqrt((first - second) ** 2 / 4 + COST_SOFTNESS**2)
 
 
 def directed_torques(
-    drive: Drive, at: Instant, i: int, *, breakaway: bool, load: int = 0
+    drive: Drive, instant: Instant, i: int, *, breakaway: bool, load: int = 0
 ) -> tuple[ca.SX, ca.SX]:
-    """The two values of σ τ_motor whose larger is the motor torque in the direction of motion; 0 without motion."""
+    """Return the two values of σ τ_motor whose maximum is the motor torque.
+
+    Both are 0 without motion.
+    """
     friction = friction_of(drive)
-    sigma, w, wd = at.sigma[i], drive.ratio * at.qd[i], drive.ratio * at.qdd[i]
+    sigma = instant.sigma[i]
+    w = drive.ratio * instant.qd[i]
+    wd = drive.ratio * instant.qdd[i]
     mu = breakaway_coefficient(friction) if breakaway else friction_coefficient(friction, sigma * w)
-    effort = output_effort(drive, at.tau_rigid[4 * load + i], at.qd[i], at.qdd[i], sigma)
+    effort = output_effort(
+        drive, instant.tau_rigid[4 * load + i], instant.qd[i], instant.qdd[i], sigma
+    )
     rows = motor_torque_rows(drive, sigma, mu)
     first, second = (sigma * rows.torque(slope * effort, w, wd) for slope in rows.slope)
     return first, second

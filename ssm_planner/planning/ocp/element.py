@@ -1,12 +1,12 @@
-"""One element of a mesh: the limits and costs of a motion on it as CasADi Functions, with exact derivatives.
+"""One element of a mesh: limits and costs as CasADi Functions with exact derivatives.
 
 Symbols, all in scaled time:
 
-    z (4 m + 1,)   one element: u, u̇, ü at its start, ü at its end of the m coordinates, and its length h
-    x (k,)         state of the motion at one instant: positions first, then derivatives; x_c at the share c of h
-    p              parameters; the first is σ (4,), the direction of every joint: +1, −1 or 0 (does not move)
+    z (4 m + 1,)   one element: u, u̇, ü at its start, ü at its end of m coordinates, and its length h
+    x (k,)         state at one instant, positions first; x_c is the state at the share c of h
+    p              parameters; the first is σ (4,), the direction of every joint: +1, −1 or 0
     g(x, p) ≤ 1    path constraints, one row each
-    ℓ(x, p)        integrand of the cost; its integral over the element is L(z) = h Σ_c w_c ℓ(x_c), Simpson's rule
+    ℓ(x, p)        integrand of the cost; on the element L(z) = h Σ_c w_c ℓ(x_c) by Simpson's rule
 """
 
 from __future__ import annotations
@@ -34,20 +34,27 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
 
 COLLOCATION = (0.0, 0.5, 1.0)
-"""Shares c of an element's length at which the path constraints hold; both ends, because ü may jump there."""
+"""Shares c of an element at which the path constraints hold.
+
+Both ends are included, because ü may jump there.
+"""
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)
-"""w_c: weights of these points in integrals."""
+"""Weights w_c of these points in integrals."""
 DENSE = tuple(k / 8 for k in range(9))
-"""Shares at which the planner looks for constraints violated between the collocation points."""
+"""Shares of an element at which violated constraints are searched between the collocation points.
+"""
 Aim = Literal["time", "heat", "effort", "cooling"]
-"""What the cost is: nothing beside time; heat of all motors; effort; heat of some motors, weighted, beside time."""
+"""Cost in addition to time.
+
+"time": none, "heat": heat of all motors, "effort": effort, "cooling": weighted heat of some motors.
+"""
 
 
 X = TypeVar("X", ca.SX, ca.MX)
 
 
 class Parameter(NamedTuple):
-    """Length of a parameter vector, and whether every element has its own."""
+    """Length of a parameter vector, and whether every element has its own values."""
 
     size: int
     per_element: bool
@@ -55,61 +62,62 @@ class Parameter(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ElementModel(ABC):
-    """The limits and costs of one kind of motion on one element.
+    """Limits and costs of one kind of motion on one element.
 
-    A subclass lays out its vectors (`coordinates`, `state_size`, `positions`, `parameters`) and states the mathematics of
-    one instant (`state`, `instant`, `rows`). What of the robot stands in its expressions as a constant belongs into its
-    `key`; every other number is a parameter. This class makes the Functions of it. Models with the same key are equal.
+    A subclass defines its vectors (`coordinates`, `state_size`, `positions`, `parameters`) and the
+    mathematics of one instant (`state`, `instant`, `rows`). Robot properties that are constants in
+    its expressions belong into its `key`, and every other number is a parameter. This class derives
+    the Functions. Models with the same key are equal.
     """
 
     robot: Robot
     active: frozenset[RowName] | None = None
-    """The rows that are wanted; None: all."""
+    """Rows that the Functions contain. None: all."""
     aim: Aim = "time"
 
     state_size: ClassVar[int]
-    """k."""
+    """Length k of the state x."""
     positions: ClassVar[int]
-    """How many entries of x are positions."""
+    """Number of positions among the entries of x."""
     layout: ClassVar[Layout]
-    """Of the last parameter."""
+    """Layout of the last parameter."""
 
     @property
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sizes of p."""
+        """Sizes of the parameters p."""
 
     @property
     @abstractmethod
     def key(self) -> tuple[Hashable, ...]:
-        """Two models with the same key have the same Functions."""
+        """Key of the model. Models with the same key have the same Functions."""
 
     @property
     @abstractmethod
     def coordinates(self) -> int:
-        """m."""
+        """Number m of coordinates."""
 
     @abstractmethod
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """x_c."""
+        """Return the state x_c."""
 
     @abstractmethod
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """What the joints do in state x, in SI units, and their limits."""
+        """Return motion and limits of the joints in state x, in SI units."""
 
     @abstractmethod
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """All path constraints in state x."""
+        """Return all path constraints in state x."""
 
     @property
     @abstractmethod
     def all_rows(self) -> list[RowPlace]:
-        """Names, joints and places in native/elements.c of what `rows` gives, in its order."""
+        """Names, joints and indices in native/elements.c of all `rows`, in their order."""
 
     @property
     @abstractmethod
     def first_actuation(self) -> int:
-        """Place there of the first torque."""
+        """Index of the first torque row in native/elements.c."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ElementModel) and self.key == other.key
@@ -123,60 +131,62 @@ class ElementModel(ABC):
         return 4 * self.coordinates + 1
 
     def cubic(self, z: ca.SX) -> Cubic:
-        """The coordinates on the element z, (m,) each."""
+        """Return the coordinates on the element z as a cubic, (m,) each."""
         m = self.coordinates
         return Cubic(*ca.vertsplit(z, [0, m, 2 * m, 3 * m, 4 * m, 4 * m + 1]))
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
-        """x_c at the points COLLOCATION."""
+        """Return the states at the points COLLOCATION."""
         return [self.state(z, c) for c in COLLOCATION]
 
     @cached_property
     def row_places(self) -> list[RowPlace]:
-        """Of the active rows, in order."""
+        """Names, joints and indices of the active rows, in their order."""
         return [row for row in self.all_rows if self.active is None or row[:2] in self.active]
 
     @property
     def row_names(self) -> list[RowName]:
-        """Limit and joint of every active row, in order."""
+        """Name of the limit, and joint, of every active row, in their order."""
         return [(name, joint) for name, joint, _ in self.row_places]
 
     @cached_property
     def point(self) -> ca.Function:
-        """(x, *p) → g (rows,)."""
+        """Function (x, *p) → g (rows,)."""
         inputs = self._symbols(self.state_size)
         return ca.Function("point", inputs, [_column(self._active_rows(*inputs))])
 
     @cached_property
     def cost(self) -> ca.Function | None:
-        """(x, *p) → ℓ, where the aim is not time alone."""
+        """Function (x, *p) → ℓ. None if only time counts."""
         if self.aim == "time":
             return None
         x, *p = self._symbols(self.state_size)
-        at, joints = self.instant(x, *p), self.robot.joints
+        instant, joints = self.instant(x, *p), self.robot.joints
         if self.aim != "effort":
             return ca.Function(
-                "cost", [x, *p], [(heat if self.aim == "heat" else cooling)(at, joints)]
+                "cost", [x, *p], [(heat if self.aim == "heat" else cooling)(instant, joints)]
             )
         endlessly_slow = ca.vertcat(
             x[: self.positions], ca.SX.zeros(self.state_size - self.positions)
         )
-        return ca.Function("cost", [x, *p], [effort(at, self.instant(endlessly_slow, *p), joints)])
+        return ca.Function(
+            "cost", [x, *p], [effort(instant, self.instant(endlessly_slow, *p), joints)]
+        )
 
     @cached_property
-    def between(self) -> ca.Function:
-        """(z, *p) → g at the points DENSE, one after the other."""
+    def dense_rows(self) -> ca.Function:
+        """Function (z, *p) → g at all points DENSE, one after the other."""
         z, *p = self._symbols(self.size)
         values = [self.point(self.state(z, c), *p) for c in DENSE]
         return ca.Function("between", [z, *p], [ca.vertcat(ca.SX(0, 1), *values)])
 
     @cached_property
     def breakaway(self) -> ca.Function:
-        """(z, *p) → torque rows at the element's start with the static friction coefficient."""
+        """Function (z, *p) → torque rows at the start of an element with static friction."""
         z, *p = self._symbols(self.size)
-        at = self.instant(self.state(z, 0.0), *p)
+        instant = self.instant(self.state(z, 0.0), *p)
         return ca.Function(
-            "breakaway", [z, *p], [_column(torque_rows(at, self.robot, breakaway=True))]
+            "breakaway", [z, *p], [_column(torque_rows(instant, self.robot, breakaway=True))]
         )
 
     @cached_property
@@ -189,11 +199,14 @@ class ElementModel(ABC):
             for _ in range(2 * (1 in sides) + (-1 in sides))
         ]
 
-    def parameter_symbols(self, kind: type[X]) -> list[X]:
-        """p as symbols, SX or MX."""
-        return [kind.sym(f"p{i}", parameter.size) for i, parameter in enumerate(self.parameters)]
+    def parameter_symbols(self, symbol_class: type[X]) -> list[X]:
+        """Return the parameters p as symbols of the given class, SX or MX."""
+        return [
+            symbol_class.sym(f"p{i}", parameter.size) for i, parameter in enumerate(self.parameters)
+        ]
 
     def _active_rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        """Return the active path constraints in state x."""
         return [
             row
             for row in self.rows(x, *p)
@@ -201,6 +214,7 @@ class ElementModel(ABC):
         ]
 
     def _symbols(self, size: int) -> list[ca.SX]:
+        """Return symbols of a vector and of all parameters."""
         return [ca.SX.sym("x", size), *self.parameter_symbols(ca.SX)]
 
 
@@ -208,25 +222,28 @@ E = TypeVar("E", bound=ElementModel)
 
 
 def shared(element: E) -> E:
-    """The equal model that was used last, so that its Functions are built once."""
+    """Return the equal model that was used last, so that its Functions are built once."""
     return cast(E, _recent(element))
 
 
 @lru_cache(maxsize=32)
 def _recent(element: ElementModel) -> ElementModel:
+    """Return the model itself. The cache returns the first of several equal models."""
     return element
 
 
 def _column(rows: list[PathConstraint]) -> ca.SX:
+    """Return the values of path constraints as a column."""
     return ca.vertcat(ca.SX(0, 1), *(row.value for row in rows))
 
 
 @dataclass(frozen=True, eq=False)
 class ElementFunctions:
-    """What an optimisation evaluates on every element: Functions of (z, *p); r rows at each of 3 points.
+    """Functions of (z, *p) that are evaluated on every element, with r rows at 3 points.
 
-    rows: G = [g(x_c)]_c, (3 r,); jacobian: ∂G/∂z, (3 r, 4 m + 1). Where there is a cost, cost: L, and gradient: L, ∇L.
-    hessian takes the multipliers λ (3 r,) too, and after them κ where there is a cost: ∇²(λᵀ G + κ L).
+    `rows` gives G = [g(x_c)]_c (3 r,) and `jacobian` ∂G/∂z (3 r, 4 m + 1). With a cost, `cost`
+    gives L, and `gradient` gives L and ∇L. `hessian` also takes the multipliers λ (3 r,), followed
+    by κ with a cost, and gives ∇²(λᵀ G + κ L).
     """
 
     rows: ca.Function
@@ -235,24 +252,22 @@ class ElementFunctions:
     cost: ca.Function | None
     gradient: ca.Function | None
 
-    def by_name(self) -> dict[str, ca.Function]:
-        """Those that there are."""
-        return {name: function for name, function in vars(self).items() if function is not None}
-
 
 @lru_cache(maxsize=24)
 def element_functions(element: ElementModel) -> ElementFunctions:
-    """Exact derivatives of an element by the chain rule through the state at each point.
+    """Return exact derivatives of an element by the chain rule through the state at each point.
 
-    With X_c = ∂x_c/∂z (k, 4 m + 1), e_h the unit vector of h, and at every point c the Lagrangian of that point
-    φ_c(x) = λ_cᵀ g(x) + κ w_c h ℓ(x):
+    With X_c = ∂x_c/∂z (k, 4 m + 1), the unit vector e_h of h, and the Lagrangian φ_c(x) = λ_cᵀ g(x)
+    + κ w_c h ℓ(x) of the point c,
 
         ∂G/∂z         = [∂g/∂x(x_c) X_c]_c
         ∇L            = Σ_c w_c (h X_cᵀ ∇ℓ + ℓ e_h)
-        ∇²(λᵀG + κL)  = Σ_c X_cᵀ ∇²φ_c X_c + Σ_i (∂φ_c/∂x_i) ∇²x_c,i + κ w_c (e_h (X_cᵀ ∇ℓ)ᵀ + (X_cᵀ ∇ℓ) e_hᵀ)
+        ∇²(λᵀG + κL)  = Σ_c X_cᵀ ∇²φ_c X_c + Σ_i (∂φ_c/∂x_i) ∇²x_c,i
+                        + κ w_c (e_h (X_cᵀ ∇ℓ)ᵀ + (X_cᵀ ∇ℓ) e_hᵀ).
 
-    The derivatives by x are taken once, by few variables, and called at every point (`_point_derivatives`): what is evaluated
-    again and again then stays in the processor's cache. x_c(z) is a polynomial, its derivatives are cheap (`_chain_rule`).
+    The derivatives with respect to x are taken once, with few variables, and called at every point
+    (`_point_derivatives`). The code that is evaluated repeatedly thus stays in the processor's
+    cache. x_c(z) is a polynomial with cheap derivatives (`_chain_rule`).
     """
     by_x = _point_derivatives(element)
     states, jacobian_by_z, gradient_by_z, hessian_by_z = _chain_rule(element, *by_x)
@@ -265,17 +280,17 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     multipliers = ca.MX.sym("multipliers", r * len(points) + (element.cost is not None))
     kappa = multipliers[-1] if element.cost is not None else ca.MX(0)
 
-    rows = [element.point(*at) for at in points]
-    jacobians = [jacobian(*at) for at in points]
+    rows = [element.point(*point) for point in points]
+    jacobians = [jacobian(*point) for point in points]
     curvatures: list[ca.MX] = []
-    for c, (at, w) in enumerate(zip(points, SIMPSON, strict=True)):
-        curvatures += hessian(*at, multipliers[c * r : (c + 1) * r], w * h * kappa)
+    for c, (point, w) in enumerate(zip(points, SIMPSON, strict=True)):
+        curvatures += hessian(*point, multipliers[c * r : (c + 1) * r], w * h * kappa)
     cost = gradient = None
     if element.cost is not None:
         integral = ca.MX(0)
-        for at, w in zip(points, SIMPSON, strict=True):
-            integral += w * h * element.cost(*at)
-        slopes = [value for at in points for value in gradient_by_x(*at)]
+        for point, w in zip(points, SIMPSON, strict=True):
+            integral += w * h * element.cost(*point)
+        slopes = [value for point in points for value in gradient_by_x(*point)]
         cost = ca.Function("cost", inputs, [integral])
         gradient = ca.Function("gradient", inputs, list(gradient_by_z(z, *slopes)))
     return ElementFunctions(
@@ -288,13 +303,14 @@ def element_functions(element: ElementModel) -> ElementFunctions:
 
 
 def _point_derivatives(element: ElementModel) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """Functions of (x, *p): ∂g/∂x (r, k); ℓ and ∇ℓ (k,); and of λ_c (r,) and a factor f too:
+    """Return three Functions of (x, *p): ∂g/∂x (r, k); ℓ and ∇ℓ (k,); and second derivatives.
 
-    ∇²φ (k, k) and ∇φ (k,) of φ = λ_cᵀ g + f ℓ, then ℓ and ∇ℓ.
+    The last one also takes λ_c (r,) and a factor f, and returns ∇²φ (k, k) and ∇φ (k,) of φ = λ_cᵀ
+    g + f ℓ, then ℓ and ∇ℓ.
     """
     x = ca.SX.sym("x", element.state_size)
     inputs = [x, *element.parameter_symbols(ca.SX)]
-    # the cost is made of the same torques as the rows: they are to be differentiated once
+    # The cost consists of the same torques as the rows, which should be differentiated once.
     values: Any = [
         element.point(*inputs),
         ca.SX(0) if element.cost is None else element.cost(*inputs),
@@ -315,9 +331,10 @@ def _point_derivatives(element: ElementModel) -> tuple[ca.Function, ca.Function,
 def _chain_rule(
     element: ElementModel, *point: ca.Function
 ) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
-    """From derivatives by x_c to those by z: the states x_c of z, then ∂G/∂z, (L, ∇L) and ∇²(λᵀG + κL).
+    """Return Functions that turn derivatives with respect to x_c into those with respect to z.
 
-    They are Functions of z, the last one of κ too, and, point after point, of what `_point_derivatives` (point) return.
+    They give the states x_c of z, ∂G/∂z, (L, ∇L) and ∇²(λᵀG + κL). Their arguments are z, for the
+    last one also κ, and the results of `_point_derivatives` (point), point after point.
     """
     z, kappa = ca.SX.sym("z", element.size), ca.SX.sym("kappa")
     h, e_h = z[-1], ca.gradient(z[-1], z)
@@ -342,8 +359,8 @@ def _chain_rule(
         through_state = ca.hessian(ca.dot(phi_of_x, x), z)[0]
         hessian += of_z.T @ phi_of_xx @ of_z + through_state + through_length + through_length.T
         symbols[2][2:] = symbols[1]
-        for taken, more in zip(inputs, symbols, strict=True):
-            taken += more
+        for collected, symbol_list in zip(inputs, symbols, strict=True):
+            collected += symbol_list
     return (
         ca.Function("states", [z], states),
         ca.Function("jacobian_by_z", inputs[0], [ca.vertcat(*jacobian)]),
@@ -353,7 +370,7 @@ def _chain_rule(
 
 
 def _result_symbols(function: ca.Function) -> list[ca.SX]:
-    """What a Function returns, as symbols of the same sparsity."""
+    """Return the results of a Function as symbols of the same sparsity."""
     return [
         ca.SX.sym(function.name_out(i), function.sparsity_out(i)) for i in range(function.n_out())
     ]

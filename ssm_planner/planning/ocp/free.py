@@ -1,9 +1,10 @@
-"""The optimal control problem of one free phase: the planner chooses the joint path through the points given.
+"""Optimal control problem of a free phase: the solver chooses the joint path.
 
-Between two points every joint moves one way, so positions lie between the points' and the friction law enters exactly. A
-joint that goes on in its direction passes a point at speed; one that turns back there, or stands on one side, is at rest.
-Velocity, acceleration and jerk limits hold by construction; motor torque, tip speed, rates, roll and spin ranges and the eye
-are path constraints, active as far as they come near their limits.
+Every joint moves in one direction between two points. Positions thus lie between those of the
+points, and the friction law is exact. A joint that continues in its direction passes a point at
+speed. A joint that reverses at a point, or rests on one side of it, is at rest there. Limits of
+velocity, acceleration and jerk hold by construction. Motor torque, tip speed, rates, ranges of roll
+and spin, and the eye are path constraints, which are active where they come near their limits.
 """
 
 from __future__ import annotations
@@ -38,18 +39,22 @@ from ssm_planner.planning.ocp.mesh import (
 from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
+    DirectionMultipliers,
     Guess,
     Method,
+    Multipliers,
     NlpData,
     NlpSolution,
     NlpStructure,
     PhaseSolution,
+    Reversals,
     blocks_of,
     cubics,
 )
+from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest_descent
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.ocp.turning import TurningGuess, braking, turning_guess
-from ssm_planner.planning.phases import joint_room
+from ssm_planner.planning.phases import reversal_ranges
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.problem.problem import Problem
@@ -58,28 +63,46 @@ from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.typing import Array, Indices, Mask
 
 ELEMENTS, ONE_TIME_ELEMENTS = 40, 96
-"""Of a motion; of one with one time for all elements, for they cannot move to where they are needed."""
+"""Number of elements of a motion, and of one in which all elements share one time.
+
+The latter need more, because they cannot move to where they are needed.
+"""
 PASSING_ELEMENTS, JERK_FINER = 56, 1.35
-"""Of one with a time for each way between two points; times as many where jerk is limited."""
+"""Number of elements with one time per segment through points, and factor on it for limited jerk.
+"""
 MOVING_ELEMENTS, FINER_ELEMENTS = 80, 160
-"""Of a motion that begins or ends at speed where jerk is limited, for the first acceleration has to end within an element;
-and of one for which nothing is found on fewer."""
+"""Number of elements of a jerk-limited motion that begins or ends at speed, and of a second
+attempt.
+
+The former must be fine, because the initial acceleration has to end within one element.
+"""
 STRETCHED = 1.2
-"""Times of such a guess, which then is off its bounds."""
+"""Factor by which a guess with one time is slowed down, so that it is away from its bounds."""
 SHORTEST_TURNING, SHORTEST_PASSING = 0.02, 0.01
-"""Least time of a block where joints turn back, or points are passed, as a share of the guess's, which rests there."""
+"""Smallest time of a block, as a share of the guess's, with free borders, and through points.
+
+The guess rests at these points, so its times are long.
+"""
 MOVES = 1e-9
-"""A joint that has less than this to go (rad, m) stands."""
+"""A joint with a smaller displacement (rad, m) does not move."""
 FAR, MORE = 2.0, 1.5
-"""Where a row of the closed-form guess is larger than this, TOPP-RA makes the guess; and times as many elements, for less
-is then known of where they are needed."""
+"""Row value of the closed-form guess above which TOPP-RA makes the guess, and factor on its number
+of elements.
+
+The best distribution of elements is uncertain in that case.
+"""
 RAMP = 5e-4
-"""Share of the time between two points in which a joint without a jerk limit reaches its acceleration, beside one with."""
+"""Share of the time between two points in which a joint without a jerk limit reaches its
+acceleration.
+
+It applies if another joint has a jerk limit.
+"""
 EDGE = 1e-9
-"""A tip so near to the edge of an eye's port is on it, m."""
+"""Distance from the edge of an eye's port within which a tip counts as on the edge, m."""
 KINEMATIC = ("velocity", "acceleration", "jerk")
 AT_LIMIT = 8e-7
-"""Share by which rows may exceed their limit at an instant at which the motion begins or ends at speed."""
+"""Share by which rows may exceed their limit at an end at which the motion has a given velocity."""
+LEAST_UNIT = 0.05
 ANYWHERE = 1e3
 """Half width of a range that is not limited, rad."""
 
@@ -95,178 +118,240 @@ def solve_free(
     speeds: tuple[Array, Array] | None = None,
     count: int | None = None,
     method: Method = "Ipopt",
-    pull: Array | None = None,
-    loose: tuple[int, ...] = (),
-    passing: Array | None = None,
-    useless: float = np.inf,
-    sketch: tuple[Trajectory, Array] | None = None,
-    about: bool = False,
+    start_acceleration: Array | None = None,
+    reversals: Reversals | None = None,
+    cutoff: float = np.inf,
+    stop_early: bool = False,
 ) -> PhaseSolution:
-    """Motion through the joints `points` (k + 1, 4), by about `count` elements.
+    """Return a motion through the joints `points` (k + 1, 4).
 
-    strict, cooling, method: as for `solve_straight`. duration: asked for, s. speeds: q̇ (4,) at both ends, at rest by default.
-    pull: q̈ (4,) at the start where jerk is limited, 0 by default. loose: which of the points, of a motion from rest to rest,
-    only guess where joints turn back; they are optimised. passing: q̇ (k − 1, 4) at the points within, a guess that tells
-    between which of them joints turn back. useless: s, and about: as for `optimise`. sketch: a motion to begin from, and when
-    it passes the points, (k + 1,), s.
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its objective and limits.
+    mechanism : Mechanism
+        Geometry of the robot.
+    points : (k + 1, 4) array
+        Joints at both ends and at the via points.
+    strict : Robot or None
+        The robot with tighter limits, which the motion must keep.
+    cooling : (4,) array or None
+        Weights of the motors' heat relative to time.
+    duration : float or None
+        Requested duration, s.
+    speeds : ((4,), (4,)) arrays or None
+        q̇ at both ends. None: at rest.
+    count : int or None
+        Approximate number of elements. None: chosen by the kind of motion.
+    method : str
+        Solution method, see `nlp.Method`.
+    start_acceleration : (4,) array or None
+        q̈ at the start if jerk is limited. None: 0.
+    reversals : Reversals or None
+        Borders at which joints reverse. They replace the points.
+    cutoff : float
+        Duration in s beyond which a motion is not refined any further.
+    stop_early : bool
+        Stop the refinement early, as in `refinement.optimise`.
+
+    Returns
+    -------
+    PhaseSolution
+        Joint polynomials, or the status of the failure.
     """
+    reversals = reversals or Reversals(points)
+    points = reversals.points
     robot = problem.robot
     limits = joint_limits(strict or robot, cooling)
-    if "depth" in problem.rates:  # the rate of joint 4 alone
+    if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
-    way = np.diff(points, axis=0)
-    way[np.abs(way) <= MOVES] = 0.0
+    displacements = np.diff(points, axis=0)
+    displacements[np.abs(displacements) <= MOVES] = 0.0
     ends = speeds or (np.zeros(4), np.zeros(4))
     if limits_jerk(robot):
-        limits["jerk"] = jerk_for_all(limits, way, ends)
-    asked = _Asked(
+        limits["jerk"] = jerk_for_all(limits, displacements, ends)
+    request = _FreeRequest(
         problem=problem,
         mechanism=mechanism,
         points=points,
-        way=way,
+        displacements=displacements,
         limits=limits,
         ends=ends,
-        pull=np.zeros(4) if pull is None else pull,
+        start_acceleration=np.zeros(4) if start_acceleration is None else start_acceleration,
         method=method,
-        loose=loose,
-        passing=passing,
-        sketch=sketch,
+        reversals=reversals,
     )
-    finer = count is None and asked.is_confirmed_finer
-    # where the closed form keeps every other limit it is the fastest, on any mesh
-    if_exceeded = finer and duration is None and cooling is None and len(way) == 1
-    each = asked.between(count or asked.count(finer=finer and not if_exceeded))
-    segments = asked.segments(each)
-    ocp = asked.on_mesh_of(segments)
-    if if_exceeded and (ocp.way.ports or ocp.row_maxima(ocp.guess.elements).max(initial=0.0) > 1):
-        each = asked.between(asked.count(finer=True))
-        segments = asked.segments(each)
-        ocp = asked.on_mesh_of(segments)
-    if asked.rests_at_points and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
-        lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(way)))
-        ocp = asked.on_mesh_of(
+    finer = count is None and request.is_confirmed_finer
+    # If the closed form keeps all other limits, it is the fastest motion on any mesh, so a coarse
+    # mesh suffices.
+    if_exceeded = finer and duration is None and cooling is None and len(displacements) == 1
+    per_segment = request.elements_per_segment(
+        count or request.count(finer=finer and not if_exceeded)
+    )
+    segments = request.segments(per_segment)
+    ocp = request.on_mesh_of(segments)
+    if if_exceeded and (ocp.chain.ports or ocp.row_maxima(ocp.guess.elements).max(initial=0.0) > 1):
+        per_segment = request.elements_per_segment(request.count(finer=True))
+        segments = request.segments(per_segment)
+        ocp = request.on_mesh_of(segments)
+    if request.rests_at_points and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
+        lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(displacements)))
+        ocp = request.on_mesh_of(
             segments,
-            [retimed_guess(robot, problem.task_limits, line, round(MORE * each)) for line in lines],
+            [
+                retimed_guess(robot, problem.task_limits, line, round(MORE * per_segment))
+                for line in lines
+            ],
         )
     takes = None if duration is None else duration / ocp.time_scale
     guess = (
         ocp.guess.stretched(STRETCHED)
-        if asked.has_one_time
-        else replace(ocp.guess, near=sketch is not None)
+        if request.has_one_time
+        else replace(ocp.guess, near_solution=reversals.guess is not None)
     )
     return ocp.result(
         optimise(
-            ocp, guess, problem.objective, takes, useless=useless / ocp.time_scale, about=about
+            ocp,
+            guess,
+            problem.objective,
+            takes,
+            cutoff=cutoff / ocp.time_scale,
+            stop_early=stop_early,
         )
     )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Asked:
-    """What is asked of a free motion, as for `solve_free`, and the meshes of it."""
+class _FreeRequest:
+    """Request for a free motion, as in `solve_free`, and the meshes for it."""
 
     problem: Problem
     mechanism: Mechanism
     points: Array
-    way: Array
-    """From point to point, (k, 4)."""
+    displacements: Array
+    """Displacements from point to point, (k, 4)."""
     limits: dict[str, Array]
-    """Of the joints."""
+    """Limits of the joints, by the names in LIMITS."""
     ends: tuple[Array, Array]
-    pull: Array
+    start_acceleration: Array
     method: Method
-    loose: tuple[int, ...]
-    passing: Array | None
-    sketch: tuple[Trajectory, Array] | None
+    reversals: Reversals
 
     @property
     def jerk(self) -> bool:
-        """It is limited."""
+        """True if jerk is limited."""
         return limits_jerk(self.problem.robot)
 
     @property
     def at_rest(self) -> bool:
-        """At both ends."""
+        """True if the joints are at rest at both ends."""
         return not (self.ends[0].any() or self.ends[1].any())
 
     @property
     def rests_at_points(self) -> bool:
-        """As far as the guess goes."""
-        return self.at_rest and self.passing is None and self.sketch is None
+        """True if the guess rests at all points."""
+        return self.at_rest and self.reversals.via_velocity is None and self.reversals.guess is None
 
     @property
     def has_one_time(self) -> bool:
-        """For all elements; beside an eye they move to where the tool may turn to, with limited jerk to the ends of arcs."""
-        alone = self.at_rest and len(self.way) == 1 and self.problem.eye is None
+        """True if all elements share one time.
+
+        Beside an eye, elements move to where the tool may turn, and with limited jerk to the ends
+        of arcs.
+        """
+        alone = self.at_rest and len(self.displacements) == 1 and self.problem.eye is None
         return alone and self.method == "Ipopt" and not self.jerk
 
     @property
     def is_confirmed_finer(self) -> bool:
-        """Ipopt confirms it on a finer mesh."""
-        return self.method == "confirmed" and self.at_rest and not self.loose
+        """True if Ipopt confirms the motion on a finer mesh."""
+        return self.method == "confirmed" and self.at_rest and not self.reversals.free
 
     @property
     def is_structured(self) -> bool:
-        """The structured solver tries: with a jerk limit it begins at q̈ = 0 alone."""
-        return self.method == "sketched" or (self.method != "Ipopt" and not self.pull.any())
+        """True if the structured solver is tried.
+
+        With a jerk limit it can only begin at q̈ = 0.
+        """
+        return self.method == "estimated" or (
+            self.method != "Ipopt" and not self.start_acceleration.any()
+        )
 
     @property
-    def fewest(self) -> int:
-        """Elements between two switching points."""
-        return 2 if len(self.way) < 16 else 1
+    def least_count(self) -> int:
+        """Smallest number of elements between two switching points."""
+        return 2 if len(self.displacements) < 16 else 1
 
     def count(self, *, finer: bool) -> int:
-        """Elements; finer: that Ipopt confirms."""
+        """Return the number of elements. `finer` selects that of motions which Ipopt confirms."""
         if self.jerk and not self.at_rest:
             return MOVING_ELEMENTS
         if not finer:
             return ONE_TIME_ELEMENTS if self.has_one_time else ELEMENTS
         return round(
-            (ONE_TIME_ELEMENTS if len(self.way) == 1 else PASSING_ELEMENTS)
+            (ONE_TIME_ELEMENTS if len(self.displacements) == 1 else PASSING_ELEMENTS)
             * (JERK_FINER if self.jerk else 1)
         )
 
-    def between(self, count: int) -> int:
-        """Of so many elements those between two points."""
-        return max(2 * count // len(self.way), 8) if len(self.way) > 1 else count
+    def elements_per_segment(self, count: int) -> int:
+        """Return the number of elements between two points, of `count` elements in all."""
+        return (
+            max(2 * count // len(self.displacements), 8) if len(self.displacements) > 1 else count
+        )
 
-    def segments(self, each: int) -> list[TurningGuess]:
-        """The guess from point to point, about so many elements each."""
-        way, jerk = self.way, self.jerk
-        if self.sketch is not None:
-            return _sketched_segments(*self.sketch, way, each * len(way), self.fewest)
+    def segments(self, per_segment: int) -> list[TurningGuess]:
+        """Return the guesses from point to point, with about `per_segment` elements each."""
+        displacements, jerk = self.displacements, self.jerk
+        if self.reversals.guess is not None and self.reversals.directions is not None:
+            return _sampled_segments(
+                *self.reversals.guess,
+                displacements,
+                self.reversals.directions,
+                count=per_segment * len(displacements),
+                least_count=self.least_count,
+            )
         table = np.stack([self.limits[name] for name in KINEMATIC])
         within = (
-            _passing_at_need(way, self.ends, table[1]) if self.passing is None else self.passing
+            _passing_at_need(displacements, self.ends, table[1])
+            if self.reversals.via_velocity is None
+            else self.reversals.via_velocity
         )
-        speeds, pull = np.vstack([self.ends[0], within, self.ends[1]]), self.pull
+        speeds = np.vstack([self.ends[0], within, self.ends[1]])
+        start_acceleration = self.start_acceleration
         return [
             _segment(
-                way[k],
+                displacements[k],
                 speeds[k : k + 2],
                 table,
-                each=each,
-                fewest=self.fewest,
+                per_segment=per_segment,
+                least_count=self.least_count,
                 jerk=jerk,
-                pull=pull * (k == 0),
+                start_acceleration=start_acceleration * (k == 0),
             )
-            for k in range(len(way))
+            for k in range(len(displacements))
         ]
 
     def on_mesh_of(
-        self, segments: list[TurningGuess], slower: list[SegmentGuess | None] | None = None
+        self, segments: list[TurningGuess], replacements: list[SegmentGuess | None] | None = None
     ) -> FreeProblem:
-        """The problem whose elements, and whose unit of time, are those of a guess; slower: others where there are any."""
-        guesses = [guess for each in segments for guess in each.guesses]
-        if slower is not None:
-            guesses = [other or guess for other, guess in zip(slower, guesses, strict=True)]
-        way = self._way(segments, guesses)
-        guesses = list(way.guesses)
+        """Build the problem on the mesh of a guess, with the guess's duration as the unit of time.
+
+        `replacements` are guesses that replace those of the segments. None keeps a segment's own
+        guess.
+        """
+        guesses = [guess for segment in segments for guess in segment.guesses]
+        if replacements is not None:
+            guesses = [
+                replacement or guess
+                for replacement, guess in zip(replacements, guesses, strict=True)
+            ]
+        chain = self._segment_chain(segments, guesses)
+        guesses = list(chain.guesses)
         sizes = tuple(sum(guess.arcs) for guess in guesses)
-        moving = np.any(way.directions != 0, axis=0)
+        moving = np.any(chain.directions != 0, axis=0)
         arcs = [n for guess in guesses for n in guess.arcs]
         structure = NlpStructure(
-            moves=tuple(tuple((d[moving] != 0).tolist()) for d in way.directions),
+            moves=tuple(tuple((d[moving] != 0).tolist()) for d in chain.directions),
             segment_sizes=sizes,
             block_sizes=sizes
             if self.has_one_time or self._has_few_times(segments)
@@ -277,7 +362,7 @@ class _Asked:
         )
         lengths = np.concatenate([np.diff(guess.instants) for guess in guesses])
         times = np.bincount(structure.block, lengths)
-        turning = SHORTEST_TURNING if self.loose else SHORTEST_PASSING
+        turning = SHORTEST_TURNING if self.reversals.free else SHORTEST_PASSING
         return FreeProblem(
             structure=structure,
             fractions=lengths / times[structure.block],
@@ -287,209 +372,279 @@ class _Asked:
             method=self.method if self.is_structured else "Ipopt",
             problem=self.problem,
             mechanism=self.mechanism,
-            way=way,
-            directions=way.directions,
+            chain=chain,
+            directions=chain.directions,
             speeds=self.ends,
-            pull=self.pull,
+            start_acceleration=self.start_acceleration,
             starting=self.ends[0] == 0.0,
-            shortest=SHORTEST if len(way.directions) == 1 else turning,
+            shortest=SHORTEST if len(chain.directions) == 1 else turning,
+            alone=self.is_structured and self.reversals.guess is not None,
         )
 
-    def _given(self, segments: list[TurningGuess]) -> Mask:
-        """Which borders are no guess, (k + 1, 4)."""
-        given = np.concatenate([segments[0].given[:1], *(each.given[1:] for each in segments)])
-        for k in self.loose:  # a joint that stands on one side of it is where it stands
-            given[k] = (self.way[k - 1] == 0) | (self.way[k] == 0)
-        return given
+    def _fixed_positions(self, segments: list[TurningGuess]) -> Mask:
+        """Return which positions at borders are fixed, (k + 1, 4)."""
+        fixed = np.concatenate(
+            [segments[0].fixed[:1], *(segment.fixed[1:] for segment in segments)]
+        )
+        # A joint that rests on one side of a border stays where it is.
+        for k in self.reversals.free:
+            signs = (
+                self.displacements
+                if self.reversals.directions is None
+                else self.reversals.directions
+            )
+            fixed[k] = (signs[k - 1] == 0) | (signs[k] == 0)
+        return fixed
 
-    def _way(self, segments: list[TurningGuess], guesses: list[SegmentGuess]) -> Way:
+    def _segment_chain(
+        self, segments: list[TurningGuess], guesses: list[SegmentGuess]
+    ) -> SegmentChain:
+        """Return the segments with their borders, also where the tip passes an eye's port."""
         borders = [
-            start + each.positions[1:] for start, each in zip(self.points, segments, strict=False)
+            start + segment.positions[1:]
+            for start, segment in zip(self.points, segments, strict=False)
         ]
-        given, directions = (
-            self._given(segments),
-            np.concatenate([each.directions for each in segments]),
+        fixed = self._fixed_positions(segments)
+        directions = np.concatenate([segment.directions for segment in segments])
+        chain = SegmentChain(
+            np.concatenate([self.points[:1], *borders]), fixed, directions, tuple(guesses)
         )
-        way = Way(np.concatenate([self.points[:1], *borders]), given, directions, tuple(guesses))
         if self.problem.eye is None:
-            return way
-        return way.cut_at(
-            self.problem.eye.port, partial(_is_outside, self.problem, self.mechanism), self.fewest
+            return chain
+        return chain.cut_at(
+            self.problem.eye.port,
+            partial(_is_outside, self.problem, self.mechanism),
+            self.least_count,
         )
 
     def _has_few_times(self, segments: list[TurningGuess]) -> bool:
-        """One for each segment, not for each arc: with these, joints that turn back switch where they are told."""
-        if not self.is_structured or self.method == "sketched" or self.sketch is not None:
+        """Return True if each segment, instead of each arc, has one time.
+
+        Joints that reverse then switch where the guess does.
+        """
+        if not self.is_structured or self.method == "estimated" or self.reversals.guess is not None:
             return self.is_structured
-        # with one time for each way jerk-limited motions are up to 0.13 % longer
-        return bool(self._given(segments).all()) and not (self.jerk and len(self.way) > 1)
+        # With one time for each segment, jerk-limited motions are up to 0.13 % longer.
+        return bool(self._fixed_positions(segments).all()) and not (
+            self.jerk and len(self.displacements) > 1
+        )
 
 
 def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
-    """Whether the tip of joints (4,) is where the port alone allows it."""
+    """Return True if only the port allows the tip of joints (4,) to be where it is."""
     assert problem.eye is not None
     return bool(retina_row(NUMPY, problem.eye, tip_position(mechanism, q[None])[0]) > 0)
 
 
 def _segment(
-    way: Array, speeds: Array, table: Array, *, each: int, fewest: int, jerk: bool, pull: Array
+    displacement: Array,
+    speeds: Array,
+    table: Array,
+    *,
+    per_segment: int,
+    least_count: int,
+    jerk: bool,
+    start_acceleration: Array,
 ) -> TurningGuess:
-    """The guess over a way (4,) from q̇ to q̇ (2, 4); pull: q̈ where it begins."""
-    begin, end = speeds
+    """Return the guess over a displacement (4,) between velocities (2, 4).
+
+    `start_acceleration` (4,) is q̈ at its start.
+    """
+    start, end = speeds
     if not speeds.any():
-        guess = closed_form_guess(way, table, jerk, each, fewest)
-        positions = np.stack([np.zeros(4), way])
-        return TurningGuess((guess,), positions, np.ones((2, 4), dtype=bool), np.sign(way[None]))
+        guess = closed_form_guess(displacement, table, jerk, per_segment, least_count)
+        positions = np.stack([np.zeros(4), displacement])
+        return TurningGuess(
+            (guess,), positions, np.ones((2, 4), dtype=bool), np.sign(displacement[None])
+        )
     brake = table[1]
     if jerk:
-        brake = np.minimum(braking(begin, pull, table), braking(end, np.zeros(4), table))
+        brake = np.minimum(
+            braking(start, start_acceleration, table), braking(end, np.zeros(4), table)
+        )
     limits = np.stack([table[0], table[1], brake])
-    return turning_guess(way, (begin, end), limits, count=each, fewest=fewest)
+    return turning_guess(
+        displacement, (start, end), limits, count=per_segment, least_count=least_count
+    )
 
 
-def _sketched_segments(
-    motion: Trajectory, instants: Array, way: Array, count: int, fewest: int
+def _sampled_segments(
+    motion: Trajectory,
+    instants: Array,
+    displacements: Array,
+    directions: Array,
+    *,
+    count: int,
+    least_count: int,
 ) -> list[TurningGuess]:
-    """Guesses over ways (k, 4) by about `count` elements, from a motion that begins and ends them at these instants."""
-    found = []
-    for start, end, each in zip(instants[:-1], instants[1:], way, strict=True):
-        n = max(2 * fewest, round(count * (end - start) / motion.duration))
-        guess, signs = sampled_guess(motion, float(start), float(end), n), np.sign(each)
+    """Return guesses for displacements (k, 4) by about `count` elements, sampled from a motion.
+
+    `instants` (k + 1,) are the borders of the motion, s.
+    """
+    segments = []
+    for start, end, displacement, signs in zip(
+        instants[:-1], instants[1:], displacements, directions, strict=True
+    ):
+        n = max(2 * least_count, round(count * (end - start) / motion.duration))
+        guess = sampled_guess(motion, float(start), float(end), n)
         speed = np.where(guess.states[1] * signs > 0, guess.states[1], 0.0)
         guess = replace(guess, states=(guess.states[0], speed, *guess.states[2:]))
-        positions = np.stack([np.zeros(4), each])
-        found.append(TurningGuess((guess,), positions, np.ones((2, 4), dtype=bool), signs[None]))
-    return found
+        positions = np.stack([np.zeros(4), displacement])
+        segments.append(TurningGuess((guess,), positions, np.ones((2, 4), dtype=bool), signs[None]))
+    return segments
 
 
-def _passing_at_need(way: Array, ends: tuple[Array, Array], acceleration: Array) -> Array:
-    """q̇ (n − 1, 4) at the points between ways (n, 4): rest, but of a joint that cannot stop between a point and an end.
+def _passing_at_need(displacements: Array, ends: tuple[Array, Array], acceleration: Array) -> Array:
+    """Return q̇ (n − 1, 4) at the points between displacements (n, 4).
 
-    It passes the point at the least speed, if it goes on beyond it in its direction.
+    A joint rests at a point, unless it cannot stop between the point and an end and continues in
+    its direction. It then has the smallest possible velocity.
     """
-    found = np.zeros((len(way) - 1, 4))
-    for speed, near, beyond, k in (
-        ((ends[0], 0, 1, 0), (ends[1], -1, -2, -1)) if len(way) > 1 else ()
+    velocities = np.zeros((len(displacements) - 1, 4))
+    for speed, outer, inner, k in (
+        ((ends[0], 0, 1, 0), (ends[1], -1, -2, -1)) if len(displacements) > 1 else ()
     ):
-        goes_on = (way[near] * way[beyond] > 0) & (speed * way[near] > 0)
-        square = np.where(goes_on, speed**2 - 2 * acceleration * np.abs(way[near]), 0.0)
-        least = np.sign(speed) * np.sqrt(np.maximum(square, 0.0))
-        found[k] = np.where(np.abs(least) > np.abs(found[k]), least, found[k])
-    return found
+        goes_on = (displacements[outer] * displacements[inner] > 0) & (
+            speed * displacements[outer] > 0
+        )
+        square = np.where(goes_on, speed**2 - 2 * acceleration * np.abs(displacements[outer]), 0.0)
+        smallest = np.sign(speed) * np.sqrt(np.maximum(square, 0.0))
+        velocities[k] = np.where(np.abs(smallest) > np.abs(velocities[k]), smallest, velocities[k])
+    return velocities
 
 
-def jerk_for_all(limits: dict[str, Array], way: Array, ends: tuple[Array, Array]) -> Array:
-    """A jerk limit for every joint, (4,): where one has a jerk limit, no acceleration jumps.
+def jerk_for_all(
+    limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
+) -> Array:
+    """Return a jerk limit for every joint, (4,), if one joint has a limit.
 
-    A joint without one reaches its acceleration in RAMP of the time that the quickest of the ways (k, 4) takes.
+    A joint without a limit reaches its acceleration in a share RAMP of the time of the quickest
+    displacement (k, 4).
     """
     velocity, acceleration, jerk = (limits[name] for name in KINEMATIC)
-    takes = np.abs(way) / velocity + 2 * np.sqrt(np.abs(way) / acceleration)
+    takes = np.abs(displacements) / velocity + 2 * np.sqrt(np.abs(displacements) / acceleration)
     takes[[0, -1]] += np.abs(ends) / acceleration
     ramp = RAMP * takes.max(axis=1).min()
     return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class SegmentChain:
     """The k segments of a free motion, and its guess."""
 
     points: Array
-    """Where they begin and end, (k + 1, 4)."""
-    given: Mask
-    """Which of these are no guess, (k + 1, 4)."""
+    """Joints at the borders, (k + 1, 4)."""
+    fixed: Mask
+    """True where these are fixed, (k + 1, 4)."""
     directions: Array
-    """Of every joint in every segment, (k, 4)."""
+    """Direction of every joint in every segment, (k, 4)."""
     guesses: tuple[SegmentGuess, ...]
     ports: tuple[int, ...] = ()
-    """Those of the points where the tip passes the port of an eye, at which joint 4 alone is given."""
+    """Borders at which the tip passes the port of an eye. Joint 4 alone is fixed there."""
 
-    def cut_at(self, port: float, is_outside: Callable[[Array], bool], fewest: int) -> Way:
-        """With a point more where joint 4 passes the port: only beyond it does the retina's row count.
+    def cut_at(
+        self, port: float, is_outside: Callable[[Array], bool], least_count: int
+    ) -> SegmentChain:
+        """Insert a border where joint 4 passes the port. The retina's row only holds beyond it.
 
-        Where it begins or ends at the port's edge it stands there until the others have turned to where it may go on, in the
-        guess as long as it then moves. is_outside: whether the retina's row forbids joints (4,).
+        If a segment begins or ends at the edge of the port, joint 4 stands there until the others
+        allow it to move on. In the guess it stands as long as it then moves. `is_outside` tells
+        whether the retina's row forbids joints (4,).
         """
-        points, given, ports = [self.points[0]], [self.given[0]], []
+        points, fixed, ports = [self.points[0]], [self.fixed[0]], []
         directions: list[Array] = []
         guesses: list[SegmentGuess] = []
         for k, guess in enumerate(self.guesses):
-            ends, sides = self.points[k : k + 2], np.tile(self.directions[k], (2, 1))
+            ends = self.points[k : k + 2]
+            sides = np.tile(self.directions[k], (2, 1))
             beyond = np.abs(ends[:, 3]) - port
-            near = int(beyond.argmin())
-            at_edge = bool(abs(beyond[near]) <= EDGE)
-            if beyond.max() > EDGE and (is_outside(ends[near]) if at_edge else beyond[near] < 0):
-                sides[near, 3] *= not at_edge
-                halves, place = guess.halves(
-                    3, np.copysign(port, ends[1 - near, 3]) - ends[0, 3], fewest
+            inner = int(beyond.argmin())
+            at_edge = bool(abs(beyond[inner]) <= EDGE)
+            if beyond.max() > EDGE and (is_outside(ends[inner]) if at_edge else beyond[inner] < 0):
+                sides[inner, 3] *= not at_edge
+                halves, position = guess.halves(
+                    3, np.copysign(port, ends[1 - inner, 3]) - ends[0, 3], least_count
                 )
                 ports.append(len(points))
-                points.append(ends[0] + place)
-                given.append((sides == 0).any(axis=0) | (np.arange(4) == 3))
+                points.append(ends[0] + position)
+                fixed.append((sides == 0).any(axis=0) | (np.arange(4) == 3))
                 guesses += halves
                 directions += [*sides]
             else:
                 guesses.append(guess)
                 directions.append(sides[0])
             points.append(ends[1])
-            given.append(self.given[k + 1])
-        return Way(
-            np.array(points), np.array(given), np.array(directions), tuple(guesses), tuple(ports)
+            fixed.append(self.fixed[k + 1])
+        return SegmentChain(
+            np.array(points), np.array(fixed), np.array(directions), tuple(guesses), tuple(ports)
         )
 
     def within(self, port: float) -> Mask:
-        """Segments in which the tip does not go beyond the port, (k,), wherever joints turn back."""
+        """Return the segments (k,) in which the tip stays within the port."""
         depths = np.abs(self.points[:, 3])
-        most, grows = np.where(self.given[:, 3], depths, np.inf), np.diff(depths)
+        upper = np.where(self.fixed[:, 3], depths, np.inf)
+        grows = np.diff(depths)
         for k in [*range(len(grows)), *reversed(range(len(grows)))]:
             if grows[k] >= 0:
-                most[k] = min(most[k : k + 2])
+                upper[k] = min(upper[k : k + 2])
             if grows[k] <= 0:
-                most[k + 1] = min(most[k : k + 2])
-        return np.asarray(np.maximum(most[:-1], most[1:]) <= port + EDGE)
+                upper[k + 1] = min(upper[k : k + 2])
+        return np.asarray(np.maximum(upper[:-1], upper[1:]) <= port + EDGE)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FreeProblem(OcpProblem):
-    """With k segments: between the points, and where joints turn back on their way."""
+    """Problem with k segments between points, reversals, and passages of the port."""
 
     problem: Problem
     mechanism: Mechanism
-    way: Way
+    chain: SegmentChain
     speeds: tuple[Array, Array]
-    """q̇ at both ends, (4,)."""
-    pull: Array
-    """q̈ at the start where jerk is limited, (4,)."""
+    """q̇ at both ends, (4,) each."""
+    start_acceleration: Array
+    """q̈ at the start if jerk is limited, (4,)."""
 
     @cached_property
     def moving(self) -> Indices:
-        """Joints whose positions are the coordinates, (m,)."""
+        """Indices of the joints that are coordinates, (m,)."""
         return np.flatnonzero(np.any(self.directions != 0, axis=0))
 
     @cached_property
     def unit(self) -> Array:
-        """d: length of u = 1 by joint, (4,)."""
-        return np.asarray(np.abs(np.diff(self.way.points, axis=0)).max(axis=0))
+        """Length d of u = 1 for each joint, (4,)."""
+        extent = np.abs(np.diff(self.chain.points, axis=0)).max(axis=0)
+        if self.chain.fixed.all():
+            return np.asarray(extent)
+        return np.maximum(extent, LEAST_UNIT * self.joint_limits["velocity"] * self.time_scale)
 
     @cached_property
-    def room(self) -> Array:
-        """Where joints may turn back, (2, 4)."""
-        return joint_room(self.problem, self.mechanism, self.way.points[self.way.given.all(axis=1)])
+    def ranges(self) -> Array:
+        """Ranges in which joints may reverse, (2, 4)."""
+        return reversal_ranges(
+            self.problem, self.mechanism, self.chain.points[self.chain.fixed.all(axis=1)]
+        )
 
     @property
     def boundary(self) -> BoundaryConditions:
+        """Boundary conditions in scaled coordinates and time."""
         start, end = (self.scaled(speed, 1) for speed in self.speeds)
         points = self.scaled(
-            np.where(self.way.given, self.way.points, np.nan) - self.way.points[0], 0
+            np.where(self.chain.fixed, self.chain.points, np.nan) - self.chain.points[0], 0
         )
-        room = self.scaled(self.room - self.way.points[0], 0)
-        pull = self.scaled(self.pull, 2)
+        ranges = self.scaled(self.ranges - self.chain.points[0], 0)
+        start_acceleration = self.scaled(self.start_acceleration, 2)
         return BoundaryConditions(
-            points, self.directions[:, self.moving], start, end, start_acceleration=pull, room=room
+            points,
+            self.directions[:, self.moving],
+            start,
+            end,
+            start_acceleration=start_acceleration,
+            ranges=ranges,
         )
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
+        """Limits of u̇, ü and u⃛ in scaled time, (m,) each."""
         velocity, acceleration, jerk = (
             self.scaled(self.joint_limits[name], order) for order, name in enumerate(KINEMATIC, 1)
         )
@@ -497,11 +652,11 @@ class FreeProblem(OcpProblem):
 
     @property
     def guess(self) -> Guess:
-        """The guesses of all segments, one after the other."""
+        """Guesses of all segments, one after the other."""
         states = []
-        for guess, point in zip(self.way.guesses, self.way.points, strict=False):
+        for guess, point in zip(self.chain.guesses, self.chain.points, strict=False):
             position, *rates = guess.states
-            values = [position + point - self.way.points[0], *rates]
+            values = [position + point - self.chain.points[0], *rates]
             scaled = [
                 self.scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)
             ]
@@ -510,24 +665,28 @@ class FreeProblem(OcpProblem):
         return Guess(np.column_stack([np.vstack(states), lengths]), self.times)
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
-        """Where the motion begins or ends at speed, what is given there may be at a limit, up to rounding."""
-        found = super().data(elements, backoff)
-        bound = found.path_bound.copy()
+        """Return parameters and bounds of the program.
+
+        At an end with a given velocity, rows may be at their limit up to rounding.
+        """
+        base = super().data(elements, backoff)
+        bound = base.path_bound.copy()
         rows = backoff.shape[1]
         if self.speeds[0].any():
             bound[0, :rows] = np.where(np.isfinite(bound[0, :rows]), 1 + AT_LIMIT, np.inf)
         if self.speeds[1].any():
             bound[-1, -rows:] = np.where(np.isfinite(bound[-1, -rows:]), 1 + AT_LIMIT, np.inf)
-        return replace(found, path_bound=bound)
+        return replace(base, path_bound=bound)
 
     def scaled(self, values: Array, order: int) -> Array:
-        """A derivative of q − q0 (…, 4) as that of u (…, m) by scaled time."""
+        """Return a derivative of q − q0 (…, 4) as that of u (…, m) with respect to scaled time."""
         return (values * self.time_scale**order / np.where(self.unit > 0, self.unit, 1.0))[
             ..., self.moving
         ]
 
     @cached_property
     def complete_element(self) -> FreeElement:
+        """The element model with the rows that limits and the eye require."""
         problem = self.problem
         rows: set[RowName] = {
             (TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges
@@ -548,19 +707,21 @@ class FreeProblem(OcpProblem):
         )
 
     @cached_property
-    def idle(self) -> Mask:
-        found = super().idle.copy()
+    def ignored_rows(self) -> Mask:
+        """True for rows that do not count in an element, (n, r)."""
+        mask = super().ignored_rows.copy()
         if self.problem.eye is not None:
-            found[:, self.row_names.index((RetinaClearance.name, None))] = self.at_port(
+            mask[:, self.row_names.index((RetinaClearance.name, None))] = self.at_port(
                 self.problem.eye.port
             )
-        return found
+        return mask
 
     def at_port(self, port: float) -> Mask:
-        """Elements in which the tip stays within the port, (n,)."""
-        return self.way.within(port)[self.structure.segment]
+        """Return the elements in which the tip stays within the port, (n,)."""
+        return self.chain.within(port)[self.structure.segment]
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
+        """Return σ and the parameters of the element model."""
         return self.sigma, self._parameters
 
     @cached_property
@@ -568,7 +729,7 @@ class FreeProblem(OcpProblem):
         problem = self.problem
         ranges = np.array([problem.ranges.get(name, (-ANYWHERE, ANYWHERE)) for name in WATCHED])
         return FreeElement.layout.pack(
-            q0=self.way.points[0],
+            q0=self.chain.points[0],
             d=self.unit,
             **self.joint_limits,
             **tool_limits(problem.speeds),
@@ -581,50 +742,107 @@ class FreeProblem(OcpProblem):
 
     @property
     def _whole_turns(self) -> Array:
-        """From WATCHED at the first point to the values of the closed form, which rows use, there."""
-        first = self.way.points[0]
-        unwrapped = task_of_joints(NUMPY, self.mechanism, tuple(first))
-        wrapped = task_from_joints(self.mechanism, first[None])
+        """Differences between WATCHED at the first point and the closed form that the rows use."""
+        start = self.chain.points[0]
+        unwrapped = task_of_joints(NUMPY, self.mechanism, tuple(start))
+        wrapped = task_from_joints(self.mechanism, start[None])
         return np.array([float(unwrapped[k]) - wrapped[0, k] for k in map(TASK.index, WATCHED)])
 
     @property
     def _retina_easing(self) -> float:
-        """By how much the retina's row forbids one of the points, which the tolerance of its limit allows."""
+        """Amount by which the retina's row forbids one of the points.
+
+        The tolerance of the limit allows it.
+        """
         if self.problem.eye is None:
             return 0.0
-        in_eye = np.abs(self.way.points[:, 3]) > self.problem.eye.port + EDGE
-        points = self.way.points[self.way.given.all(axis=1) & in_eye]
+        in_eye = np.abs(self.chain.points[:, 3]) > self.problem.eye.port + EDGE
+        points = self.chain.points[self.chain.fixed.all(axis=1) & in_eye]
         rows = retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, points).T)
         return float(rows.max(initial=0.0))
 
+    def direction_multipliers(self, solution: NlpSolution) -> DirectionMultipliers | None:
+        """Return first-order savings of the motion if joints left their directions."""
+        multipliers = solution.multipliers
+        structure = solution.structure
+        if multipliers is None:
+            return None
+        lengths = solution.elements[:, -1]
+        directions = self.directions[structure.segment]
+        velocity = self.joint_limits["velocity"] * self.time_scale
+        values = np.zeros((structure.elements, 4))
+        values[:, self.moving] = multipliers.direction * (
+            velocity[self.moving] / self.unit[self.moving]
+        )
+        standing = np.setdiff1d(np.arange(4), self.moving)
+        if standing.size and multipliers.rows.any():
+            acceleration = self.joint_limits["acceleration"] * self.time_scale**2
+            gradient = self._gradient_of_all_joints(solution, multipliers)
+            for i in standing:
+                ramp = velocity[i] / acceleration[i]
+                values[:, i] = velocity[i] * steepest_descent(gradient[:, :, i], lengths, ramp)
+        instants = np.append(0.0, np.cumsum(lengths))
+        is_point = [
+            k not in self.chain.ports and bool(fixed.all())
+            for k, fixed in enumerate(self.chain.fixed)
+        ]
+        points = instants[[*structure.borders, structure.elements]][is_point]
+        return DirectionMultipliers(
+            instants * self.time_scale,
+            directions,
+            values / lengths.sum(),
+            points=points * self.time_scale,
+        )
+
+    def _gradient_of_all_joints(self, solution: NlpSolution, multipliers: Multipliers) -> Array:
+        """Return ∂(λᵀ G)/∂(q, q̇, q̈) of every joint, in scaled time, (n, 3, 4)."""
+        elements, orders = solution.elements, np.arange(4)
+        unit = np.where(self.unit > 0, self.unit, 1.0)
+        z = np.zeros((len(elements), 17))
+        z[:, np.add.outer(4 * orders, self.moving).ravel()] = elements[:, :-1]
+        z[:, -1] = elements[:, -1]
+        element = shared(
+            replace(self.complete_element, moving=(0, 1, 2, 3), active=multipliers.active)
+        )
+        parameters = self._parameters.copy()
+        parameters[FreeElement.layout.slices["d"]] = unit
+        sigma = self.directions[solution.structure.segment]
+        gradient = constraint_gradient(element, z, (sigma, parameters), multipliers.rows)
+        by_state = gradient[:, :-1].reshape(-1, 4, 4) / unit
+        return np.stack([by_state[:, 0], by_state[:, 1], by_state[:, 2] + by_state[:, 3]], axis=1)
+
     def result(self, solution: NlpSolution) -> PhaseSolution:
-        """The solution as joint polynomials; neighbours share position and velocity to the last digit."""
+        """Return the solution as joint polynomials.
+
+        Neighbours share position and velocity exactly.
+        """
         if not solution.solved:
             return PhaseSolution(
                 solution.status, solution.message, solution.iterations, solver=solution.solver
             )
         n = len(solution.elements)
-        pieces, boundary = cubics(solution.elements), self.boundary
+        pieces = cubics(solution.elements)
+        boundary = self.boundary
 
         def joints(values: Array, order: int) -> Array:
-            full = np.zeros((n, 4))
-            full[:, self.moving] = values * self.unit[self.moving] / self.time_scale**order
-            return full + (self.way.points[0] if order == 0 else 0.0)
+            expanded = np.zeros((n, 4))
+            expanded[:, self.moving] = values * self.unit[self.moving] / self.time_scale**order
+            return expanded + (self.chain.points[0] if order == 0 else 0.0)
 
         breaks = np.concatenate([[0.0], np.cumsum(solution.elements[:, -1] * self.time_scale)])
-        after = (
+        next_states = (
             np.vstack([pieces.u[1:], boundary.points[-1]]),
             np.vstack([pieces.v[1:], boundary.end_velocity]),
         )
         coefficients = hermite(
             breaks,
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
-            (joints(after[0], 0), joints(after[1], 1), joints(pieces.a1, 2)),
+            (joints(next_states[0], 0), joints(next_states[1], 1), joints(pieces.a1, 2)),
         )
-        kept = [k for k in range(len(self.way.points)) if k not in self.way.ports]
-        borders = breaks[[*solution.structure.borders, n]][kept]
-        directions = np.sign(np.add.reduceat(self.directions, kept[:-1]))
-        rest = solution.rest
+        indices = [k for k in range(len(self.chain.points)) if k not in self.chain.ports]
+        borders = breaks[[*solution.structure.borders, n]][indices]
+        directions = np.sign(np.add.reduceat(self.directions, indices[:-1]))
+        continuation = solution.continuation
         return PhaseSolution(
             "solved",
             solution.message,
@@ -634,6 +852,7 @@ class FreeProblem(OcpProblem):
             solver=solution.solver,
             borders=borders,
             directions=directions,
+            direction_multipliers=self.direction_multipliers(solution),
             confirmation=solution.confirmation,
-            rest=None if rest is None else lambda: self.result(rest()),
+            continuation=None if continuation is None else lambda: self.result(continuation()),
         )

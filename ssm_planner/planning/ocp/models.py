@@ -1,16 +1,20 @@
-"""The two element models: limits of s(t) along a given path, and limits that couple the joints of a free motion.
+"""The two element models: timing along a path, and joints of a free motion.
 
-Straight: the coordinate is the path parameter s ∈ [0, 1]; the state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time, where ṡ_b stands
-for ṡ in the velocity rows. The joints follow the path q(s), with primes for derivatives by s:
+Straight: the coordinate is the path parameter s ∈ [0, 1]. The state is x = (s, ṡ, s̈, s⃛, ṡ_b) in
+scaled time, where ṡ_b replaces ṡ in the velocity rows. The joints follow the path q(s), with primes
+for derivatives with respect to s:
 
-    q̇ = q' ṡ,   q̈ = q'' ṡ² + q' s̈,   q⃛ = q''' ṡ³ + 3 q'' ṡ s̈ + q' s⃛,   τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
+    q̇ = q' ṡ,   q̈ = q'' ṡ² + q' s̈,   q⃛ = q''' ṡ³ + 3 q'' ṡ s̈ + q' s⃛,
+    τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
 
-q', A, B, C and the speeds |J(q) q'| of the tool are smooth: over the short stretch of one element a polynomial through
-Chebyshev points gives them to many digits, so that the optimisation evaluates no kinematics. A fit is renewed where a
-solution has left it.
+q', A, B, C and the tool speeds |J(q) q'| are smooth. On the short stretch of one element, a
+polynomial through Chebyshev points represents them to many digits, so the optimisation evaluates no
+kinematics. A fit is renewed if a solution has left its range.
 
-Free: the coordinates are those of the moving joints, u = (q − q0) / d with d > 0; the state is x = (u, u̇, ü) of all four
-joints, (12,), in scaled time. In both every joint keeps its direction within an element, so the friction law enters exactly.
+Free: the coordinates are those of the moving joints, u = (q − q0) / d with d > 0. The state is x =
+(u, u̇, ü) of all four joints, (12,), in scaled time.
+
+In both models every joint keeps its direction within an element, so the friction law is exact.
 """
 
 from __future__ import annotations
@@ -52,20 +56,26 @@ from ssm_planner.problem.problem import Eye
 from ssm_planner.typing import Array
 
 DEGREE = 6
-"""Of the polynomials."""
+"""Degree of the polynomials."""
 NARROWEST = 0.004
-"""Smallest half width of a fit in s: room for the optimisation to move an element."""
+"""Smallest half width of a fit in s. It leaves room for the optimisation to move an element."""
 WIDER = 2.0
-"""By how much a fit may be wider than a new one would be."""
+"""Largest ratio of the width of a fit to that of a new one."""
 WATCHED = ("roll", "spin")
-"""Task coordinates that may leave their range between two points inside it; tilt and depth follow one joint each."""
+"""Task coordinates that may leave their range between two points inside it.
+
+Tilt and depth depend on one joint each.
+"""
 RATED = ("roll", "tilt", "spin")
-"""Task coordinates whose rate is no multiple of one joint's."""
+"""Task coordinates whose rate is not proportional to that of one joint."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StraightElement(ElementModel):
-    """Path constraints of one robot along any path: p = (σ (4,), `fit_of`, layout). jerk: whether it has rows."""
+    """Path constraints of a robot along any path, with p = (σ (4,), `fit_of`, layout).
+
+    `jerk` selects the jerk rows.
+    """
 
     jerk: bool
 
@@ -73,10 +83,11 @@ class StraightElement(ElementModel):
     state_size = 5
     positions = 1
     layout = Layout(**LIMITS, time_scale=1)
-    """Limits; length of a scaled second, s."""
+    """Limits, and the length of a scaled second, s."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
+        """Sizes of σ, of the fit and of the limits."""
         return (
             Parameter(4, True),
             Parameter(fit_of(len(self.robot.loads)).size, True),
@@ -88,19 +99,27 @@ class StraightElement(ElementModel):
         return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
+        """Return s, ṡ, s̈, s⃛ and ṡ at the share c of an element."""
         cubic = self.cubic(z)
         s, speed, acceleration = cubic.at(c)
         return ca.vertcat(s, speed, acceleration, cubic.jerk, speed)
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
-        """With the Bernstein coefficients of ṡ as ṡ_b: while they keep a bound, so does ṡ everywhere between."""
+        """Return the collocation states with the Bernstein coefficients of ṡ as ṡ_b.
+
+        If they keep a bound, ṡ keeps it on the whole element.
+        """
         start, middle, end = super().collocation_states(z)
         middle[4] = self.cubic(z).middle_velocity
         return [start, middle, end]
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        at = self.instant(x, *p)
-        return [*kinematic_rows(at, self.robot.joints, self.jerk), *torque_rows(at, self.robot)]
+        """Return the kinematic rows and the torque rows."""
+        instant = self.instant(x, *p)
+        return [
+            *kinematic_rows(instant, self.robot.joints, self.jerk),
+            *torque_rows(instant, self.robot),
+        ]
 
     @property
     def first_actuation(self) -> int:
@@ -114,15 +133,14 @@ class StraightElement(ElementModel):
         ]
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
+        """Return motion and limits of the joints from the fits of the path."""
         sigma, fit_parameters, packed = p
         parameters = self.layout.unpack(packed)
         scale = parameters.time_scale
-        speed, acceleration, jerk, bound_speed = (
-            x[1] / scale,
-            x[2] / scale**2,
-            x[3] / scale**3,
-            x[4] / scale,
-        )
+        speed = x[1] / scale
+        acceleration = x[2] / scale**2
+        jerk = x[3] / scale**3
+        bound_speed = x[4] / scale
         path, ddq, dddq = path_derivatives(fit_parameters, x[0], len(self.robot.loads), self.jerk)
         return Instant(
             qd=path.dq * speed,
@@ -138,7 +156,10 @@ class StraightElement(ElementModel):
 
 @cache
 def curves_of(loads: int) -> Layout:
-    """What is fitted: q'; A, B and C of the joints with every load; speeds of the tool at ṡ = 1."""
+    """Return the layout of the fitted quantities.
+
+    These are q', A, B and C of the joints with every load, and the tool speeds at ṡ = 1.
+    """
     return Layout(
         dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(JACOBIANS)
     )
@@ -146,43 +167,53 @@ def curves_of(loads: int) -> Layout:
 
 @cache
 def fit_of(loads: int) -> Layout:
-    """A fit on [centre ± half_width] in s: of `curves_of` the coefficients of ξ^0, ξ^1, …, ξ = (s − centre) / half_width."""
+    """Return the layout of a fit on [centre ± half_width] in s.
+
+    It contains the coefficients of `curves_of` with respect to ξ⁰, ξ¹, …, where ξ = (s − centre) /
+    half_width.
+    """
     return Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * curves_of(loads).size)
 
 
 def path_derivatives(
     parameters: ca.SX, s: ca.SX, loads: int, jerk: bool
 ) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
-    """From a fit (`fit_of`): `curves_of` at s, q'' (4,) and q''' (4,), which is zero unless jerk."""
-    fit_, curves = fit_of(loads).unpack(parameters), curves_of(loads)
+    """Evaluate a fit at s: `curves_of`, q'' (4,) and q''' (4,), which is 0 without `jerk`."""
+    fit_ = fit_of(loads).unpack(parameters)
+    curves = curves_of(loads)
     xi = (s - fit_.centre) / fit_.half_width
     coefficients = ca.reshape(fit_.coefficients, curves.size, DEGREE + 1)
     slope = _derivative(coefficients[curves.slices["dq"], :])
-    second = _horner(slope, xi) / fit_.half_width
-    third = _horner(_derivative(slope), xi) / fit_.half_width**2 if jerk else ca.SX.zeros(4)
-    return curves.unpack(_horner(coefficients, xi)), second, third
+    second_derivative = _horner(slope, xi) / fit_.half_width
+    third_derivative = (
+        _horner(_derivative(slope), xi) / fit_.half_width**2 if jerk else ca.SX.zeros(4)
+    )
+    return curves.unpack(_horner(coefficients, xi)), second_derivative, third_derivative
 
 
 def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
-    """Fits (n, size of `fit_of`) of elements that cover [low, high] (n,) in s.
+    """Return fits (n, size of `fit_of`) of elements that cover [low, high] (n,) in s.
 
-    They reach beyond the element by half its width, but stay on the piece of the path that is smooth.
+    They extend beyond the element by half its width, but stay on the smooth piece of the path.
     """
     middle, breaks = (low + high) / 2, path.breaks
-    piece = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)
-    first, last = breaks[piece], breaks[piece + 1]
-    half_width = np.minimum(np.maximum(high - low, NARROWEST), (last - first) / 2)
-    centre = np.clip(middle, first + half_width, last - half_width)
+    index = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)
+    low_break, high_break = breaks[index], breaks[index + 1]
+    half_width = np.minimum(np.maximum(high - low, NARROWEST), (high_break - low_break) / 2)
+    centre = np.clip(middle, low_break + half_width, high_break - half_width)
     chebyshev, inverse = _nodes()
     samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
     load = zip(
         *(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies), strict=True
     )
     speeds = np.column_stack(
-        [tool_speed(kind, path.mechanism, samples.q, samples.dq) for kind in JACOBIANS]
+        [
+            tool_speed(speed_class, path.mechanism, samples.q, samples.dq)
+            for speed_class in JACOBIANS
+        ]
     )
-    curves = np.hstack([samples.dq, *(part for parts in load for part in parts), speeds])
-    # node j of element n has the values Σ_d ξ_j^d a_nd
+    curves = np.hstack([samples.dq, *(matrix for matrices in load for matrix in matrices), speeds])
+    # Node j of element n has the values Σ_d ξ_j^d a_nd.
     coefficients = np.einsum(
         "dj,njk->ndk", inverse, np.ascontiguousarray(curves).reshape(len(low), DEGREE + 1, -1)
     )
@@ -191,19 +222,20 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
 
 @cache
 def _nodes() -> tuple[Array, Array]:
-    """Those of a fit, ξ_j (DEGREE + 1,), and the inverse of their powers ξ_j^d."""
+    """Return the nodes ξ_j (DEGREE + 1,) of a fit, and the inverse of their powers ξ_j^d."""
     chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
     return chebyshev, np.linalg.inv(np.vander(chebyshev, increasing=True))
 
 
 def fits_hold(parameters: Array, low: Array, high: Array) -> Array:
-    """Whether fits (n, size of `fit_of`) hold on [low, high] (n,), and are not much wider than they need to be."""
+    """Return whether fits are valid on [low, high] (n,), and not much too wide, (n,)."""
     centre, half_width = parameters[:, 0], parameters[:, 1]
-    inside = (low >= centre - half_width) & (high <= centre + half_width)
-    return np.asarray(inside & (half_width <= WIDER * np.maximum(high - low, NARROWEST)))
+    contained = (low >= centre - half_width) & (high <= centre + half_width)
+    return np.asarray(contained & (half_width <= WIDER * np.maximum(high - low, NARROWEST)))
 
 
 def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
+    """Evaluate polynomials with coefficients (curves, powers) at xi by Horner's rule."""
     value = coefficients[:, -1]
     for k in range(coefficients.size2() - 2, -1, -1):
         value = value * xi + coefficients[:, k]
@@ -211,12 +243,13 @@ def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
 
 
 def _derivative(coefficients: ca.SX) -> ca.SX:
+    """Return the coefficients of the derivatives."""
     return ca.horzcat(*(k * coefficients[:, k] for k in range(1, coefficients.size2())))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FreeElement(ElementModel):
-    """Path constraints of one robot, and of an eye, for a set of moving joints: p = (σ (4,), layout)."""
+    """Path constraints of a robot and an eye for moving joints, with p = (σ (4,), layout)."""
 
     mechanism: Mechanism
     moving: tuple[int, ...]
@@ -234,11 +267,15 @@ class FreeElement(ElementModel):
         retina_easing=1,
         time_scale=1,
     )
-    """First point and unit of the coordinates; limits; ranges of WATCHED; rates of RATED; by how much the retina's row may
-    exceed 1; length of a scaled second, s."""
+    """First point and unit of the coordinates, limits, ranges of WATCHED, and rates of RATED.
+
+    `retina_easing` is the amount by which the retina's row may exceed 1. `time_scale` is the length
+    of a scaled second, s.
+    """
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
+        """Sizes of σ and of the limits."""
         return Parameter(4, True), Parameter(self.layout.size, False)
 
     @cached_property
@@ -254,19 +291,23 @@ class FreeElement(ElementModel):
 
     @property
     def coordinates(self) -> int:
+        """Number of moving joints."""
         return len(self.moving)
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
+        """Return u, u̇ and ü of all joints at the share c of an element."""
         x = ca.SX.zeros(12)
         for order, values in enumerate(self.cubic(z).at(c)):
             x[[4 * order + joint for joint in self.moving]] = values
         return x
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
+        """Return motion and limits of the joints."""
         sigma, packed = p
         limits = self.layout.unpack(packed)
         q, qd, qdd = _joints(x, limits)
-        limits.speeds = limits.speeds**2  # the norm has no derivative at rest
+        # The norm has no derivative at rest, so squares are compared.
+        limits.speeds = limits.speeds**2
         return Instant(
             qd=qd,
             qd_hull=qd,
@@ -281,9 +322,11 @@ class FreeElement(ElementModel):
         )
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        at, parameters = self.instant(x, *p), self.layout.unpack(p[1])
+        """Return the rows of tool speeds, torques, ranges, rates and the eye."""
+        instant = self.instant(x, *p)
+        parameters = self.layout.unpack(p[1])
         q, qd, _ = _joints(x, parameters)
-        rows = [*speed_rows(at), *torque_rows(at, self.robot)]
+        rows = [*speed_rows(instant), *torque_rows(instant, self.robot)]
         rows += range_rows(self.mechanism, q, parameters) + rate_rows(
             self.mechanism, q, qd, parameters
         )
@@ -299,16 +342,18 @@ class FreeElement(ElementModel):
 
     @cached_property
     def all_rows(self) -> list[RowPlace]:
-        rows: list[RowPlace] = [(kind.name, None, k) for k, kind in enumerate(JACOBIANS)]
+        rows: list[RowPlace] = [
+            (speed_class.name, None, k) for k, speed_class in enumerate(JACOBIANS)
+        ]
         names = [TaskRange.name_of(name) for name in WATCHED] + [
             TaskRate.name_of(name) for name in RATED
         ]
-        places = [
+        task_rows = [
             (name, None, len(JACOBIANS) + 2 * k + side)
             for k, name in enumerate(names)
             for side in (0, 1)
         ]
-        rows += [*torque_places(self.robot, self.first_actuation), *places]
+        rows += [*torque_places(self.robot, self.first_actuation), *task_rows]
         if self._seen is not None:
             rows.append((RetinaClearance.name, None, self.first_actuation - 2))
             rows += [(LensClearance.name, None, self.first_actuation - 1)] * (
@@ -318,13 +363,13 @@ class FreeElement(ElementModel):
 
     @property
     def _seen(self) -> Eye | None:
-        """The eye, where one of its rows is wanted."""
+        """The eye if one of its rows is active, else None."""
         rows = set() if self.eye is None else {(limit.name, None) for limit in self.eye.limits}
         return self.eye if self.active is None or rows & self.active else None
 
     @cached_property
     def _jacobians(self) -> list[ca.Function]:
-        """q (4,) → J (k, 4) of every speed of the tool."""
+        """Functions q (4,) → J (k, 4) of all tool speeds."""
         q = ca.SX.sym("q", 4)
         return [
             ca.Function("jacobian", [q], [jacobian(self.mechanism, q)])
@@ -333,7 +378,7 @@ class FreeElement(ElementModel):
 
 
 def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
-    """Ranges of WATCHED; parameters: of `FreeElement.layout`."""
+    """Return the rows of the ranges of WATCHED. `parameters` are those of `FreeElement.layout`."""
     rows, task = [], task_from_joints_symbolic(mechanism, q)
     for k, name in enumerate(WATCHED):
         value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[
@@ -346,7 +391,7 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
 def rate_rows(
     mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
 ) -> list[PathConstraint]:
-    """Rates of RATED."""
+    """Return the rows of the rates of RATED."""
     rows, rates = [], task_rates_symbolic(mechanism, q, qd)
     for k, name in enumerate(RATED):
         value = rates[TASK.index(name)] / parameters.rate[k]
@@ -355,7 +400,7 @@ def rate_rows(
 
 
 def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
-    """Of the eye; easing: by how much the retina's row may exceed 1."""
+    """Return the rows of the eye. `easing` is the amount by which the retina's row may exceed 1."""
     tip, rows = tip_position_symbolic(mechanism, q), []
     for name, value in eye_rows(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
         rows.append(
@@ -365,5 +410,5 @@ def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathCon
 
 
 def _joints(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """q, q̇ and q̈ in SI units, (4,) each; p: the layout's."""
+    """Return q, q̇ and q̈ in SI units, (4,) each, from the state and the parameters."""
     return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2

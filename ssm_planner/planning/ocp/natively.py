@@ -1,6 +1,6 @@
-"""Rows and costs of the elements of a mesh by native/elements.c: any model of `models`, from a robot's figures alone.
+"""Rows and costs of the elements of a mesh in C (native/elements.c), for every model of `models`.
 
-They are those of `ElementFunctions`, of `between` and of `breakaway`, within rounding.
+The results equal those of `ElementFunctions`, of `between` and of `breakaway` up to rounding.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout, call
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_of
-from ssm_planner.dynamics.motors import motorised
+from ssm_planner.dynamics.motors import motorised, motorless
 from ssm_planner.dynamics.rigid_body import axes_frames, load_figures
 from ssm_planner.interior.problem import ElementGroup
 from ssm_planner.kinematics.eye import lens_limit
 from ssm_planner.kinematics.forward import JACOBIANS
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.native.library import load
-from ssm_planner.planning.ocp.constraints import actuations_by_load
+from ssm_planner.planning.ocp.constraints import ACCELERATION_SHARE, actuations_by_load
 from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, SIMPSON, ElementModel
 from ssm_planner.planning.ocp.models import DEGREE, FreeElement, StraightElement
 from ssm_planner.problem.drive import Drive
@@ -35,10 +35,16 @@ from ssm_planner.typing import Array
 MECHANISM = Layout(
     omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1
 )
-"""Of kinematics in the frames of `rigid_body.axes_frames`: x and z of the second and third axis; angles of `Mechanism`; the
-offset of θ2."""
+"""Kinematics in the frames of `rigid_body.axes_frames`.
+
+These are x and z of the second and third axis, the angles of `Mechanism`, and the offset of θ2.
+"""
 EYE = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
-"""In the base's frame of these; lens_frame: the columns of the lens's frame, each over its semi-axis and the lens's limit."""
+"""The eye in the base frame of `rigid_body.axes_frames`.
+
+`lens_frame` holds the columns of the lens's frame, each divided by its semi-axis and by the lens's
+limit.
+"""
 DRIVE = Layout(
     **dict.fromkeys(
         ("ratio", "gamma", "lead_slope", "wedging", "input_inertia", "output_inertia", "preload"), 1
@@ -48,13 +54,18 @@ DRIVE = Layout(
     ),
     **dict.fromkeys(("limit", "nominal"), 1),
 )
-"""Of one motor and its drive; limit, nominal: its torques."""
+"""One motor with its drive. `limit` and `nominal` are its torques."""
+ACCELERATION = DRIVE.pack(
+    **dict.fromkeys(DRIVE.slices, 0.0)
+    | dict.fromkeys(("ratio", "input_inertia", "stribeck_speed", "limit", "nominal"), 1.0)
+)
+"""A drive without a load, whose torque is the acceleration of its joint."""
 LANES = 4
-"""Elements that C takes at once."""
+"""Number of elements that C evaluates at once."""
 KINDS = ("worm", "antibacklash_screw")
-"""Of drives, that differ in their law; every other one follows that of a worm."""
-Where = Literal["collocation", "between", "breakaway"]
-SHARES: dict[Where, tuple[float, ...]] = {
+"""Kinds of drives with laws of their own. All others follow the law of a worm."""
+Location = Literal["collocation", "between", "breakaway"]
+SHARES: dict[Location, tuple[float, ...]] = {
     "collocation": COLLOCATION,
     "between": DENSE,
     "breakaway": (0.0,),
@@ -62,7 +73,7 @@ SHARES: dict[Where, tuple[float, ...]] = {
 
 
 class _Context(ctypes.Structure):
-    """`Elements` of elements.c."""
+    """The struct `Elements` of elements.c."""
 
     _fields_ = [
         *[
@@ -84,7 +95,7 @@ class _Context(ctypes.Structure):
 
 
 class NativeElements:
-    """The functions of an element model at n elements with these parameters, by the names of `ElementFunctions`."""
+    """The functions of an element model at n elements with given parameters."""
 
     def __init__(
         self,
@@ -92,41 +103,52 @@ class NativeElements:
         element: ElementModel,
         parameters: Sequence[Array],
         count: int,
-        where: Where,
+        location: Location,
     ) -> None:
-        laid = _laid(element, where)
-        sigma, *fits, packed = parameters
+        inputs = _element_inputs(element, location)
+        sigma, *fit_parameters, packed = parameters
         torque = packed[element.layout.slices["torque"]]
-        drives, costs = laid.arrays["drives"].copy(), laid.arrays["cost"]
-        drives[:, DRIVE.slices["limit"]] = torque[laid.arrays["actuation"][:, :1]]
-        cooling = element.aim == "cooling"
-        own: dict[str, Any] = {
+        drives = inputs.arrays["drives"].copy()
+        costs = inputs.arrays["cost"]
+        drives[:, DRIVE.slices["limit"]] = torque[inputs.arrays["actuation"][:, :1]]
+        weights = np.ones(len(costs))
+        if element.aim == "cooling":
+            weights = packed[element.layout.slices["cooling"]][costs[:, 0]]
+        elif len(costs) and element.aim == "effort":
+            is_motorless = np.isin(costs[:, 0], motorless(element.robot.joints))
+            limits = packed[element.layout.slices["acceleration"]][costs[is_motorless, 0]]
+            weights[is_motorless] = ACCELERATION_SHARE / limits**2
+        arrays: dict[str, Any] = {
             "drives": drives,
-            "cost_weights": packed[element.layout.slices["cooling"]][costs[:, 0]]
-            if cooling
-            else np.ones(len(costs)),
+            "cost_weights": weights,
             "limits": packed,
-            "sigma": np.broadcast_to(sigma, (count, 4)),
-            "fits": _in_lanes(np.broadcast_to(fits[0], (count, fits[0].shape[-1]))) if fits else [],
+            # A joint without a drive may reverse anywhere, and C needs a sign only where effort
+            # counts.
+            "sigma": np.where(inputs.arrays["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
+            "fits": _in_lanes(
+                np.broadcast_to(fit_parameters[0], (count, fit_parameters[0].shape[-1]))
+            )
+            if fit_parameters
+            else [],
         }
-        self._laid, self._kept = (
-            laid,
-            {name: np.ascontiguousarray(values, dtype=float) for name, values in own.items()},
-        )
-        points, rows = len(SHARES[where]), laid.rows
+        self._element_inputs = inputs
+        self._arrays = {
+            name: np.ascontiguousarray(values, dtype=float) for name, values in arrays.items()
+        }
+        points, rows = len(SHARES[location]), inputs.rows
         self.context = _Context(
             straight=isinstance(element, StraightElement),
             count=count,
             m=element.coordinates,
             rows=rows,
             points=points,
-            loads=laid.loads,
+            loads=inputs.loads,
             actuations=len(drives),
             costs=len(costs),
             effort=element.aim == "effort",
-            hull=where == "collocation",
-            offset=laid.offset,
-            **laid.addresses | _addresses(self._kept),
+            hull=location == "collocation",
+            offset=inputs.offset,
+            **inputs.addresses | _addresses(self._arrays),
         )
         size, all_rows = element.size, points * rows
         self.shapes: dict[str, tuple[int, ...]] = {
@@ -134,36 +156,42 @@ class NativeElements:
             "jacobian": (count, all_rows, size),
             "hessian": (count, size, size),
         }
-        """Of the functions' results, by their names."""
+        """Shapes of the results by the names of the functions."""
         if len(costs):
             self.shapes |= {"cost": (count, 1), "gradient": (count, size)}
         self._library = library
-        self.group = ElementGroup.of(
+        self.group = ElementGroup.from_library(
             library, self.context, (size, all_rows, int(len(costs) > 0), count)
         )
-        """For the structured solver."""
+        """The group for the structured solver."""
 
     def call(self, name: str, z: Array, multipliers: Array | None = None) -> Array:
-        """One of the functions, dense; z (n, size), multipliers of the Hessian (n, rows, and 1 where there is a cost)."""
+        """Evaluate one of the functions at z (n, size).
+
+        `multipliers` (n, rows, and 1 with a cost) are only given for the Hessian.
+        """
         values = [
-            np.ascontiguousarray(each, dtype=float) for each in (z, multipliers) if each is not None
+            np.ascontiguousarray(array, dtype=float)
+            for array in (z, multipliers)
+            if array is not None
         ]
         values.append(np.empty(self.shapes[name]))
-        addresses = (ctypes.c_void_p(each.ctypes.data) for each in values)
+        addresses = (ctypes.c_void_p(array.ctypes.data) for array in values)
         getattr(self._library, f"ssm_{name}_of")(ctypes.byref(self.context), *addresses)
         return values[-1]
 
 
 def _addresses(arrays: dict[str, Array]) -> dict[str, int]:
+    """Return the addresses of arrays."""
     return {name: values.__array_interface__["data"][0] for name, values in arrays.items()}
 
 
 @dataclass(frozen=True, eq=False)
-class _Laid:
-    """What the functions of an element model are given whatever the parameters."""
+class _ElementInputs:
+    """Inputs of the functions of an element model that do not depend on its parameters."""
 
     arrays: dict[str, Array]
-    """By their names in `_Context`; the drives with limits to be filled in."""
+    """Arrays by their names in `_Context`. The limits of the drives are filled in later."""
     addresses: dict[str, int]
     rows: int
     loads: int
@@ -171,37 +199,42 @@ class _Laid:
 
 
 @lru_cache(maxsize=64)
-def _laid(element: ElementModel, where: Where) -> _Laid:
-    figures = _figures(element)
+def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs:
+    """Return the inputs for rows at collocation points, between them, or at breakaway."""
+    data = _model_data(element)
     rows = element.row_places
-    if where == "breakaway":
+    if location == "breakaway":
         rows = [row for row in element.all_rows if row[0] == MotorTorque.name]
-    slots = np.full(3 * len(figures.actuation) + element.first_actuation, -1)
-    slots[[place for *_, place in rows]] = np.arange(len(rows))
-    actuation = figures.actuation.copy()
-    if where == "breakaway":
+    slots = np.full(3 * len(data.actuation) + element.first_actuation, -1)
+    slots[[index for *_, index in rows]] = np.arange(len(rows))
+    actuation = data.actuation.copy()
+    if location == "breakaway":
         actuation[:, 2] -= actuation[:, 2] % len(LAWS)
-    given = {
-        "shares": SHARES[where],
+    values_by_name = {
+        "shares": SHARES[location],
         "weights": SIMPSON,
         "moving": element.moving if isinstance(element, FreeElement) else [0],
         "slots": slots,
         "actuation": actuation,
-        "drives": figures.drives[int(where == "breakaway")],
-        "cost": figures.cost
-        if element.aim != "time" and where == "collocation"
-        else figures.cost[:0],
-        **figures.arrays,
+        "drives": data.drives[int(location == "breakaway")],
+        "cost": data.cost if element.aim != "time" and location == "collocation" else data.cost[:0],
+        **data.arrays,
     }
     arrays = {
         name: np.ascontiguousarray(values, dtype=int if name in _INTEGERS else float)
-        for name, values in given.items()
+        for name, values in values_by_name.items()
     }
-    return _Laid(arrays, _addresses(arrays), len(rows), len(element.robot.loads), figures.offset)
+    return _ElementInputs(
+        arrays, _addresses(arrays), len(rows), len(element.robot.loads), data.offset
+    )
 
 
 def _in_lanes(fits: Array) -> Array:
-    """Fits (n, size of `models.fit_of`) as C reads them: of LANES elements at once, the last repeated, curve by curve."""
+    """Return fits (n, size of `models.fit_of`) in the order of C.
+
+    LANES elements are interleaved, and the last one is repeated to fill a group. Curves follow each
+    other.
+    """
     padded = fits[np.minimum(np.arange(-(-len(fits) // LANES) * LANES), len(fits) - 1)]
     curves = (
         padded[:, 2:]
@@ -213,24 +246,35 @@ def _in_lanes(fits: Array) -> Array:
 
 
 def compiled() -> ctypes.CDLL | None:
-    """The library; None where there is none, or where it does not know a speed of the tool that is limited."""
+    """Return the library.
+
+    None if it does not exist, or if it does not know a tool speed that is limited.
+    """
     return load() if list(JACOBIANS) == [TipSpeed] else None
 
 
 def native_elements(
-    element: ElementModel, parameters: Sequence[Array], count: int, where: Where = "collocation"
+    element: ElementModel,
+    parameters: Sequence[Array],
+    count: int,
+    location: Location = "collocation",
 ) -> NativeElements | None:
-    """None where nothing is compiled.
+    """Return the native functions of an element model, or None without the compiled part.
 
-    parameters: of `element`, (size,) or (count, size). where: at the points COLLOCATION or DENSE, or the rows of
-    `breakaway`, each with derivatives.
+    `parameters` are (size,) or (count, size) each. `location` selects the points COLLOCATION, the
+    points DENSE, or the rows of `breakaway`.
     """
     library = compiled()
-    return None if library is None else NativeElements(library, element, parameters, count, where)
+    return (
+        None if library is None else NativeElements(library, element, parameters, count, location)
+    )
 
 
 class _Evaluated(ca.Callback):
-    """One of the functions of `ElementFunctions` mapped over n elements, for CasADi; its results keep their sparsity."""
+    """A function of `ElementFunctions` for n elements as a CasADi callback.
+
+    Its results keep their sparsity.
+    """
 
     def __init__(self, elements: _AtParameters, name: str, function: ca.Function) -> None:
         ca.Callback.__init__(self)
@@ -268,20 +312,25 @@ class _Evaluated(ca.Callback):
     def has_eval_buffer(self) -> bool:
         return True
 
-    def eval_buffer(self, given: Sequence[memoryview], found: Sequence[memoryview]) -> int:
-        """0, or not where something was raised, by the user who interrupted it for instance: `MappedElements.check`."""
+    def eval_buffer(self, arguments: Sequence[memoryview], results: Sequence[memoryview]) -> int:
+        """Evaluate the function.
+
+        Returns 0, or the number of exceptions, which `MappedElements.check` raises.
+
+        An interruption by the user is such an exception.
+        """
         elements = self._elements
         try:
-            z, *others = (np.frombuffer(values) for values in given)
+            z, *parameters = (np.frombuffer(values) for values in arguments)
             z = z.reshape(elements.count, -1)
             multipliers = (
-                others.pop().reshape(elements.count, -1) if self._name == "hessian" else None
+                parameters.pop().reshape(elements.count, -1) if self._name == "hessian" else None
             )
-            native = elements.at(others)
-            if len(found) > 1:
-                np.frombuffer(found[0])[:] = native.call("cost", z).ravel()
+            native = elements.with_parameters(parameters)
+            if len(results) > 1:
+                np.frombuffer(results[0])[:] = native.call("cost", z).ravel()
             values = native.call(self._name, z, multipliers).reshape(elements.count, -1)
-            np.frombuffer(found[-1])[:] = values[:, self._places].ravel()
+            np.frombuffer(results[-1])[:] = values[:, self._places].ravel()
         except BaseException as error:  # noqa: BLE001
             elements.failures.append(error)
         return len(elements.failures)
@@ -289,29 +338,29 @@ class _Evaluated(ca.Callback):
 
 @dataclass(eq=False)
 class _AtParameters:
-    """An element model at n elements, with parameters that seldom change."""
+    """An element model at n elements with parameters that seldom change."""
 
     library: ctypes.CDLL
     element: ElementModel
     count: int
     failures: list[BaseException] = field(default_factory=list)
-    """What functions raised, for CasADi passes no exceptions on."""
-    _last: tuple[list[Array], NativeElements] | None = None
+    """Exceptions of the functions. CasADi does not pass them on."""
+    _cached: tuple[list[Array], NativeElements] | None = None
 
-    def at(self, parameters: list[Array]) -> NativeElements:
-        """At these parameters; those of the last call are kept."""
-        last = self._last
-        if last is None or not all(map(np.array_equal, last[0], parameters)):
-            kept = [values.copy() for values in parameters]
+    def with_parameters(self, parameters: list[Array]) -> NativeElements:
+        """Return the functions at these parameters. Those of the last call are cached."""
+        cached = self._cached
+        if cached is None or not all(map(np.array_equal, cached[0], parameters)):
+            copies = [values.copy() for values in parameters]
             shaped = [
                 values.reshape(self.count, -1) if parameter.per_element else values
-                for values, parameter in zip(kept, self.element.parameters, strict=True)
+                for values, parameter in zip(copies, self.element.parameters, strict=True)
             ]
-            self._last = last = (
-                kept,
+            self._cached = cached = (
+                copies,
                 NativeElements(self.library, self.element, shaped, self.count, "collocation"),
             )
-        return last[1]
+        return cached[1]
 
 
 class MappedElements:
@@ -322,12 +371,15 @@ class MappedElements:
         self._functions: list[_Evaluated] = []
 
     def function(self, function: ca.Function) -> ca.Function:
-        """In place of one of `ElementFunctions` mapped over the elements; lives as long as this."""
+        """Return a callback that replaces one of `ElementFunctions`, mapped over the elements.
+
+        It lives as long as this object.
+        """
         self._functions.append(_Evaluated(self._elements, function.name(), function))
         return self._functions[-1]
 
     def check(self) -> None:
-        """Raise what a function raised."""
+        """Raise the first exception of a function, if there is one."""
         failures = self._elements.failures[:]
         self._elements.failures.clear()
         if failures:
@@ -335,50 +387,60 @@ class MappedElements:
 
 
 def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
-    """None where nothing is compiled."""
+    """Return the mapped functions of an element model, or None without the compiled part."""
     library = compiled()
     return None if library is None else MappedElements(library, element, count)
 
 
 def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:
-    """`ElementModel.between` of elements z (n, size), (n, 9 rows); parameters (size,) or (n, size)."""
+    """Return `ElementModel.between` of elements z (n, size), (n, 9 rows).
+
+    `parameters` are (size,) or (n, size) each.
+    """
     n = len(z)
     native = native_elements(element, parameters, n, "between")
     if native is not None:
         return native.call("rows", z)
-    given = (
+    repeated = (
         values if values.ndim == 2 else np.broadcast_to(values, (n, len(values)))
         for values in parameters
     )
-    return call(element.between, z, *given)[0]
+    return call(element.dense_rows, z, *repeated)[0]
 
 
 _INTEGERS = ("moving", "undriven", "slots", "actuation", "cost")
 
 
 @dataclass(frozen=True, eq=False)
-class _Figures:
-    """What is the same for all problems of an element model."""
+class _ModelData:
+    """Data that are the same for all problems of an element model."""
 
     actuation: Array
-    """Joint, load and law, by load, (a, 3)."""
+    """Joint, load and law of every actuation, by load, (a, 3)."""
     drives: tuple[Array, Array]
-    """Of each (a, DRIVE), in motion and at breakaway."""
+    """Data of every drive in motion, and at breakaway, (a, DRIVE) each."""
     cost: Array
-    """Joint and law of every motor, (q, 2)."""
+    """Joint and law of every motor in the cost, (q, 2). With effort, the other joints are included.
+    """
     arrays: dict[str, Array]
-    """By their names in `_Context`."""
+    """Arrays by their names in `_Context`."""
     offset: float
 
 
 @lru_cache(maxsize=32)
-def _figures(element: ElementModel) -> _Figures:
+def _model_data(element: ElementModel) -> _ModelData:
+    """Return the data of an element model."""
     robot = element.robot
     by_load = actuations_by_load(robot)
-    motors = [(i, drive, motor.nominal_torque) for i, drive, motor in motorised(robot.joints)]
+    costs = [
+        (i, _law(drive), _drive_figures(drive, motor.nominal_torque))
+        for i, drive, motor in motorised(robot.joints)
+    ]
+    if element.aim == "effort":
+        costs += [(i, 0, ACCELERATION) for i in motorless(robot.joints)]
     arrays = {
         "undriven": np.array([joint.drive is None for joint in robot.joints]),
-        "cost_drives": np.array([_drive_figures(drive, nominal) for _, drive, nominal in motors]),
+        "cost_drives": np.array([data for *_, data in costs]),
     }
     offset = 0.0
     if isinstance(element, FreeElement):
@@ -386,10 +448,10 @@ def _figures(element: ElementModel) -> _Figures:
             2
         ]
         arrays["load"] = np.array(
-            [load_figures(each.geometry, each.bodies, each.gravity) for each in robot.loads]
+            [load_figures(loaded.geometry, loaded.bodies, loaded.gravity) for loaded in robot.loads]
         )
         arrays["mechanism"], arrays["eye"] = _posture_figures(element.mechanism, element.eye)
-    return _Figures(
+    return _ModelData(
         np.array([(i, load, _law(drive)) for i, _, load, drive, _ in by_load], dtype=int).reshape(
             -1, 3
         ),
@@ -399,13 +461,14 @@ def _figures(element: ElementModel) -> _Figures:
                 -1, DRIVE.size
             ),
         ),
-        np.array([(i, _law(drive)) for i, drive, _ in motors], dtype=int).reshape(-1, 2),
+        np.array([(i, law) for i, law, _ in costs], dtype=int).reshape(-1, 2),
         arrays,
         offset,
     )
 
 
 def _law(drive: Drive) -> int:
+    """Return the index of a drive's kind and law of friction."""
     kind = KINDS[1] if drive.kind == KINDS[1] else KINDS[0]
     friction = friction_of(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
@@ -413,20 +476,21 @@ def _law(drive: Drive) -> int:
 
 
 def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:
-    """DRIVE; the limit is filled in later."""
+    """Return the data of a drive (DRIVE,). The limit is filled in later."""
     friction = friction_of(drive)
-    own = {name: getattr(drive, name) for name in DRIVE.slices if hasattr(drive, name)}
-    own |= {name: getattr(friction, name) for name in DRIVE.slices if hasattr(friction, name)}
-    own["stribeck_speed"] = friction.stribeck_speed or 1.0
-    if breakaway:  # the law of a constant coefficient
-        own["mu"] = breakaway_coefficient(friction)
-    return DRIVE.pack(**own, limit=1.0, nominal=nominal)
+    values = {name: getattr(drive, name) for name in DRIVE.slices if hasattr(drive, name)}
+    values |= {name: getattr(friction, name) for name in DRIVE.slices if hasattr(friction, name)}
+    values["stribeck_speed"] = friction.stribeck_speed or 1.0
+    if breakaway:  # At breakaway the law of a constant coefficient holds.
+        values["mu"] = breakaway_coefficient(friction)
+    return DRIVE.pack(**values, limit=1.0, nominal=nominal)
 
 
 def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Array]:
+    """Return the data of mechanism and eye, (MECHANISM,) and (EYE,)."""
     frames, angles, offset = axes_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
     angle = sum(angles)
-    figures = MECHANISM.pack(
+    data = MECHANISM.pack(
         omega2=[np.sin(angles[0]), np.cos(angles[0])],
         omega3=[np.sin(angle), np.cos(angle)],
         **{
@@ -437,12 +501,14 @@ def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Arra
         offset=offset,
     )
     if eye is None:
-        return figures, np.ones(EYE.size)
-    lens_centre, lens_frame, base = np.zeros(3), np.eye(3), frames[0].T
+        return data, np.ones(EYE.size)
+    lens_centre = np.zeros(3)
+    lens_frame = np.eye(3)
+    base = frames[0].T
     if eye.lens is not None:
         lens_centre = eye.lens.centre
         lens_frame = eye.lens.frame / eye.lens.semi_axes / lens_limit(eye)
-    return figures, EYE.pack(
+    return data, EYE.pack(
         centre=base @ eye.centre,
         radius=eye.radius,
         clearance=eye.clearance,

@@ -1,8 +1,8 @@
-"""The values of a nonlinear program: its structure, its boundary conditions, its data and its solution.
+"""Values of a nonlinear program: structure, boundary conditions, data, guess and solution.
 
-n elements, m coordinates u, b blocks, k segments; everything in scaled time. A segment lies between two borders: points, at
-which u is given, or places where a joint turns back, which are free. The elements of a block share its time in fixed
-proportion.
+A program has n elements, m coordinates u, b blocks and k segments. All times are scaled. A segment
+lies between two borders: points where u is given, or free positions where a joint reverses. The
+elements of a block share its time in fixed proportion.
 """
 
 from __future__ import annotations
@@ -15,53 +15,67 @@ from typing import Literal
 import numpy as np
 
 from ssm_planner.interior.solve import State
-from ssm_planner.trajectory import Cubic
+from ssm_planner.trajectory import Cubic, Trajectory
 from ssm_planner.typing import Array, Indices, Mask
 
 Solver = Literal["structured", "Ipopt"]
-Method = Literal["Ipopt", "structured", "confirmed", "sketched"]
-"""How a problem is solved: by Ipopt; by the structured solver, or Ipopt where that does not converge; by the structured
-solver, and Ipopt confirms its optimum; by the structured solver or not at all."""
+Method = Literal["Ipopt", "structured", "confirmed", "estimated"]
+"""How a problem is solved.
+
+"Ipopt": by Ipopt. "structured": by the structured solver, or by Ipopt if that does not converge.
+"confirmed": by the structured solver, with Ipopt's confirmation of the optimum. "estimated": by the
+structured solver alone, in few rounds.
+"""
 LARGEST_BLOCK = 20
-"""Elements of a block; more freedom than this leaves the optimisation undecided about where to put its elements."""
+"""Largest number of elements of a block.
+
+With more freedom the positions of the elements would be undetermined.
+"""
 
 
 SAME = 1e-12
-"""Bounds that differ by less are one value."""
+"""Bounds that differ by less count as one value."""
 
 
 @dataclass(frozen=True)
 class NlpStructure:
-    """What the expressions of a program depend on, its element model aside."""
+    """Everything that the expressions of a program depend on, except for its element model."""
 
     moves: tuple[tuple[bool, ...], ...]
-    """By segment and coordinate: whether it moves there."""
+    """True where a coordinate moves, by segment and coordinate."""
     segment_sizes: tuple[int, ...]
-    """Elements of each segment."""
+    """Number of elements of each segment."""
     block_sizes: tuple[int, ...]
-    """Elements of each block."""
+    """Number of elements of each block."""
     smooth: bool
-    """ü is continuous, for jerk is limited."""
+    """True if ü is continuous, because jerk is limited."""
     velocity_limits: bool
-    """The coordinates have velocity limits of their own."""
+    """True if the coordinates have velocity limits of their own."""
     joints: bool
-    """The coordinates are joints: they have jerk limits of their own, and those that do not bind are smoothed."""
+    """True if the coordinates are joints.
+
+    They then have jerk limits of their own, and joints that do not bind are smoothed.
+    """
 
     def split(self, counts: Indices) -> NlpStructure:
-        """The same with every element cut into so many equal parts, (n,)."""
+        """Return the structure with every element cut into equal parts.
+
+        `counts` (n,) are their numbers.
+        """
         segments, blocks = (
-            tuple(np.bincount(of, counts).astype(int).tolist()) for of in (self.segment, self.block)
+            tuple(np.bincount(index, counts).astype(int).tolist())
+            for index in (self.segment, self.block)
         )
         return replace(self, segment_sizes=segments, block_sizes=blocks)
 
     @property
     def elements(self) -> int:
-        """n."""
+        """Number n of elements."""
         return sum(self.segment_sizes)
 
     @property
     def coordinates(self) -> int:
-        """m."""
+        """Number m of coordinates."""
         return len(self.moves[0])
 
     @cached_property
@@ -76,7 +90,7 @@ class NlpStructure:
 
     @cached_property
     def moving(self) -> Indices:
-        """By element and coordinate: whether it moves there, (n, m)."""
+        """True where a coordinate moves, by element and coordinate, (n, m)."""
         return np.array(self.moves)[self.segment]
 
     @property
@@ -86,60 +100,62 @@ class NlpStructure:
 
     @property
     def breakaways(self) -> list[tuple[int, int]]:
-        """(element at whose start a joint may break away, element whose directions count), a set of rows each.
+        """Pairs of elements with breakaway rows.
 
-        At a border a joint may break away either in its new direction or in its old one.
+        A joint may break away at the start of the first element in the direction of the second one.
+        At a border it may do so in its new direction or in its old one.
         """
         return [(k, k - side) for k in self.borders for side in (0, 1) if k >= side]
 
 
 @dataclass(frozen=True, eq=False)
 class BoundaryConditions:
-    """Where the coordinates of a motion pass."""
+    """Positions and velocities of the coordinates at borders and ends."""
 
     points: Array
-    """u at every border and at the end, (k + 1, m); NaN where it is free."""
+    """u at every border and at the end, (k + 1, m). NaN where it is free."""
     signs: Array
-    """Direction of u in every segment, (k, m); NaN where it may be either."""
+    """Direction of u in every segment, (k, m). NaN where it may be either."""
     start_velocity: Array
     end_velocity: Array
-    """u̇ at both ends, (m,)."""
+    """u̇ at both ends, (m,) each."""
     start_acceleration: Array = field(default_factory=lambda: np.zeros(1))
-    """ü at the start where jerk is limited, (m,)."""
-    room: Array = field(default_factory=lambda: np.zeros((2, 1)))
-    """Lowest and highest u where a border is free, (2, m)."""
+    """ü at the start, if jerk is limited, (m,)."""
+    ranges: Array = field(default_factory=lambda: np.zeros((2, 1)))
+    """Smallest and largest u at a free border, (2, m)."""
 
     def bounds(
         self, structure: NlpStructure, velocity: Array, acceleration: Array
     ) -> tuple[Array, Array, tuple[Array, Array]]:
-        """(lower, upper, velocity) of a NlpData, from limits (m,) on u̇ and ü.
+        """Return the fields lower, upper and velocity of NlpData from limits (m,) on u̇ and ü.
 
-        A coordinate that turns back at a border, or that stands on one side of it, is at rest there.
+        A coordinate that reverses at a border, or that rests on one side of it, is at rest there.
         """
         m, segment = structure.coordinates, structure.segment
-        v, first, last = (slice(i * m, (i + 1) * m) for i in range(1, 4))
+        v, a0, a1 = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
         either = np.isnan(signs)
-        slowest, fastest = (
+        v_min, v_max = (
             np.where(either | (side * signs > 0), side * velocity, 0.0) for side in (-1, 1)
         )
         reach = np.where(signs != 0, acceleration, 0.0)
-        # a coordinate keeps its direction from border to border, so at a free one its room is its bound
+        # A coordinate keeps its direction between borders, so its range at a free border bounds it
+        # everywhere.
         ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
-        lowest, highest = (np.where(np.isnan(ends) | either, bound, ends) for bound in self.room)
-        lower = np.hstack([lowest.min(axis=0), slowest, -reach, -reach])
-        upper = np.hstack([highest.max(axis=0), fastest, reach, reach])
+        lowest, highest = (np.where(np.isnan(ends) | either, bound, ends) for bound in self.ranges)
+        lower = np.hstack([lowest.min(axis=0), v_min, -reach, -reach])
+        upper = np.hstack([highest.max(axis=0), v_max, reach, reach])
         for k, element in enumerate(structure.borders):
-            given = np.flatnonzero(~np.isnan(self.points[k]))
-            lower[element, given] = upper[element, given] = self.points[k, given]
+            fixed = np.flatnonzero(~np.isnan(self.points[k]))
+            lower[element, fixed] = upper[element, fixed] = self.points[k, fixed]
             if k:
                 at_rest = m + np.flatnonzero(self.signs[k] != self.signs[k - 1])
                 lower[element, at_rest] = upper[element, at_rest] = 0.0
         lower[0, v] = upper[0, v] = self.start_velocity
         if structure.smooth:
-            lower[0, first] = upper[0, first] = self.start_acceleration
-            lower[-1, last] = upper[-1, last] = 0.0
-        return lower, upper, (slowest, fastest)
+            lower[0, a0] = upper[0, a0] = self.start_acceleration
+            lower[-1, a1] = upper[-1, a1] = 0.0
+        return lower, upper, (v_min, v_max)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,171 +167,288 @@ class NlpData:
     fractions: Array
     """Length of every element as a share of its block, (n,)."""
     least_times: Array
-    """Of every block, (b,)."""
+    """Smallest time of every block, (b,)."""
     lower: Array
     upper: Array
     """Bounds of u, u̇, ü at the start and ü at the end of every element, (n, 4 m)."""
     velocity: tuple[Array, Array]
-    """Lowest and highest u̇ within each element, (n, m)."""
+    """Smallest and largest u̇ within each element, (n, m)."""
     end: Array
     """u and u̇ at the end, (2 m,)."""
     acceleration: Array
     jerk: Array
-    """Limits, (m,), where the coordinates are joints."""
+    """Limits (m,) where the coordinates are joints."""
     path_bound: Array
-    """Upper bounds of each element's path constraints at its start, middle and end, (n, 3 rows): 1 − backoff."""
+    """Upper bounds of the path constraints at start, middle and end of each element, (n, 3 rows).
+
+    They are 1 − backoff.
+    """
     breakaway_bound: Array
-    """Upper bounds of the breakaway rows, (sets, rows); inf where the joint is not at rest there."""
+    """Upper bounds of the breakaway rows, (sets, rows). Infinite if the joint is not at rest there.
+    """
     duration: tuple[float, float] = (0.0, np.inf)
-    """Bounds of the whole duration."""
+    """Bounds of the total duration."""
     weights: tuple[float, float] = (1.0, 0.0)
-    """Of time and of the cost."""
+    """Weights of time and of the cost."""
 
     @property
-    def given(self) -> Mask:
-        """Which states of the elements have one value, (n, 4 m)."""
+    def fixed(self) -> Mask:
+        """True for states of elements with a single value, (n, 4 m)."""
         return np.asarray(self.upper - self.lower <= SAME)
 
     def bounds_of_u_count(self, structure: NlpStructure) -> Mask:
-        """Where they do, (n, m): at free borders, and of what may turn back anywhere.
+        """Return where bounds of u are needed, (n, m).
 
-        What keeps its direction is between its borders by itself.
+        They are needed at free borders, and for coordinates that may reverse anywhere. A coordinate
+        that keeps its direction stays between its borders by itself.
         """
-        slowest, fastest = self.velocity
-        counts = (slowest < 0) & (fastest > 0)
+        v_min, v_max = self.velocity
+        counts = (v_min < 0) & (v_max > 0)
         counts[structure.borders[1:]] = True
-        return np.asarray(counts & ~self.given[:, : structure.coordinates])
+        return np.asarray(counts & ~self.fixed[:, : structure.coordinates])
 
     def least_cost(self, duration: tuple[float, float], time: float = 0.0) -> NlpData:
-        """The same, for the least cost, and `time` times the duration, within these bounds of the duration."""
+        """Return the data for the least cost plus `time` times the duration."""
         return replace(self, duration=duration, weights=(time, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
 class InitialPoint:
-    """Where a solver starts: variables, and from an earlier solution the multipliers of variables and constraints too."""
+    """Point at which a solver starts: variables, and multipliers of an earlier solution."""
 
     x: Array
     multipliers: tuple[Array, Array] | None = None
     structured: State | None = None
-    """Of the structured solver."""
-    near: bool = False
-    """The variables are near a solution, though nothing is known of its multipliers."""
+    """State of the structured solver."""
+    near_solution: bool = False
+    """True if the variables are near a solution whose multipliers are not known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """A motion to begin from: elements (n, 4 m + 1) and times (b,) of the blocks."""
+    """Motion at which a solve begins: elements (n, 4 m + 1), and times (b,) of the blocks."""
 
     elements: Array
     times: Array
-    near: bool = False
-    """It is near a solution."""
+    near_solution: bool = False
+    """True if the motion is near a solution."""
 
     @property
     def point(self) -> InitialPoint:
-        """For a cold start."""
-        return InitialPoint(np.append(self.elements[:, :-1].ravel(), self.times), near=self.near)
+        """Initial point of a cold start."""
+        return InitialPoint(
+            np.append(self.elements[:, :-1].ravel(), self.times), near_solution=self.near_solution
+        )
 
     def stretched(self, factor: float) -> Guess:
-        """The same motion in `factor` times its time."""
+        """Return the same motion with its duration multiplied by `factor`."""
         orders = np.repeat([0, 1, 2, 2, -1], [*[self.elements.shape[1] // 4] * 4, 1])
         return Guess(self.elements / factor ** orders.astype(float), self.times * factor)
 
 
 @dataclass(frozen=True)
 class Confirmation:
-    """What Ipopt made of the structured solver's optima of a motion, started from them."""
+    """Ipopt's results for the optima of the structured solver, from which it started."""
 
     iterations: int
-    """Of Ipopt, for the fastest motion and for that of least heat or effort."""
+    """Iterations of Ipopt, for the fastest motion and for that of least heat or effort."""
     difference: float
-    """Ipopt's duration of the fastest motion over the structured solver's, less 1."""
+    """Ipopt's duration of the fastest motion divided by that of the structured solver, minus 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Lagrange multipliers of a solution by element, in scaled time."""
+
+    direction: Array
+    """Multipliers of "u̇ keeps its direction", (n, m).
+
+    They are positive where u̇ would rather be positive, and 0 where the row does not bind.
+    """
+    rows: Array
+    """Multipliers of the path constraints at the collocation points, (n, 3 rows), not negative."""
+    active: frozenset[tuple[str, int | None]]
+    """Names and joints of these rows."""
+
+    @classmethod
+    def of_bounds(
+        cls,
+        data: NlpData,
+        lower: Array,
+        upper: Array,
+        rows: Array,
+        active: frozenset[tuple[str, int | None]],
+    ) -> Multipliers:
+        """Select the bounds that keep a direction.
+
+        `lower` and `upper` (n, m) are the multipliers of the bounds on u̇.
+        """
+        v_min, v_max = data.velocity
+        forward = (v_min == 0) & (v_max > 0)
+        backward = (v_min < 0) & (v_max == 0)
+        return cls(np.where(forward, -lower, np.where(backward, upper, 0.0)), rows, active)
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionMultipliers:
+    """First-order savings of a motion if joints left their directions, for n elements."""
+
+    instants: Array
+    """Ends of the elements, (n + 1,), s."""
+    directions: Array
+    """Directions of the joints: +1, −1, or 0 for a joint that does not move, (n, 4)."""
+    values: Array
+    """Savings (n, 4) as a share of the duration.
+
+    They are divided by the velocity against the direction as a share of the joint's limit.
+    """
+    points: Array
+    """Instants at which the motion passes the given points, (k,), s."""
+
+    @property
+    def largest_sum(self) -> float:
+        """Largest sum of |values| over the elements, among the joints."""
+        return float(np.abs(self.values).sum(axis=0).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Reversals:
+    """Borders at which joints may reverse on a free motion."""
+
+    points: Array
+    """Joints at the borders, (k + 1, 4)."""
+    free: tuple[int, ...] = ()
+    """Indices of the borders whose positions are only guesses."""
+    directions: Array | None = None
+    """Directions of the joints between the borders, (k, 4). None: from border to border."""
+    via_velocity: Array | None = None
+    """q̇ at the via points, (k − 1, 4), if they determine between which points joints reverse."""
+    guess: tuple[Trajectory, Array] | None = None
+    """A motion through the borders, and its instants there, (k + 1,), s."""
 
 
 @dataclass(frozen=True, eq=False)
 class NlpSolution:
-    """What a solver found; message: its return status, in Ipopt's words."""
+    """Result of a solver. `message` is its return status in Ipopt's words."""
 
     message: str
     structure: NlpStructure
     elements: Array
-    """u, u̇, ü at the start, ü at the end, length of every element, (n, 4 m + 1)."""
+    """u, u̇, ü at the start, ü at the end, and length of every element, (n, 4 m + 1)."""
     times: Array
-    """Of the blocks, (b,)."""
+    """Times of the blocks, (b,)."""
     iterations: int
     point: InitialPoint
-    """For a warm start from here."""
+    """Point for a warm start from this solution."""
     solver: Solver = "Ipopt"
     objective: float = np.nan
+    multipliers: Multipliers | None = None
     confirmation: Confirmation | None = None
-    rest: Callable[[], NlpSolution] | None = None
-    """Works out the motion that this one is about; None: it is that."""
+    continuation: Callable[[], NlpSolution] | None = None
+    """Completes a refinement that stopped early. None if it is complete."""
 
     @property
     def status(self) -> str:
-        """ "solved", "infeasible" or "not converged"."""
+        """Status "solved", "infeasible" or "not converged"."""
         if self.message in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
             return "solved"
         return "infeasible" if self.message == "Infeasible_Problem_Detected" else "not converged"
 
     @property
     def solved(self) -> bool:
+        """True if the solver found a motion."""
         return self.status == "solved"
 
 
 @dataclass(frozen=True, eq=False)
 class PhaseSolution:
-    """The motion of a phase as joint polynomials, or why there is none."""
+    """Motion of a phase as joint polynomials, or the status of a failure."""
 
     status: str
-    """ "solved", "infeasible" or "not converged"."""
+    """Status "solved", "infeasible" or "not converged"."""
     message: str
-    """The solver's word."""
+    """Message of the solver."""
     iterations: int = 0
     breaks: Array = field(default_factory=lambda: np.zeros(1))
     """Ends of the pieces, (n + 1,) from 0, s."""
     coefficients: Array = field(default_factory=lambda: np.zeros((0, 6, 4)))
-    """(n, 6, 4)."""
+    """Coefficients of the quintic pieces, (n, 6, 4)."""
     solver: str = ""
-    """Which found it; "" where none was needed."""
+    """Name of the solver that found the motion. Empty if none was needed."""
     borders: Array = field(default_factory=lambda: np.zeros(0))
-    """Instants between which no joint turns back, (k + 1,), s; those at which a free motion passes its points."""
+    """Instants between which no joint reverses, (k + 1,), s. They include those of the points."""
     directions: Array = field(default_factory=lambda: np.zeros((0, 4)))
-    """Of the joints between them, of a free motion, (k, 4)."""
+    """Directions of the joints between the borders of a free motion, (k, 4)."""
+    direction_multipliers: DirectionMultipliers | None = None
+    """Multipliers of the directions of a free motion."""
     confirmation: Confirmation | None = None
-    rest: Callable[[], PhaseSolution] | None = None
-    """As of `NlpSolution`."""
+    continuation: Callable[[], PhaseSolution] | None = None
+    """Completes a refinement that stopped early, as in `NlpSolution`."""
 
     @property
     def solved(self) -> bool:
+        """True if there is a motion."""
         return self.status == "solved"
 
     @property
     def duration(self) -> float:
-        """s."""
+        """Duration, s."""
         return float(self.breaks[-1])
+
+    def slower(self, factor: float) -> PhaseSolution:
+        """Return the same motion from rest to rest with its duration multiplied by `factor`."""
+        coefficients = self.coefficients / factor ** np.arange(6.0)[:, None]
+        breaks = self.breaks * factor
+        borders = self.borders * factor
+        multipliers = self.direction_multipliers
+        if multipliers is not None:
+            instants = multipliers.instants * factor
+            points = multipliers.points * factor
+            multipliers = replace(multipliers, instants=instants, points=points)
+        return replace(
+            self,
+            breaks=breaks,
+            coefficients=coefficients,
+            borders=borders,
+            direction_multipliers=multipliers,
+        )
+
+    @property
+    def reversal_multiplier(self) -> float | None:
+        """Largest remaining multiplier of the joints' directions.
+
+        None for a motion along a path.
+        """
+        return (
+            None if self.direction_multipliers is None else self.direction_multipliers.largest_sum
+        )
 
 
 def cubics(elements: Array) -> Cubic:
-    """The pieces of elements (n, 4 m + 1): (n, m) each, lengths (n, 1)."""
+    """Return the cubics of elements (n, 4 m + 1), (n, m) each, with lengths (n, 1)."""
     m = elements.shape[1] // 4
     return Cubic(*np.hsplit(elements, [m, 2 * m, 3 * m, 4 * m]))
 
 
 def split(elements: Array, counts: Indices) -> Array:
-    """The same motion with every element of (n, 4 m + 1) cut into so many equal parts, (n,)."""
-    whole = cubics(np.repeat(elements, counts, axis=0))
+    """Return elements (n, 4 m + 1) with every one cut into equal parts.
+
+    `counts` (n,) are their numbers.
+    """
+    cubic = cubics(np.repeat(elements, counts, axis=0))
     share = 1.0 / np.repeat(counts, counts)[:, None]
     index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     start = index[:, None] * share
-    return np.hstack([*whole.at(start), whole.at(start + share)[2], whole.h * share])
+    return np.hstack([*cubic.at(start), cubic.at(start + share)[2], cubic.h * share])
 
 
 def blocks_of(arcs: Sequence[int]) -> tuple[int, ...]:
-    """Sizes of the blocks for arcs of so many elements: an arc, or parts of it of at most LARGEST_BLOCK elements."""
+    """Return the sizes of the blocks of arcs with these numbers of elements.
+
+    A block is an arc, or a part of it with at most LARGEST_BLOCK elements.
+    """
     blocks: list[int] = []
     for count in arcs:
-        parts = -(-count // LARGEST_BLOCK)
-        blocks += [count // parts + (k < count % parts) for k in range(parts)]
+        number = -(-count // LARGEST_BLOCK)
+        blocks += [count // number + (k < count % number) for k in range(number)]
     return tuple(blocks)

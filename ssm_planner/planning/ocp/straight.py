@@ -1,7 +1,8 @@
-"""The optimal control problem of one phase along a given path: when to be where, s(t) in cubic elements.
+"""Optimal control problem of a phase along a given path: its timing s(t) in cubic elements.
 
-The guess is TOPP-RA's motion along the same path, and the mesh is aligned with its switching points. Between turning points
-every joint keeps its direction, so the friction law enters exactly. `joint_pieces` makes joint polynomials of s(t).
+The guess is the motion of TOPP-RA along the path, and the mesh follows its switching points. Every
+joint keeps its direction between reversals, so the friction law is exact. `joint_pieces` converts
+s(t) to joint polynomials.
 """
 
 from __future__ import annotations
@@ -46,15 +47,18 @@ from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array
 
 ELEMENTS = 72
-"""Of a smooth path; of one whose corners are rounded half as many for every end of a rounding too."""
+"""Number of elements of a smooth path.
+
+A path with rounded corners has half as many for every end of a rounding.
+"""
 OF_PIECE = 18
-"""Of every piece of a spline."""
+"""Number of elements of every piece of a spline."""
 FINER = 2
-"""Times as many where jerk is limited, on the mesh made for the motion found first."""
+"""Factor on the number of elements for a second solution with limited jerk."""
 SUBDIVISION = 4
-"""Quintic pieces per element: the path between their ends is then followed to about 1e-9 rad."""
+"""Quintic pieces per element. The path between their ends is then followed to about 1e-9 rad."""
 LOOKS = 101
-"""Points between two knots at which rates of task coordinates are looked at."""
+"""Number of points between two knots at which the rates of task coordinates are evaluated."""
 
 
 def solve_straight(
@@ -71,21 +75,51 @@ def solve_straight(
     count: int | None = None,
     method: Method = "Ipopt",
 ) -> PhaseSolution:
-    """Motion along the path, from TOPP-RA's motion as guess.
+    """Return the motion along a path that is best for an objective.
 
-    strict: the robot with stricter limits on its joints, which the motion is to keep; None: its own.
-    cooling: as in constraints.LIMITS, (4,).
-    duration: asked for, s; speeds: ṡ at both ends, 1/s. count: of elements. method: by which solver.
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+    path : JointPath
+        The path.
+    guess : Retiming
+        Motion of TOPP-RA along the path.
+    limits : TaskLimits
+        Limits on the tool and on task rates.
+    strict : Robot or None
+        The robot with tighter limits, which the motion must keep.
+    cooling : (4,) array or None
+        Weights of the motors' heat relative to time, as in `constraints.LIMITS`.
+    objective : str
+        "time", "time then heat" or "effort".
+    duration : float or None
+        Requested duration, s.
+    speeds : (float, float)
+        ṡ at both ends, 1/s.
+    count : int or None
+        Number of elements. None: chosen by the path.
+    method : str
+        Solution method, see `nlp.Method`.
+
+    Returns
+    -------
+    PhaseSolution
+        Joint polynomials, or the status of the failure.
     """
     jerk = limits_jerk(robot)
     knots, signs = path.directions
-    each = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
-    count = count or max(len(path.breaks) * each, ELEMENTS)
-    mesh = Mesh.along(guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None)
+    per_piece = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
+    count = count or max(len(path.breaks) * per_piece, ELEMENTS)
+    mesh = Mesh.from_retiming(
+        guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None
+    )
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
-    fastest = rate_ceiling(path, limits.rates) * scale
+    speed_limit = rate_ceiling(path, limits.rates) * scale
     problem = _StraightProblem(
-        structure=_structure(mesh, smooth=jerk, velocity_limits=bool(fastest.min() < UNLIMITED)),
+        structure=_structure(
+            mesh, smooth=jerk, velocity_limits=bool(speed_limit.min() < UNLIMITED)
+        ),
         fractions=mesh.fractions,
         times=mesh.times,
         joint_limits=joint_limits(strict or robot, cooling),
@@ -95,12 +129,12 @@ def solve_straight(
         robot=robot,
         path=path,
         limited=limits.of_tool,
-        fastest=fastest,
+        speed_limit=speed_limit,
         speeds=np.array(speeds) * scale,
         starting=np.full(4, speeds[0] == 0.0),
     )
-    begin = Guess(mesh.elements(guess), mesh.times)
-    solution = optimise(problem, begin, objective, None if duration is None else duration / scale)
+    initial = Guess(mesh.elements(guess), mesh.times)
+    solution = optimise(problem, initial, objective, None if duration is None else duration / scale)
     if not solution.solved:
         return PhaseSolution(
             solution.status, solution.message, solution.iterations, solver=solution.solver
@@ -121,9 +155,9 @@ def solve_straight(
 
 
 def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
-    """`joint_pieces` of TOPP-RA's motion: breaks (n + 1,) and coefficients (n, 6, 4).
+    """Return the joint polynomials of TOPP-RA's motion: breaks (n + 1,) and coefficients (n, 6, 4).
 
-    Between its grid points ṡ² is linear in s, so that s̈ is constant.
+    ṡ² is linear in s between grid points, so s̈ is constant there.
     """
     s, speed = retiming.s, np.sqrt(retiming.speed_squared)
     acceleration = np.diff(retiming.speed_squared) / (2 * np.diff(s))
@@ -134,7 +168,7 @@ def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tup
 
 
 def _structure(mesh: Mesh, *, smooth: bool, velocity_limits: bool) -> NlpStructure:
-    """Of elements on a mesh."""
+    """Return the structure of a program on a mesh."""
     sizes = mesh.interval_sizes
     return NlpStructure(
         moves=((True,),) * len(sizes),
@@ -148,16 +182,19 @@ def _structure(mesh: Mesh, *, smooth: bool, velocity_limits: bool) -> NlpStructu
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _StraightProblem(OcpProblem):
+    """Optimal control problem of the timing s(t) along a path."""
+
     robot: Robot
     path: JointPath
     limited: tuple[ToolLimit, ...]
-    fastest: Array
-    """Largest ṡ that the rates of the task coordinates allow between the knots, in scaled time, (k,)."""
+    speed_limit: Array
+    """Largest ṡ within the rates of task coordinates between the knots, in scaled time, (k,)."""
     speeds: Array
     """ṡ at both ends, in scaled time, (2,)."""
 
     @property
     def boundary(self) -> BoundaryConditions:
+        """Boundary conditions of s."""
         knots, signs = self.path.directions
         return BoundaryConditions(
             knots[:, None], np.ones((len(signs), 1)), self.speeds[:1], self.speeds[1:]
@@ -165,21 +202,29 @@ class _StraightProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        return self.fastest[self.structure.segment][:, None], np.array([np.inf]), np.array([np.inf])
+        """Limits of ṡ, s̈ and s⃛, (1,) each, for every segment."""
+        return (
+            self.speed_limit[self.structure.segment][:, None],
+            np.array([np.inf]),
+            np.array([np.inf]),
+        )
 
     def remeshed(self, solution: NlpSolution) -> tuple[OcpProblem, Guess] | None:
-        """With jerk limits: constant within an element, the jerk falls short of a limit that changes there."""
+        """Return the problem on a mesh that ends elements at jumps of jerk.
+
+        The jerk of an element is constant and falls short of a limit that changes within it.
+        """
         if not self.structure.smooth or self.method != "confirmed":
             return None
         mesh = Mesh.on(solution.elements, self.structure.segment, FINER * self.structure.elements)
         times = mesh.times * mesh.instants[-1]
         structure = _structure(mesh, smooth=True, velocity_limits=self.structure.velocity_limits)
         problem = replace(self, structure=structure, fractions=mesh.fractions, times=times)
-        return problem, Guess(mesh.moved(solution.elements), times)
+        return problem, Guess(mesh.resample(solution.elements), times)
 
     @cached_property
     def complete_element(self) -> StraightElement:
-        """With the rows of what moves and has a limit."""
+        """Element model with the rows of moving joints and of existing limits."""
         moving = np.abs(self.path.overview.dq).max(axis=0) > 0
         rows: set[RowName] = set().union(*(torque_names(self.robot, i) for i in range(4)))
         for i in np.flatnonzero(moving):
@@ -193,10 +238,11 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def always_active(self) -> frozenset[RowName]:
-        """Jerk: TOPP-RA's motion has none."""
+        """Jerk rows, because the guess of TOPP-RA ignores jerk."""
         return frozenset(name for name in self.row_names if name[0] == JointJerk.name)
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
+        """Return σ, the fits around the elements, and the limits."""
         limits = StraightElement.layout.pack(
             **self.joint_limits, **tool_limits(self.limited), time_scale=self.time_scale
         )
@@ -204,26 +250,32 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def _bodies(self) -> tuple[RigidBody, ...]:
+        """Bodies with every load."""
         return tuple(RigidBody.from_robot(load) for load in self.robot.loads)
 
     @cached_property
-    def _fits(self) -> Array:
+    def _fit_cache(self) -> Array:
+        """Fits of the elements, NaN at the beginning."""
         return np.full((self.structure.elements, fit_of(len(self._bodies)).size), np.nan)
 
     def _fitted(self, elements: Array) -> Array:
-        """Fits of path and load around these elements, (n, size of `fit_of`); renewed where elements have left theirs."""
-        low, high = elements[:, 0], np.append(elements[1:, 0], 1.0)
-        left = np.logical_not(fits_hold(self._fits, low, high))
-        if left.any():
-            self._fits[left] = fit(self.path, self._bodies, low[left], high[left])
-        return self._fits
+        """Return the fits of path and load around elements, (n, size of `fit_of`).
+
+        A fit is renewed if its element has left it.
+        """
+        low = elements[:, 0]
+        high = np.append(elements[1:, 0], 1.0)
+        outdated = np.logical_not(fits_hold(self._fit_cache, low, high))
+        if outdated.any():
+            self._fit_cache[outdated] = fit(self.path, self._bodies, low[outdated], high[outdated])
+        return self._fit_cache
 
 
 def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
-    """Largest ṡ at which every task coordinate keeps its rate between two knots of the path, (k,), 1/s."""
+    """Return the largest ṡ (k,) within the task rates between two knots of the path, 1/s."""
     knots = path.directions[0]
     if isinstance(path, StraightPath) or not rates:
-        ways = (
+        slopes = (
             np.abs(path.end - path.start)[None, None]
             if isinstance(path, StraightPath)
             else np.zeros((1, 1, 4))
@@ -231,16 +283,16 @@ def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
     else:
         s = knots[:-1, None] + np.linspace(0.0, 1.0, LOOKS) * np.diff(knots)[:, None]
         samples = path.sample(s.ravel())
-        ways = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
-    fastest = [np.full((len(ways), 1), UNLIMITED)]
+        slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
+    ceilings = [np.full((len(slopes), 1), UNLIMITED)]
     with np.errstate(divide="ignore"):
-        fastest += [rate / ways[:, :, TASK.index(name)] for name, rate in rates.items()]
-    ceiling = np.minimum(np.hstack(fastest).min(axis=1), UNLIMITED)
+        ceilings += [rate / slopes[:, :, TASK.index(name)] for name, rate in rates.items()]
+    ceiling = np.minimum(np.hstack(ceilings).min(axis=1), UNLIMITED)
     return np.asarray(np.broadcast_to(ceiling, (len(knots) - 1,)))
 
 
 def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:
-    """Largest s⃛ that the jerk limits of the joints allow at low speed, (n,)."""
+    """Return the largest s⃛ that the jerk limits of the joints allow at low speed, (n,)."""
     with np.errstate(divide="ignore"):
         return np.asarray((joint_limits(robot)["jerk"] / np.abs(path.sample(s).dq)).min(axis=1))
 
@@ -248,10 +300,27 @@ def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:
 def joint_pieces(
     path: JointPath, elements: Array, subdivision: int, end_speed: float
 ) -> tuple[Array, Array]:
-    """Quintic joint polynomials that follow the path: exact q, q̇, q̈ at both ends of every piece.
+    """Return quintic joint polynomials that follow the path.
 
-    elements: s, ṡ, s̈ at the start, s̈ at the end and length of every element, (n, 5), s; each gives `subdivision` pieces.
-    end_speed: ṡ at the end, 1/s. Returns breaks (m + 1,) and coefficients (m, 6, 4).
+    q, q̇ and q̈ are exact at both ends of every piece.
+
+    Parameters
+    ----------
+    path : JointPath
+        The path.
+    elements : (n, 5) array
+        s, ṡ, s̈ at the start, s̈ at the end and length of every element, in 1 and s.
+    subdivision : int
+        Number of pieces of every element.
+    end_speed : float
+        ṡ at the end, 1/s.
+
+    Returns
+    -------
+    breaks : (m + 1,) array
+        Ends of the pieces, s.
+    coefficients : (m, 6, 4) array
+        Coefficients of the pieces.
     """
     lengths = elements[:, 4:]
     share = np.arange(subdivision) / subdivision
@@ -267,10 +336,12 @@ def joint_pieces(
 def _joint_state(
     path: JointPath, elements: Array, share: Array, end_speed: float
 ) -> tuple[Array, Array, Array]:
-    """q, q̇, q̈ at the given shares of every element, (n · shares, 4) each."""
+    """Return q, q̇ and q̈ at the given shares of every element, (n · shares, 4) each."""
     s, speed, acceleration = (value.ravel() for value in cubics(elements).at(share))
     s = np.clip(s, 0.0, 1.0)
-    if share[-1] == 1.0:  # without the solver's rounding
+    if share[-1] == 1.0:  # Removes the rounding of the solver.
         s[-1], speed[-1] = 1.0, end_speed
-    at, speed, acceleration = path.sample(s), speed[:, None], acceleration[:, None]
-    return at.q, at.dq * speed, at.ddq * speed**2 + at.dq * acceleration
+    sample = path.sample(s)
+    speed = speed[:, None]
+    acceleration = acceleration[:, None]
+    return sample.q, sample.dq * speed, sample.ddq * speed**2 + sample.dq * acceleration

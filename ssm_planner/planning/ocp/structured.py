@@ -1,40 +1,56 @@
-"""The program of `transcription`, solved by the structured interior point (`interior`), which knows that it is a chain.
+"""Solution of the program of `transcription` by the structured interior-point solver (`interior`).
 
-The dynamics hold by construction and limits of ü and jerk are linear in an element, so the only equalities left are where a
-coordinate passes a point, or stands there, of a jerk-limited motion of several segments, and a given duration.
+The solver uses the fact that the program is a chain of elements. The dynamics hold by construction,
+and limits of ü and jerk are linear in an element. Equalities remain if a jerk-limited coordinate
+passes a point or stands there in a motion of several segments, and if the duration is given.
 """
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ssm_planner.interior.problem import Point, Program, RowGroup
 from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, TOLERANCE, solve
 from ssm_planner.interior.spline import Spline
-from ssm_planner.planning.kept import SameObject, kept
 from ssm_planner.planning.ocp.element import ElementModel
 from ssm_planner.planning.ocp.natively import native_elements
-from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure, cubics
+from ssm_planner.planning.ocp.nlp import (
+    InitialPoint,
+    Multipliers,
+    NlpData,
+    NlpSolution,
+    NlpStructure,
+    cubics,
+)
 from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
 from ssm_planner.typing import Array, Indices
 
 ITERATIONS = 200
-"""At most, each way; then Ipopt solves."""
+"""Largest number of iterations for each exponent of the barrier."""
 SLOWLY = 1.2
-"""Exponent of the barrier where the usual one does not converge; the first one of motions with several times and
-without jerk limits, on which the usual one fails more often and takes more iterations."""
+"""Exponent of the barrier if the usual one does not converge.
+
+It is tried first for motions with several times and without jerk limits, on which the usual one
+fails more often and takes more iterations.
+"""
 PATIENT = 1.2, 1.1, 1.3
-"""Exponents of the barrier where a row has a rounded edge, as that of the lens: one or another passes it."""
+"""Exponents of the barrier for a row with a rounded edge, as that of the lens.
+
+One of them usually converges.
+"""
 SLOWER = 1.2
-"""By how much a guess is slowed down: fewer of its rows are exceeded then."""
+"""Factor by which a guess is slowed down, so that it violates fewer rows."""
 NEAR_BARRIER, NEAR_SLOWER = 3e-6, 1.05
-"""The barrier's first weight, and the same of a guess that is near a solution: larger ones lead away from it."""
+"""First weight of the barrier, and slow-down, of a guess near a solution.
+
+Larger values lead away from it.
+"""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
 OFF_CENTRE = 1e-3
-"""Share by which slack times multiplier may be off the last barrier's weight where Ipopt is to start from it."""
+"""Relative deviation of slack times multiplier from the last barrier weight, if Ipopt starts there.
+"""
 Equalities = tuple[Indices, Indices, Array]
 _NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
 
@@ -50,71 +66,59 @@ def solve_structured(
     centred: bool = False,
     tolerance: float = TOLERANCE,
 ) -> NlpSolution:
-    """Solution from a guess, or from the structured solution of a neighbour; its status says whether it converged.
+    """Solve a program by the structured solver.
 
-    Where a neighbour's multipliers mislead, its motion alone is tried as a start. Several ways of lowering the barrier are
-    tried unless fewer iterations are allowed than usual; switching: a row has a rounded edge, at which it takes patience.
-    centred: Ipopt is to find its multipliers from the slacks. tolerance: of the stopping test.
+    Parameters
+    ----------
+    structure, element, data
+        The program.
+    start : InitialPoint
+        A guess, or the structured solution of a neighbouring program. If its multipliers mislead,
+        its motion alone is the next start.
+    iterations : int
+        Largest number of iterations. With fewer than usual, one way of lowering the barrier is
+        tried instead of several.
+    switching : bool
+        A row has a rounded edge, which needs the patient ways.
+    centred : bool
+        Stop close to the central path, so that Ipopt finds its multipliers from the slacks.
+    tolerance : float
+        Tolerance of the stopping test.
+
+    Returns
+    -------
+    NlpSolution
+        Its status tells whether the solver converged.
     """
-    asked = _Asked(iterations, switching, centred, tolerance)
-    begin = start.x.tobytes(), start.near, SameObject(start.structured)
-    key = structure, element, _content(data), begin, asked
-    return kept(key, lambda: _solved(structure, element, data, start, asked))
-
-
-class _Asked(NamedTuple):
-    """How it is to be solved, as for `solve_structured`."""
-
-    iterations: int
-    switching: bool
-    centred: bool
-    tolerance: float
-
-
-def _content(data: NlpData) -> tuple[object, ...]:
-    """All that it holds, to compare."""
-    values = (getattr(data, each.name) for each in fields(data))
-    return tuple(_comparable(value) for value in values)
-
-
-def _comparable(value: Any) -> Any:
-    return (
-        tuple(map(_comparable, value))
-        if isinstance(value, tuple)
-        else getattr(value, "tobytes", lambda: value)()
+    program = program_of(structure, element, data)
+    warm = start.structured
+    used = 0
+    initial = _point(program, structure, data, start.x)
+    near_point = (
+        _point(program, structure, data, start.x, NEAR_SLOWER) if start.near_solution else None
     )
-
-
-def _solved(
-    structure: NlpStructure,
-    element: ElementModel,
-    data: NlpData,
-    start: InitialPoint,
-    asked: _Asked,
-) -> NlpSolution:
-    program, warm, used = program_of(structure, element, data), start.structured, 0
-    begin = _point(program, structure, data, start.x)
-    near = _point(program, structure, data, start.x, NEAR_SLOWER) if start.near else None
-    ways: tuple[float, ...] = PATIENT if asked.switching else (SUPERLINEAR, SLOWLY)
-    if not asked.switching and not structure.smooth and len(data.least_times) > 1:
-        ways = ways[::-1]
-    if asked.iterations < ITERATIONS:
-        ways = ways[:1]
-    for superlinear in ways if warm is None and near is None else (ways[0], *ways):
+    exponents: tuple[float, ...] = PATIENT if switching else (SUPERLINEAR, SLOWLY)
+    if not switching and not structure.smooth and len(data.least_times) > 1:
+        exponents = exponents[::-1]
+    if iterations < ITERATIONS:
+        exponents = exponents[:1]
+    for superlinear in (
+        exponents if warm is None and near_point is None else (exponents[0], *exponents)
+    ):
         outcome = solve(
             program,
-            near or begin,
+            near_point or initial,
             warm=warm,
-            iterations=asked.iterations,
-            tolerance=asked.tolerance,
+            iterations=iterations,
+            tolerance=tolerance,
             superlinear=superlinear,
-            barrier=BARRIER if near is None else NEAR_BARRIER,
-            off_centre=OFF_CENTRE if asked.centred else np.inf,
+            barrier=BARRIER if near_point is None else NEAR_BARRIER,
+            off_centre=OFF_CENTRE if centred else np.inf,
         )
         used += outcome.iterations
         if outcome.converged:
             break
-        warm = near = None
+        warm = near_point = None
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
     x = np.append(elements[:, :-1].ravel(), times)
@@ -128,13 +132,32 @@ def _solved(
         point=point,
         solver="structured",
         objective=outcome.objective,
+        multipliers=_multipliers(program, structure, element, data, rows=state.multipliers),
     )
 
 
-def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
-    """The program of this structure, element model and data."""
+def _multipliers(
+    program: Program, structure: NlpStructure, element: ElementModel, data: NlpData, *, rows: Array
+) -> Multipliers:
+    """Select the multipliers of path constraints and directions from those of all rows."""
     n, m = structure.elements, structure.coordinates
-    # the whole motion is stretched with its times, unless it begins or ends at speed
+    sizes = [group.bound.size for group in program.groups]
+    path = rows[: sizes[0] if element.row_names else 0].reshape(n, -1)
+    linear = rows[sum(sizes) :][: program.bound.size].reshape(n, -1)
+    # Rows of `_linear_rows`: upper bounds of (u,) u̇, ü, ü and u̇_b, then the lower ones, then
+    # jerk.
+    size = len(program.matrix) // 2 - m * (structure.smooth and structure.joints)
+    upper, lower = (
+        side[:, size - 4 * m : size - 3 * m] + side[:, size - m : size]
+        for side in (linear[:, :size], linear[:, size : 2 * size])
+    )
+    return Multipliers.of_bounds(data, lower, upper, path, frozenset(element.row_names))
+
+
+def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
+    """Return the program of a structure, an element model and data."""
+    n, m = structure.elements, structure.coordinates
+    # The whole motion is stretched with its times, unless it begins or ends at speed.
     at_speed = data.lower[0, m : 2 * m].any() or data.end[m:].any()
     spline = Spline(
         "bspline" if structure.smooth else "hermite",
@@ -152,10 +175,13 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
             _group(element, data.element_parameters, every, data.path_bound, data.weights[1])
         )
     if np.isfinite(data.breakaway_bound).any():
-        at, side = np.array(structure.breakaways).T
-        sigma, *others = data.element_parameters
-        parameters = sigma[side], *(values if values.ndim == 1 else values[at] for values in others)
-        groups.append(_group(element, parameters, at, data.breakaway_bound, breakaway=True))
+        indices, side = np.array(structure.breakaways).T
+        sigma, *other_parameters = data.element_parameters
+        parameters = (
+            sigma[side],
+            *(values if values.ndim == 1 else values[indices] for values in other_parameters),
+        )
+        groups.append(_group(element, parameters, indices, data.breakaway_bound, breakaway=True))
     return Program(
         spline=spline,
         groups=tuple(groups),
@@ -180,7 +206,7 @@ def _group(
     *,
     breakaway: bool = False,
 ) -> RowGroup:
-    """The rows and the cost of a model, or its breakaway rows."""
+    """Return the rows and the cost of a model, or its breakaway rows."""
     native = native_elements(
         element, parameters, len(elements), "breakaway" if breakaway else "collocation"
     )
@@ -192,60 +218,69 @@ def _group(
 def _boundary(
     structure: NlpStructure, spline: Spline, data: NlpData
 ) -> tuple[Array, Array, Equalities]:
-    """Which unknowns are free, (rows, m), the values of the others, and what else is given of the elements' states."""
+    """Return the boundary conditions of the unknowns.
+
+    These are the mask (rows, m) of free unknowns, the values of the others, and further fixed
+    entries of the elements.
+    """
     n, m = structure.elements, structure.coordinates
-    same = np.vstack([data.given[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
-    given = np.vstack([data.lower[:, : 2 * m], data.end])
+    same = np.vstack([data.fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
+    state_values = np.vstack([data.lower[:, : 2 * m], data.end])
     if spline.kind == "hermite":
-        return ~same.reshape(spline.rows, m), given.reshape(spline.rows, m), _NONE
-    free, values = np.ones((spline.rows, m), dtype=bool), np.zeros((spline.rows, m))
+        return ~same.reshape(spline.rows, m), state_values.reshape(spline.rows, m), _NONE
+    free = np.ones((spline.rows, m), dtype=bool)
+    values = np.zeros((spline.rows, m))
     moving = structure.moving
     for k, i in np.argwhere(~moving):
-        free[spline.local[k], i], values[spline.local[k], i] = False, given[k, i]
+        free[spline.local[k], i] = False
+        values[spline.local[k], i] = state_values[k, i]
     equal: list[tuple[Any, Any, Any]] = []
-    # ends: u given, ü = 0; u̇ = 0, or at speed
+    # Ends: u is given and ü = 0. u̇ is 0 or has a given value.
     for rows, k, speed, entries in (
-        ((0, 1, 2), 0, given[0, m:], (m, 2 * m)),
-        ((-1, -2, -3), n - 1, given[-1, m:], (4 * m + 1, 3 * m)),
+        ((0, 1, 2), 0, state_values[0, m:], (m, 2 * m)),
+        ((-1, -2, -3), n - 1, state_values[-1, m:], (4 * m + 1, 3 * m)),
     ):
-        values[list(rows)] = given[k + (k > 0), :m]
+        values[list(rows)] = state_values[k + (k > 0), :m]
         free[rows[0]] = False
         free[list(rows[1:])] &= speed != 0
         for i in np.flatnonzero(speed):
             equal += [(k, entries[0] + i, speed[i]), (k, entries[1] + i, 0.0)]
-    # points on the way, which the coordinate comes from and leaves
+    # Via points between segments in which the coordinate moves.
     for k in structure.borders[1:]:
         equal += [
-            (k, e, given[k, e])
+            (k, e, state_values[k, e])
             for e in np.flatnonzero(same[k])
             if moving[k - 1, e % m] and moving[k, e % m]
         ]
     if not equal:
         return free, values, _NONE
-    at, entry, value = np.array(equal).T
-    return free, values, (at.astype(int), entry.astype(int), value)
+    index, entry, value = np.array(equal).T
+    return free, values, (index.astype(int), entry.astype(int), value)
 
 
 def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
-    """A (l, 5 m + 1) and bounds (n, l) of u̇ at the start and between, ü and jerk; of u where it is free to turn back."""
+    """Return A (l, 5 m + 1) and bounds (n, l) of the linear rows.
+
+    They bound u̇ at the start and between, ü and jerk, and u where it may reverse.
+    """
     n, m = structure.elements, structure.coordinates
-    counts, (slowest, _) = data.bounds_of_u_count(structure), data.velocity
-    first = 0 if counts.any() else m
-    chosen = np.r_[first : 4 * m, 4 * m + 1 : 5 * m + 1]
-    one = np.eye(5 * m + 1)[chosen]
-    counts = np.hstack([counts, ~data.given[:, m:]])
-    between = data.velocity if structure.velocity_limits else (slowest, np.full((n, m), np.inf))
+    counts = data.bounds_of_u_count(structure)
+    v_min, _ = data.velocity
+    offset = 0 if counts.any() else m
+    columns = np.r_[offset : 4 * m, 4 * m + 1 : 5 * m + 1]
+    identity = np.eye(5 * m + 1)[columns]
+    counts = np.hstack([counts, ~data.fixed[:, m:]])
+    v_bounds = data.velocity if structure.velocity_limits else (v_min, np.full((n, m), np.inf))
     lower, upper = (
-        np.hstack([np.where(counts, bound, sign * np.inf)[:, first:], middle])
-        for sign, bound, middle in zip((-1, 1), (data.lower, data.upper), between, strict=True)
+        np.hstack([np.where(counts, bound, sign * np.inf)[:, offset:], middle])
+        for sign, bound, middle in zip((-1, 1), (data.lower, data.upper), v_bounds, strict=True)
     )
-    matrix, bound = np.vstack([one, -one]), np.hstack([upper, -lower])
+    matrix = np.vstack([identity, -identity])
+    bound = np.hstack([upper, -lower])
     if structure.smooth and structure.joints:
         rise = np.zeros((m, 5 * m + 1))
-        rise[:, 2 * m : 3 * m], rise[:, 3 * m : 4 * m] = (
-            np.diag(-n / data.jerk),
-            np.diag(n / data.jerk),
-        )
+        rise[:, 2 * m : 3 * m] = np.diag(-n / data.jerk)
+        rise[:, 3 * m : 4 * m] = np.diag(n / data.jerk)
         fall = -rise
         rise[:, 4 * m] = fall[:, 4 * m] = -n
         matrix = np.vstack([matrix, rise, fall])
@@ -256,16 +291,18 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
 def _point(
     program: Program, structure: NlpStructure, data: NlpData, x: Array, slower: float = SLOWER
 ) -> Point:
-    """Unknowns of a guess (variables of `transcription`), slowed down."""
+    """Return the unknowns of a guess (variables of `transcription`), slowed down."""
     n, m = structure.elements, structure.coordinates
-    states, times = x[: 4 * m * n].reshape(n, 4 * m), x[4 * m * n :]
+    states = x[: 4 * m * n].reshape(n, 4 * m)
+    times = x[4 * m * n :]
     times = np.maximum(times, 1.001 * data.least_times)
     if data.duration == (0.0, np.inf):
         orders = np.repeat([0, 1, 2, 2], m)
         states, times = states / slower**orders, times * slower
     h = times[structure.block] * data.fractions
     pieces = cubics(np.column_stack([states, h]))
-    u, v = np.vstack([pieces.u, data.end[:m]]), np.vstack([pieces.v, data.end[m:]])
+    u = np.vstack([pieces.u, data.end[:m]])
+    v = np.vstack([pieces.v, data.end[m:]])
     acceleration = np.vstack([pieces.a0[:1], (pieces.a1[:-1] + pieces.a0[1:]) / 2, pieces.a1[-1:]])
     c = program.spline.unknowns(u, v, acceleration, h)
     _, values, _ = _boundary(structure, program.spline, data)

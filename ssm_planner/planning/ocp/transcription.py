@@ -1,7 +1,8 @@
-"""The nonlinear program behind every optimised motion: direct transcription on a mesh of cubic elements.
+"""The nonlinear program of every optimised motion: transcription on cubic elements.
 
-A straight motion has one coordinate, the path parameter s; a free one its moving joints. `Transcription.of` states the
-program from top to bottom; only the element model differs between the two.
+A straight motion has one coordinate, the path parameter s. The coordinates of a free motion are its
+moving joints. `Transcription.build` states the program from top to bottom. Only the element model
+differs between both kinds.
 """
 
 from __future__ import annotations
@@ -19,18 +20,33 @@ from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.interior.solve import LAST_BARRIER, TOLERANCE
 from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel, element_functions
 from ssm_planner.planning.ocp.natively import MappedElements, mapped_elements
-from ssm_planner.planning.ocp.nlp import InitialPoint, NlpData, NlpSolution, NlpStructure
+from ssm_planner.planning.ocp.nlp import (
+    InitialPoint,
+    Multipliers,
+    NlpData,
+    NlpSolution,
+    NlpStructure,
+)
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array
 
 SMOOTHING = 3e-6
-"""Weight of 3 ∫ (ü/limit)² dt of joints: decides how those move that do not bind."""
+"""Weight of 3 ∫ (ü/limit)² dt of the joints. It determines the motion of joints that do not bind.
+"""
 EVEN = 1e-5
-"""Weight of the variance of the blocks' times, each relative to its least: decides where several meshes do as well."""
-ITERATIONS, HEAT_ITERATIONS, COOLING_ITERATIONS = 300, 150, 150
-"""At most; the least heat, and less of it, are given up sooner, for the fastest motion is at hand."""
+"""Weight of the variance of the blocks' times, relative to their least. It makes the mesh unique.
+"""
+ITERATIONS = 300
+HEAT_ITERATIONS = 150
+COOLING_ITERATIONS = 150
+"""Largest numbers of iterations.
+
+Searches for less heat end sooner, because the fastest motion is already known.
+"""
 JOINT_ITERATIONS, LEAST_ITERATIONS = 6e4, 200
-"""Times elements and joints of a free motion, at most: one or two seconds; and those that are always allowed."""
+"""Largest product of iterations, elements and joints of a free motion (1 s to 2 s), and iterations
+always allowed.
+"""
 IPOPT: dict[str, Any] = {
     "print_level": 0,
     "sb": "yes",
@@ -38,10 +54,14 @@ IPOPT: dict[str, Any] = {
     "mu_init": 1e-4,
     "bound_push": 1e-2,
     "bound_frac": 1e-2,
-    "mumps_pivot_order": 0,  # AMD; by itself MUMPS takes METIS on fine meshes, for which each iteration takes longer
+    # AMD ordering. By default MUMPS takes METIS on fine meshes, which makes each iteration slower.
+    "mumps_pivot_order": 0,
 }
 FROM_BARRIER = {"bound_mult_init_method": "mu-based"}
-"""First multipliers of mu_init / slack: a fifth fewer iterations than from 1, but where jerk is limited in joints."""
+"""First multipliers mu_init / slack.
+
+They save a fifth of the iterations, except if jerk is limited in joints.
+"""
 WARM: dict[str, Any] = {
     **IPOPT,
     "mu_init": 1e-7,
@@ -52,7 +72,7 @@ WARM: dict[str, Any] = {
     "warm_start_slack_bound_frac": 1e-9,
     "warm_start_mult_bound_push": 1e-9,
 }
-"""From the solution of the same problem with a few bounds moved."""
+"""Options for a start from the solution of the same problem with a few other bounds."""
 CONFIRMING: dict[str, Any] = {
     **IPOPT,
     **FROM_BARRIER,
@@ -61,50 +81,63 @@ CONFIRMING: dict[str, Any] = {
     "bound_frac": 1e-13,
     "slack_bound_push": 1e-13,
     "slack_bound_frac": 1e-13,
-    "bound_relax_factor": 1e-12,  # at 0 Ipopt crashes where it has to treat fixed variables as free ones
+    # With 0 Ipopt crashes if it has to treat fixed variables as free ones.
+    "bound_relax_factor": 1e-12,
     "constr_mult_init_max": 1e10,
 }
-"""From a solution of the structured solver: its slacks as they are and its last barrier give its multipliers, so that the
-start is Ipopt's solution too, if it is one."""
+"""Options for a start from a solution of the structured solver.
+
+Its slacks and its last barrier weight give its multipliers, so the initial point is a solution for
+Ipopt if it is one at all.
+"""
 CONFIRMING_ITERATIONS = 30
 Start = Literal["cold", "warm", "confirming"]
 
 
 @dataclass(frozen=True)
 class Transcription:
-    """Ipopt for one structure and element model; every number of NlpData is a parameter or a bound."""
+    """Ipopt for one structure and element model.
+
+    Every number of NlpData is a parameter or a bound.
+    """
 
     structure: NlpStructure
     element: ElementModel
     solver: Callable[[Start], ca.Function] = field(compare=False)
-    """For a start from a guess, from an earlier solution with its multipliers, or from the structured solver's."""
+    """Returns Ipopt for a start from a guess, from an earlier solution with multipliers, or from
+    the structured solver's.
+    """
     native: MappedElements | None = field(compare=False)
-    """What it evaluates in C; None: nothing."""
+    """Functions that are evaluated in C. None without the compiled part."""
     parameters: Layout = field(compare=False)
-    """Fields of NlpData that are parameters, after those of the element model."""
+    """Layout of the fields of NlpData that are parameters, after those of the element model."""
     sizes: dict[str, int] = field(compare=False)
-    """Rows of every group of constraints before the path constraints, in their order."""
+    """Number of rows in every group of constraints before the path constraints, in their order."""
 
     @classmethod
     @lru_cache(maxsize=12)
-    def of(cls, structure: NlpStructure, element: ElementModel) -> Transcription:
-        """The program, built once for each structure and element model, to be solved from a guess by `solve`.
+    def build(cls, structure: NlpStructure, element: ElementModel) -> Transcription:
+        """Return the program, built once for each structure and element model.
 
-        With n elements k, m coordinates and b blocks
+        With n elements k, m coordinates and b blocks, the program is
 
             min   w_t Σ T + w_c Σ L(z_k) + 3 SMOOTHING Σ ∫ (ü/limit)² dt + EVEN var(T / T_least)
-            s.t.  u, u̇ continuous, ü too where jerk is limited;  bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
+            s.t.  u, u̇ continuous, ü too if jerk is limited;
+                  bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
 
-        Shapes are (coordinates, elements), as CasADi maps columns.
+        Shapes are (coordinates, elements), because CasADi maps columns.
         """
-        n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
+        n = structure.elements
+        m = structure.coordinates
+        b = len(structure.block_sizes)
         moving = structure.moving
 
-        # variables: u, u̇, ü at the start and ü at the end of every element; time T of every block
+        # Variables: u, u̇, ü at the start and ü at the end of every element, and the time T of
+        # every block.
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
         u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
 
-        # parameters: those of the element model, (size, n) or (size, 1); the program's own
+        # Parameters: those of the element model, (size, n) or (size, 1), and those of the program.
         element_parameters = [
             ca.MX.sym(f"p{i}", size, n if per_element else 1)
             for i, (size, per_element) in enumerate(element.parameters)
@@ -114,14 +147,15 @@ class Transcription:
         p = layout.unpack(own_parameters)
         end_u, end_v = p.end[:m], p.end[m:]
 
-        # elements: h_k = fraction_k T_block(k), the same for all coordinates; z = [u; u̇; ü; ü; h]
+        # Elements: h_k = fraction_k T_block(k) for all coordinates, and z = [u; u̇; ü; ü; h].
         h = p.fractions.T * ca.horzcat(
             *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
         )
         h_all = ca.repmat(h, m, 1)
         cubic, z = Cubic(u, v, a0, a1, h_all), ca.vertcat(x, h)
 
-        # objective: duration; smoothing, r = ü/limit being linear in an element; variance of the blocks' times
+        # Objective: duration, smoothing (r = ü/limit is linear in an element), and variance of the
+        # blocks' times.
         duration = ca.sum1(times)
         r0, r1 = (a / ca.repmat(p.acceleration, 1, n) for a in (a0, a1))
         smoothing = (
@@ -131,29 +165,37 @@ class Transcription:
         variance = ca.sumsqr(relative - ca.sum1(relative) / b) / b
         objective = p.weights[0] * duration + SMOOTHING * smoothing + EVEN * variance
 
-        # dynamics: an element ends where the next one starts, the last at `end`; ü jumps unless jerk is limited
+        # Dynamics: an element ends where the next one starts, the last one at `end`. ü may jump
+        # unless jerk is limited.
         u_after, v_after = cubic.end
         dynamics = [
-            _where(u_after - ca.horzcat(u[:, 1:], end_u), moving),
-            _where(v_after - ca.horzcat(v[:, 1:], end_v), moving),
+            _select(u_after - ca.horzcat(u[:, 1:], end_u), moving),
+            _select(v_after - ca.horzcat(v[:, 1:], end_v), moving),
         ]
         if structure.smooth:
-            dynamics.append(_where(a1[:, :-1] - a0[:, 1:], moving[:-1] | moving[1:]))
+            dynamics.append(_select(a1[:, :-1] - a0[:, 1:], moving[:-1] | moving[1:]))
 
-        # limits of the coordinates: the middle Bernstein coefficient of u̇ (the outer ones are variables); |a1 − a0| ≤ jerk h
-        velocity = _where(cubic.middle_velocity, moving & structure.velocity_limits)
+        # Limits of the coordinates: the middle Bernstein coefficient of u̇ (the outer ones are
+        # variables), and |a1 − a0| ≤ jerk h.
+        velocity = _select(cubic.middle_velocity, moving & structure.velocity_limits)
         jerk_limited = moving & (structure.joints and structure.smooth)
-        rise, most = a1 - a0, ca.repmat(p.jerk, 1, n) * h_all
-        jerk = ca.vertcat(_where(rise - most, jerk_limited), _where(-rise - most, jerk_limited))
+        rise = a1 - a0
+        jerk_bound = ca.repmat(p.jerk, 1, n) * h_all
+        jerk = ca.vertcat(
+            _select(rise - jerk_bound, jerk_limited), _select(-rise - jerk_bound, jerk_limited)
+        )
 
-        # boundary conditions: bounds of the variables (BoundaryConditions), and static friction where a joint starts
-        sigma, *others = element_parameters
+        # Boundary conditions: bounds of the variables (BoundaryConditions), and static friction
+        # where a joint starts.
+        sigma, *other_parameters = element_parameters
         breakaway = [
-            element.breakaway(z[:, k], sigma[:, side], *(_of(parameter, k) for parameter in others))
+            element.breakaway(
+                z[:, k], sigma[:, side], *(_column(parameter, k) for parameter in other_parameters)
+            )
             for k, side in structure.breakaways
         ]
 
-        # path constraints G(z_k) and cost L(z_k): by the element model, with exact derivatives
+        # Path constraints G(z_k) and cost L(z_k) from the element model, with exact derivatives.
         constraints = {
             "dynamics": ca.vertcat(*dynamics),
             "velocity": velocity,
@@ -162,9 +204,9 @@ class Transcription:
             "duration": duration,
         }
         native = mapped_elements(element, n)
-        most = max(ITERATIONS, 2 * n)
+        max_iterations = max(ITERATIONS, 2 * n)
         if structure.joints:
-            most = int(max(LEAST_ITERATIONS, min(ITERATIONS, JOINT_ITERATIONS / (n * m))))
+            max_iterations = int(max(LEAST_ITERATIONS, min(ITERATIONS, JOINT_ITERATIONS / (n * m))))
         solver = _solvers(
             x=ca.vertcat(ca.vec(x), times),
             p=ca.vertcat(*(ca.vec(parameter) for parameter in element_parameters), own_parameters),
@@ -175,25 +217,32 @@ class Transcription:
             element_parameters=element_parameters,
             functions=element_functions(element),
             native=native,
-            first={} if structure.joints and structure.smooth else FROM_BARRIER,
+            first_options={} if structure.joints and structure.smooth else FROM_BARRIER,
             iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(
-                element.aim, most
+                element.aim, max_iterations
             ),
         )
         sizes = {name: rows.numel() for name, rows in constraints.items()}
         return cls(structure, element, solver=solver, native=native, parameters=layout, sizes=sizes)
 
     def solve(self, data: NlpData, start: InitialPoint, *, confirming: bool = False) -> NlpSolution:
-        """Ipopt's solution from a guess, warm from an earlier solution's point, or confirming the structured solver's."""
+        """Solve with Ipopt from an initial point.
+
+        The start is cold from a guess and warm from an earlier solution. `confirming` starts from a
+        solution of the structured solver.
+        """
         n, m = self.structure.elements, self.structure.coordinates
         if confirming:
             data = self._as_structured(data)
         inputs = tuple(
             (name, values.tobytes()) for name, values in self._inputs(data, start).items()
         )
-        way: Start = "confirming" if confirming else "cold" if start.multipliers is None else "warm"
-        message, iterations, objective, point = _solved(self, way, inputs)
-        states, times = point.x[: 4 * m * n].reshape(n, 4 * m), point.x[4 * m * n :]
+        start_kind: Start = (
+            "confirming" if confirming else "cold" if start.multipliers is None else "warm"
+        )
+        message, iterations, objective, point = _solved(self, start_kind, inputs)
+        states = point.x[: 4 * m * n].reshape(n, 4 * m)
+        times = point.x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
         return NlpSolution(
             message,
@@ -203,18 +252,41 @@ class Transcription:
             iterations=iterations,
             point=point,
             objective=objective,
+            multipliers=self._multipliers(data, point),
         )
 
+    def _multipliers(self, data: NlpData, point: InitialPoint) -> Multipliers:
+        """Return the multipliers of the path constraints and of the directions.
+
+        CasADi's are negative at lower bounds.
+        """
+        assert point.multipliers is not None
+        of_x, of_g = point.multipliers
+        n, m = self.structure.elements, self.structure.coordinates
+        within = np.zeros((n, m))
+        start = self.sizes["dynamics"]
+        limited = self.structure.moving & self.structure.velocity_limits
+        within[limited] = of_g[start : start + self.sizes["velocity"]]
+        at_start = np.where(data.fixed, 0.0, of_x[: 4 * m * n].reshape(n, 4 * m))[:, m : 2 * m]
+        signed = np.stack([at_start, within])
+        lower, upper = (np.maximum(side * signed, 0.0).sum(axis=0) for side in (-1, 1))
+        rows = np.maximum(of_g[sum(self.sizes.values()) :], 0.0).reshape(n, -1)
+        return Multipliers.of_bounds(data, lower, upper, rows, frozenset(self.element.row_names))
+
     def _as_structured(self, data: NlpData) -> NlpData:
-        """Without the bounds of u that follow from others: their barrier moves the point at which Ipopt stops."""
+        """Return the data without bounds of u that follow from others.
+
+        Their barrier would move the point at which Ipopt stops.
+        """
         positions = slice(self.structure.coordinates)
-        kept = data.bounds_of_u_count(self.structure) | data.given[:, positions]
+        needed = data.bounds_of_u_count(self.structure) | data.fixed[:, positions]
         lower, upper = data.lower.copy(), data.upper.copy()
-        lower[:, positions][~kept], upper[:, positions][~kept] = -np.inf, np.inf
+        lower[:, positions][~needed] = -np.inf
+        upper[:, positions][~needed] = np.inf
         return replace(data, lower=lower, upper=upper)
 
     def _inputs(self, data: NlpData, start: InitialPoint) -> dict[str, Array]:
-        """Arguments of the solver."""
+        """Return the arguments of the solver."""
         limited = self.structure.moving & self.structure.velocity_limits
         bounds = {
             "dynamics": (0.0, 0.0),
@@ -255,30 +327,34 @@ def _solvers(
     element_parameters: list[ca.MX],
     functions: ElementFunctions,
     native: MappedElements | None,
-    first: dict[str, Any],
+    first_options: dict[str, Any],
     iterations: int,
 ) -> Callable[[Start], ca.Function]:
-    """Ipopt for every kind of start, on the program with the elements z (4 m + 1, n) and their parameters:
+    """Return Ipopt for every kind of start, for elements z (4 m + 1, n).
 
-        min f(x) = objective + w Σ L(z_k)  subject to bounds on  g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant
+    The program is
 
-    One Jacobian and one Hessian of the element, in C or as expanded expressions, serve every element: this is several times
-    faster than differentiating the mapped element, and gives the same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k):
+        min   f(x) = objective + w Σ L(z_k)
+        s.t.  bounds on g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant.
 
-        ∇g = [∂constraints/∂x; diag(∂G/∂z(z_k)) S],   ∇f = ∇objective + w Sᵀ [∇L(z_k)]_k
-        ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S
+    One Jacobian and one Hessian of the element, in C or as expanded expressions, serve every
+    element. This is several times faster than differentiating the mapped element, and gives the
+    same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k),
+
+        ∇g = [∂constraints/∂x; diag(∂G/∂z(z_k)) S],   ∇f = ∇objective + w Sᵀ [∇L(z_k)]_k,
+        ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S.
     """
     n, of_x = z.size2(), ca.jacobian(ca.vec(z), x)
     for_all = [i + 1 for i, parameter in enumerate(element_parameters) if parameter.size2() == 1]
 
-    def of_elements(function: ca.Function, *more: ca.MX) -> Any:
-        """The function's values at all elements side by side."""
+    def of_elements(function: ca.Function, *inputs: ca.MX) -> Any:
+        """Return the values of a function at all elements side by side."""
         mapped = (
             function.map(function.name(), "serial", n, for_all, [])
             if native is None
             else native.function(function)
         )
-        return mapped(z, *element_parameters, *more)
+        return mapped(z, *element_parameters, *inputs)
 
     jacobians = _block_diagonal(
         of_elements(functions.jacobian), functions.jacobian.sparsity_out(0), n
@@ -286,10 +362,14 @@ def _solvers(
     g = ca.vertcat(constraints, ca.vec(of_elements(functions.rows)))
     jac_g = ca.vertcat(ca.jacobian(constraints, x), jacobians @ of_x)
 
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
-    lam_constraints, lam_rows = lam_g[: constraints.numel()], lam_g[constraints.numel() :]
+    lam_f = ca.MX.sym("lam_f")
+    lam_g = ca.MX.sym("lam_g", g.numel())
+    lam_constraints = lam_g[: constraints.numel()]
+    lam_rows = lam_g[constraints.numel() :]
     multipliers = ca.reshape(lam_rows, -1, n)
-    f, same_f, grad_f = objective, objective, ca.gradient(objective, x)
+    f = objective
+    same_f = objective
+    grad_f = ca.gradient(objective, x)
     if functions.cost is not None and functions.gradient is not None:
         f += cost_weight * ca.sum2(of_elements(functions.cost))
         costs, slopes = of_elements(functions.gradient)
@@ -305,7 +385,7 @@ def _solvers(
     options: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,
-        "no_nlp_grad": True,  # for the multipliers of p, which nobody asks for
+        "no_nlp_grad": True,  # It would only serve multipliers of p, which are not needed.
         "calc_lam_p": False,
         "grad_f": ca.Function("grad_f", [x, p], [same_f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
@@ -313,7 +393,7 @@ def _solvers(
     }
     nlp: Any = {"x": x, "p": p, "f": f, "g": g}
     of_ipopt: dict[Start, dict[str, Any]] = {
-        "cold": {**IPOPT, **first, "max_iter": iterations},
+        "cold": {**IPOPT, **first_options, "max_iter": iterations},
         "warm": {**WARM, "max_iter": iterations},
         "confirming": {**CONFIRMING, "max_iter": CONFIRMING_ITERATIONS},
     }
@@ -326,60 +406,71 @@ Solved = tuple[str, int, float, InitialPoint]
 """Ipopt's message, iterations, objective and solution."""
 Inputs = tuple[tuple[str, bytes], ...]
 KEPT_SOLUTIONS = 64
-"""Of each program, for as long as the program itself is kept."""
+"""Largest number of cached solutions of each program. They live as long as the program itself."""
 _solutions: WeakKeyDictionary[Transcription, dict[tuple[Start, Inputs], Solved]] = (
     WeakKeyDictionary()
 )
 
 
 def _solved(transcription: Transcription, start: Start, inputs: Inputs) -> Solved:
-    """Kept from an earlier call or solved: trials of relaxations and second attempts ask for most of them again."""
-    kept = _solutions.setdefault(transcription, {})
-    asked = start, inputs
-    if asked in kept:
-        return kept[asked]
+    """Solve, or return the cached solution.
+
+    Relaxations and second attempts repeat most of their solves.
+    """
+    solutions = _solutions.setdefault(transcription, {})
+    key = start, inputs
+    if key in solutions:
+        return solutions[key]
     arguments = {name: np.frombuffer(values) for name, values in inputs}
     result, stats = ipopt(transcription.solver(start), **arguments)
     if transcription.native is not None:
         transcription.native.check()
     x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
-    if len(kept) == KEPT_SOLUTIONS:
-        del kept[next(iter(kept))]
-    message, iterations = str(stats["return_status"]), int(stats["iter_count"])
-    kept[asked] = message, iterations, float(result["f"]), InitialPoint(x, (lam_x, lam_g))
-    return kept[asked]
+    if len(solutions) == KEPT_SOLUTIONS:
+        del solutions[next(iter(solutions))]
+    message = str(stats["return_status"])
+    iterations = int(stats["iter_count"])
+    solutions[key] = message, iterations, float(result["f"]), InitialPoint(x, (lam_x, lam_g))
+    return solutions[key]
 
 
 def forget_solutions() -> None:
-    """Solve again what has been solved already: for measuring how long it takes."""
+    """Clear the cache of solutions, in order to measure how long a solve takes."""
     _solutions.clear()
 
 
 def forget_programs() -> None:
-    """Free the memory of the programs kept, with their solutions."""
-    Transcription.of.cache_clear()
+    """Clear the cache of programs with their solutions, in order to free memory."""
+    Transcription.build.cache_clear()
 
 
 def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Call a solver; its result and statistics. Raises KeyboardInterrupt where the user interrupted it."""
+    """Call a solver, and return its result and statistics.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the user interrupted the solver.
+    """
     result = solver(**arguments)
     stats = solver.stats()
-    if stats["return_status"] == "NonIpopt_Exception_Thrown":  # all that Ipopt tells of Ctrl-C
+    # Ipopt reports nothing else after Ctrl-C.
+    if stats["return_status"] == "NonIpopt_Exception_Thrown":
         raise KeyboardInterrupt
     return result, stats
 
 
 def _block_diagonal(columns: ca.MX, block: ca.Sparsity, count: int) -> ca.MX:
-    """diag(B_1, …, B_n) of the blocks that a mapped Function returns side by side, keeping their sparsity."""
+    """Return diag(B_1, …, B_n) of the blocks that a mapped Function returns side by side."""
     pattern = ca.diagcat(*[block] * count)
     return ca.MX(pattern, ca.vec(columns).nz[:]) if pattern.nnz() else ca.MX(*pattern.shape)
 
 
-def _where(values: ca.MX, chosen: Any) -> ca.MX:
-    """The chosen entries of a matrix (m, n), element after element; chosen (n, m)."""
-    return ca.vec(values)[np.flatnonzero(chosen).tolist()]
+def _select(values: ca.MX, mask: Any) -> ca.MX:
+    """Return the selected entries of a matrix (m, n), element after element. `mask` is (n, m)."""
+    return ca.vec(values)[np.flatnonzero(mask).tolist()]
 
 
-def _of(parameter: ca.MX, k: int) -> ca.MX:
-    """Its column of element k."""
+def _column(parameter: ca.MX, k: int) -> ca.MX:
+    """Return the column of element k of a parameter."""
     return parameter if parameter.size2() == 1 else parameter[:, k]

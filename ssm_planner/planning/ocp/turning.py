@@ -1,8 +1,9 @@
-"""Where joints turn back on a free motion that begins or ends at speed, and the guess of such a motion.
+"""Reversals and guess of a free motion that begins or ends at speed.
 
-A joint that begins at a speed brakes, goes the rest of its way, and speeds up to the speed of its end. Where the rest points
-against a speed at an end, the joint turns back: at a border whose position is free. The borders of all joints, one after the
-other in time, divide the motion into segments in which every joint keeps its direction.
+A joint that begins at speed brakes, covers the rest of its displacement, and accelerates to its
+velocity at the end. If the rest points against the velocity at an end, the joint reverses there, at
+a border whose position is free. The borders of all joints, ordered in time, divide the motion into
+segments in which every joint keeps its direction.
 """
 
 from __future__ import annotations
@@ -13,16 +14,19 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.planning.lower_bound import SCurve, fastest
+from ssm_planner.planning.lower_bound import SCurve, minimum_time
 from ssm_planner.planning.ocp.mesh import SegmentGuess, elements_between
 from ssm_planner.typing import Array, Mask
 
 STANDS = 1e-9
-"""Rest of a way (rad, m) that is none."""
+"""Remaining displacement (rad, m) that counts as 0."""
 GAP = 4e-3
-"""Least time from border to border in the guess, as a share of all: it may become a hundredth of that."""
+"""Smallest time between two borders of the guess, as a share of the duration.
+
+The solver may reduce it to a hundredth.
+"""
 ROUNDS = 60
-"""Of bisection."""
+"""Number of bisections."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,133 +34,160 @@ class TurningGuess:
     """The segments of a motion between two points."""
 
     guesses: tuple[SegmentGuess, ...]
-    """k."""
+    """Guesses of the k segments."""
     positions: Array
-    """q − start at their borders, in the guess, (k + 1, joints)."""
-    given: Mask
-    """Where these are not free, (k + 1, joints)."""
+    """q − start at the borders of the guess, (k + 1, joints)."""
+    fixed: Mask
+    """True where these positions are fixed, (k + 1, joints)."""
     directions: Array
-    """Of every joint in every segment, (k, joints)."""
+    """Direction of every joint in every segment, (k, joints)."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Profile:
-    """One joint from a speed to a speed: at its deceleration to `peak`, and on to the end."""
+    """Motion of one joint between two velocities: decelerate to a peak, cruise, and end."""
 
-    way: float
+    displacement: float
     speeds: tuple[float, float]
     velocity: float
     acceleration: float
     sign: float
-    """Of the peak."""
+    """Sign of the peak."""
 
     @classmethod
-    def of(cls, way: float, speeds: tuple[float, float], limits: Array) -> _Profile:
-        """limits (3,): velocity, acceleration, and the acceleration of `braking`, which tells whether it stops in time."""
+    def from_limits(
+        cls, displacement: float, speeds: tuple[float, float], limits: Array
+    ) -> _Profile:
+        """Build a profile from limits (3,) on velocity, acceleration, and that of `braking`.
+
+        The last one decides whether the joint stops in time.
+        """
         velocity, acceleration, brake = (float(limit) for limit in limits)
-        sign = _peak_sign(way, speeds, brake)
-        if sign != _peak_sign(way, speeds, acceleration):
+        sign = _peak_sign(displacement, speeds, brake)
+        if sign != _peak_sign(displacement, speeds, acceleration):
             acceleration = brake
-        return cls(way, speeds, max(velocity, *map(abs, speeds)), acceleration, sign)
+        return cls(displacement, speeds, max(velocity, *map(abs, speeds)), acceleration, sign)
 
     @property
     def moves(self) -> bool:
-        return abs(self.way) > STANDS or any(self.speeds)
+        """True if the joint moves."""
+        return abs(self.displacement) > STANDS or any(self.speeds)
 
     @property
     def turns(self) -> tuple[float, float]:
-        """Time from either end at which the joint turns back; 0 where it does not."""
-        first, last = (
+        """Times between either end and the reversal next to it. 0 if there is none."""
+        at_start, at_end = (
             abs(speed) / self.acceleration if speed * self.sign < 0 else 0.0
             for speed in self.speeds
         )
-        return first, last
+        return at_start, at_end
 
     @property
     def duration(self) -> float:
-        """The least, s."""
+        """Smallest duration, s."""
         return (
-            fastest(self.way, self.velocity, self.acceleration, self.speeds) if self.moves else 0.0
+            minimum_time(self.displacement, self.velocity, self.acceleration, self.speeds)
+            if self.moves
+            else 0.0
         )
 
-    def lasting(self, duration: float) -> SCurve:
-        """The motion that takes so long; the slowest there is where none does."""
-        begin, end = (self.sign * speed for speed in self.speeds)
-        way, a = self.sign * self.way, self.acceleration
-        squares = (begin * abs(begin) + end * abs(end)) / (2 * a)
-        low = math.sqrt(max(squares - way, 0.0) * a)
-        high = min(math.sqrt(max(a * way + (begin**2 + end**2) / 2, 0.0)), self.velocity)
+    def with_duration(self, duration: float) -> SCurve:
+        """Return the motion that takes `duration` seconds, or else the slowest one."""
+        start, end = (self.sign * speed for speed in self.speeds)
+        distance = self.sign * self.displacement
+        a = self.acceleration
+        squares = (start * abs(start) + end * abs(end)) / (2 * a)
+        low = math.sqrt(max(squares - distance, 0.0) * a)
+        high = min(math.sqrt(max(a * distance + (start**2 + end**2) / 2, 0.0)), self.velocity)
 
         def lengths(peak: float) -> tuple[float, float, float]:
-            ramps = abs(peak - begin) / a, abs(peak - end) / a
-            travelled = ramps[0] * (begin + peak) / 2 + ramps[1] * (end + peak) / 2
-            return ramps[0], max(way - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
+            ramps = abs(peak - start) / a, abs(peak - end) / a
+            travelled = ramps[0] * (start + peak) / 2 + ramps[1] * (end + peak) / 2
+            return ramps[0], max(distance - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
 
         for _ in range(ROUNDS):
             middle = (low + high) / 2
             low, high = (low, middle) if sum(lengths(middle)) < duration else (middle, high)
-        first, cruise, last = lengths(high)
-        cruise = cruise if way - squares > STANDS else max(duration - first - last, 0.0)
+        ramp_up, cruise, ramp_down = lengths(high)
+        cruise = cruise if distance - squares > STANDS else max(duration - ramp_up - ramp_down, 0.0)
         pulls = (
             self.sign
             * a
-            * np.array([math.copysign(1.0, high - begin), 0.0, math.copysign(1.0, end - high)])
+            * np.array([math.copysign(1.0, high - start), 0.0, math.copysign(1.0, end - high)])
         )
-        parts = np.array([first, cruise, last])
-        kept = parts > 1e-13 * max(duration, parts.sum())
-        return SCurve(parts[kept], pulls[kept], pulls[kept], self.speeds[0])
+        times = np.array([ramp_up, cruise, ramp_down])
+        nonempty = times > 1e-13 * max(duration, times.sum())
+        return SCurve(times[nonempty], pulls[nonempty], pulls[nonempty], self.speeds[0])
 
 
-def _peak_sign(way: float, speeds: tuple[float, float], acceleration: float) -> float:
-    """Direction between braking from the first speed and speeding up to the last."""
-    begin, end = speeds
-    rest = way - (begin * abs(begin) + end * abs(end)) / (2 * acceleration)
+def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: float) -> float:
+    """Return the direction of motion between initial braking and final acceleration."""
+    start, end = speeds
+    remaining = displacement - (start * abs(start) + end * abs(end)) / (2 * acceleration)
     if (
-        begin * end > 0 and rest * begin < 0
-    ):  # it need not stop on its way, unless that is too short even so
-        direct = (begin + end) / 2 * abs(end - begin) / acceleration
-        return math.copysign(1.0, begin if (way - direct) * begin >= 0 else -begin)
-    return math.copysign(1.0, rest if abs(rest) > STANDS else end or begin)
+        start * end > 0 and remaining * start < 0
+    ):  # The joint need not stop on its way, unless the displacement is too short even so.
+        direct = (start + end) / 2 * abs(end - start) / acceleration
+        return math.copysign(1.0, start if (displacement - direct) * start >= 0 else -start)
+    return math.copysign(1.0, remaining if abs(remaining) > STANDS else end or start)
 
 
-def braking(speed: Array, pull: Array, limits: Array) -> Array:
-    """The constant accelerations (m,) that stop joints over the way that their quickest stops take.
+def braking(speed: Array, acceleration: Array, limits: Array) -> Array:
+    """Return the constant accelerations (m,) that stop joints as soon as their quickest stops.
 
-    From q̇ and q̈ (m,) under limits (3, m) of velocity, acceleration and jerk. A joint that turns back before its acceleration
-    has ended has its limit.
+    The joints have q̇ and q̈ (m,). `limits` (3, m) are those of velocity, acceleration and jerk. A
+    joint that reverses before its acceleration has ended gets its acceleration limit.
     """
-    _, most, jerk = limits
+    _, a_max, jerk = limits
     sign = np.where(speed < 0, -1.0, 1.0)
-    v, a = sign * speed, sign * pull
-    peak = np.minimum(np.sqrt(np.maximum(jerk * v + a**2 / 2, 0.0)), most)
+    v, a = sign * speed, sign * acceleration
+    peak = np.minimum(np.sqrt(np.maximum(jerk * v + a**2 / 2, 0.0)), a_max)
     rise, fall = np.maximum((a + peak) / jerk, 0.0), peak / jerk
     flat = np.maximum(v + (a**2 - 2 * peak**2) / (2 * jerk), 0.0) / np.where(peak > 0, peak, 1.0)
-    way = v * rise + a * rise**2 / 2 - jerk * rise**3 / 6
+    distance = v * rise + a * rise**2 / 2 - jerk * rise**3 / 6
     v = v + a * rise - jerk * rise**2 / 2
-    way += v * flat - peak * flat**2 / 2
+    distance += v * flat - peak * flat**2 / 2
     v = v - peak * flat
-    way += v * fall - peak * fall**2 / 2 + jerk * fall**3 / 6
+    distance += v * fall - peak * fall**2 / 2 + jerk * fall**3 / 6
     return np.where(
-        (way > 0) & (speed != 0),
-        np.minimum(speed**2 / (2 * np.where(way > 0, way, 1.0)), most),
-        most,
+        (distance > 0) & (speed != 0),
+        np.minimum(speed**2 / (2 * np.where(distance > 0, distance, 1.0)), a_max),
+        a_max,
     )
 
 
 def turning_guess(
-    way: Array, speeds: tuple[Array, Array], limits: Array, *, count: int, fewest: int
+    displacement: Array, speeds: tuple[Array, Array], limits: Array, *, count: int, least_count: int
 ) -> TurningGuess:
-    """For joints that move by `way` (m,) from one q̇ (m,) to another under limits (3, m): velocity, acceleration, `braking`.
+    """Return the guess for joints that move by `displacement` (m,) between two q̇ (m,).
 
-    About `count` elements, at least `fewest` between two switching points.
+    Parameters
+    ----------
+    displacement : (m,) array
+        Displacements in rad and m.
+    speeds : ((m,), (m,)) arrays
+        q̇ at both ends.
+    limits : (3, m) array
+        Limits on velocity and acceleration, and the acceleration of `braking`.
+    count : int
+        Approximate number of elements.
+    least_count : int
+        Smallest number of elements between two switching points.
+
+    Returns
+    -------
+    TurningGuess
+        Segments between the reversals of all joints.
     """
-    joints = range(len(way))
+    joints = range(len(displacement))
     profiles = [
-        _Profile.of(float(way[i]), (float(speeds[0][i]), float(speeds[1][i])), limits[:, i])
+        _Profile.from_limits(
+            float(displacement[i]), (float(speeds[0][i]), float(speeds[1][i])), limits[:, i]
+        )
         for i in joints
     ]
     duration = max(profile.duration for profile in profiles)
-    curves = [profile.lasting(duration) if profile.moves else None for profile in profiles]
+    curves = [profile.with_duration(duration) if profile.moves else None for profile in profiles]
     ends = [(t, i, side) for i in joints for side, t in enumerate(profiles[i].turns) if t > 0]
     turns = sorted((t if side == 0 else max(duration - t, 0.0), i, side) for t, i, side in ends)
     borders = [0.0]
@@ -181,31 +212,37 @@ def turning_guess(
         for t in switches:
             if instants[-1] + GAP * duration < t < end - GAP * duration:
                 instants.append(float(t))
-        guesses.append(_guess_between(curves, [*instants, end], count / borders[-1], fewest))
+        guesses.append(_guess_between(curves, [*instants, end], count / borders[-1], least_count))
     positions = np.array(
         [
-            [0.0 if curve is None else float(curve.at(np.array([t]))[0][0]) for curve in curves]
+            [
+                0.0 if curve is None else float(curve.evaluate(np.array([t]))[0][0])
+                for curve in curves
+            ]
             for t in borders
         ]
     )
-    positions[-1] = way
-    given = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
-    given[[0, -1]] = True
-    return TurningGuess(tuple(guesses), positions, given, np.array(directions))
+    positions[-1] = displacement
+    fixed = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
+    fixed[[0, -1]] = True
+    return TurningGuess(tuple(guesses), positions, fixed, np.array(directions))
 
 
 def _guess_between(
-    curves: list[SCurve | None], switches: list[float], density: float, fewest: int
+    curves: list[SCurve | None], switches: list[float], density: float, least_count: int
 ) -> SegmentGuess:
-    """The part of a motion between the first and the last of some instants, with so many elements a second."""
-    arcs, t = elements_between(switches, density, fewest)
+    """Return the part of a motion between the first and last switching instant.
+
+    `density` is the number of elements per second.
+    """
+    arcs, t = elements_between(switches, density, least_count)
     middle, size = (t[1:] + t[:-1]) / 2, (len(t) - 1, len(curves))
     states = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     for i, curve in enumerate(curves):
         if curve is None:
             continue
-        q, qd, _ = curve.at(t[:-1])
-        qdd = curve.at(middle)[2]
+        q, qd, _ = curve.evaluate(t[:-1])
+        qdd = curve.evaluate(middle)[2]
         for state, value in zip(states, (q - q[0], qd, qdd, qdd), strict=True):
             state[:, i] = value
     return SegmentGuess(switches[-1] - switches[0], t - t[0], states, arcs)

@@ -1,4 +1,8 @@
-"""Paths q(s), 0 ≤ s ≤ 1, that TOPP-RA times: straight in task coordinates, splines, those of motions, polylines."""
+"""Paths q(s), 0 ≤ s ≤ 1, that TOPP-RA times.
+
+They are straight in task coordinates, splines, polylines, curves of the tip, or the paths of
+motions.
+"""
 
 from __future__ import annotations
 
@@ -18,31 +22,36 @@ from ssm_planner.kinematics.task import joints_from_task_symbolic, roll_of_tip, 
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask
 
-if TYPE_CHECKING:  # it loads slowly, and few paths are splines
+if TYPE_CHECKING:  # It loads slowly, and few paths are splines.
     from scipy.interpolate import CubicSpline
 
 FEW, MANY = 1000, 20_000
-"""Grid intervals of TOPP-RA, at least and at most."""
+"""Smallest and largest number of grid intervals of TOPP-RA."""
 PER_POINT = 8
-"""Of these, for each point of a spline."""
+"""Grid intervals for each point of a spline."""
 CORNER = np.radians(30)
-"""Turn of a polyline, in joints by their velocities, beyond which it is no sample of a smooth curve."""
+"""Angle between two sides of a polyline, in joints scaled by their velocities, above which it is no
+smooth curve.
+"""
 STILL = 1e-9
-"""A joint whose q'(s) stays below this (rad or m per whole path) does not move along the path."""
+"""A joint whose |q'(s)| stays below this (rad or m per whole path) does not move along the path."""
 OVERVIEW = 201
 LOOKS = 401
-"""Points among which turning points of a straight path are looked for."""
+"""Number of points between which reversals on a path are searched."""
 PARTS, DIGITS = 200, 5
-"""Into so many parts the interval of a turning point is cut, so often: to 1e-14."""
+"""Number of parts into which the interval of a reversal is divided, and number of divisions.
+
+They give 1e-14.
+"""
 APART = 1e-6
-"""Least distance in s of two knots."""
+"""Smallest distance of two knots in s."""
 BESIDE = 1e-4
 """Distance of a grid point from the break beside it, as a share of the piece."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathSamples:
-    """q and its derivatives by s, each (n, 4), at s (n,)."""
+    """q and its derivatives with respect to s, (n, 4) each, at s (n,)."""
 
     s: Array
     q: Array
@@ -53,99 +62,109 @@ class PathSamples:
 class JointPath(ABC):
     """A path q(s), 0 ≤ s ≤ 1.
 
-    A new kind of path is a frozen dataclass with a field `mechanism`, `sample` and `directions`.
+    A new kind of path is a frozen dataclass with a field `mechanism` and the methods `sample` and
+    `directions`.
     """
 
     mechanism: Mechanism
 
     @abstractmethod
     def sample(self, s: Array) -> PathSamples:
-        """Joints and their first two derivatives by s, at s (n,)."""
+        """Return the joints and their first two derivatives with respect to s, at s (n,)."""
 
     @property
     @abstractmethod
     def directions(self) -> tuple[Array, Array]:
-        """Where joints turn back: knots s_k (m + 1,) from 0 to 1, and the sign of q'(s) between them, (m, 4); 0: stands."""
+        """Reversals of the joints.
+
+        These are knots s_k (m + 1,) from 0 to 1, and the signs of q'(s) between them, (m, 4), 0 for
+        a joint that stands.
+        """
 
     @cached_property
     def overview(self) -> PathSamples:
-        """At OVERVIEW even places from end to end."""
+        """Samples at OVERVIEW evenly spaced values of s."""
         return self.sample(np.linspace(0.0, 1.0, OVERVIEW))
 
     @property
     def breaks(self) -> Array:
-        """s between which the path is smooth, (k + 1,), all of them knots of `directions`."""
+        """Values of s between which the path is smooth, (k + 1,).
+
+        All of them are knots of `directions`.
+        """
         return np.array([0.0, 1.0])
 
     @property
     def intervals(self) -> int:
-        """Grid intervals that it asks of TOPP-RA."""
+        """Number of grid intervals for TOPP-RA."""
         return FEW
 
     def speed_at(self, s: float, qd: Array) -> float:
-        """ṡ at s at which the joints move at qd (4,), which must lie along the path."""
+        """Return ṡ at s for joint velocities qd (4,) along the path."""
         if not qd.any():
             return 0.0
         slope = self.sample(np.array([s])).dq[0]
         return float(slope @ qd / (slope @ slope))
 
     def starts(self, samples: PathSamples) -> Mask:
-        """At which of the samples (n,) joints start from rest if the motion along the path does, (n, 4): at s = 0."""
+        """Return where joints start from rest if the motion does, (n, 4). This is at s = 0."""
         return np.tile((samples.s == 0.0)[:, None], 4)
 
 
 class ClosedPath(JointPath):
-    """Joints in closed form, by CasADi: smooth, on one branch of the inverse kinematics.
+    """A smooth path in closed form, by CasADi, on one branch of the inverse kinematics.
 
-    Differentiable while the tilt stays away from the workspace boundary (paper, eq. 9).
+    It is differentiable while the tilt stays away from the workspace boundary (paper, eq. 9).
     """
 
     branch: int
     first: Array
-    """Joints at s = 0, (4,): they fix the whole turns of the revolute joints."""
+    """Joints at s = 0, (4,). They determine the whole turns of the revolute joints."""
     watched: tuple[int, ...]
-    """Joints whose turning points matter: those with a drive."""
+    """Joints whose reversals matter, because they have a drive."""
 
     @abstractmethod
     def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
-        """The joints at s (n,), up to whole turns, and their derivatives by s up to an order, (n, 4) each."""
+        """Return the joints up to whole turns and their derivatives at s (n,), (n, 4) each."""
 
     def sample(self, s: Array) -> PathSamples:
+        """Return q, q' and q'' at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = self._derivatives(s)
         return PathSamples(s, q + self._turns, dq, ddq)
 
     def third_derivative(self, s: Array) -> Array:
-        """d³q/ds³ at s (n,): (n, 4)."""
+        """Return d³q/ds³ at s (n,), (n, 4)."""
         return self._derivatives(np.asarray(s, dtype=float), order=3)[3]
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
+        """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
         s = np.linspace(0.0, 1.0, LOOKS)
         dq = self.sample(s).dq
         moving = (np.abs(dq).max(axis=0) > STILL) & np.isin(np.arange(4), self.watched)
         turns = np.signbit(dq[1:]) != np.signbit(dq[:-1])
-        found = (
+        roots = (
             round(self._turning_point(int(i), s[k], s[k + 1]), 12)
             for k, i in np.argwhere(turns & moving)
         )
-        knots = with_knots(np.array([0.0, 1.0]), found)
+        knots = with_knots(np.array([0.0, 1.0]), roots)
         return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq) * moving
 
     def _turning_point(self, joint: int, low: float, high: float) -> float:
-        """The root of q'(s) of one joint between two points where its signs differ."""
+        """Return the root of q'(s) of one joint between two points with different signs."""
         for _ in range(DIGITS):
             s = np.linspace(low, high, PARTS + 1)
             slope = self.sample(s).dq[:, joint]
             turns = np.flatnonzero(np.signbit(slope[1:]) != np.signbit(slope[:-1]))
-            if not len(turns):  # within rounding of one of the ends
+            if not len(turns):  # The root is within rounding of one of the ends.
                 return low if abs(slope[0]) < abs(slope[-1]) else high
             low, high = s[turns[0]], s[turns[0] + 1]
         return float(low + high) / 2
 
     @cached_property
     def _turns(self) -> Array:
-        """Whole turns (1, 4) from the closed form, which is continuous along the path, to the joints at its start."""
+        """Whole turns (1, 4) between the closed form and the joints."""
         q = self._derivatives(np.zeros(1))[0]
         turns = 2 * np.pi * np.round((self.first - q) / (2 * np.pi))
         turns[:, 3] = 0.0
@@ -154,7 +173,7 @@ class ClosedPath(JointPath):
 
 @dataclass(frozen=True, eq=False)
 class StraightPath(ClosedPath):
-    """The joints along task(s) = start + s (end − start) on one branch of the closed-form inverse kinematics."""
+    """The joints along task(s) = start + s (end − start), on one inverse-kinematics branch."""
 
     mechanism: Mechanism
     start: Array
@@ -172,13 +191,16 @@ class StraightPath(ClosedPath):
 
 @lru_cache(maxsize=16)
 def _line(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
-    """(s, start, way): the joints and their derivatives by s along a line in task coordinates."""
-    s, start, way = ca.SX.sym("s"), ca.SX.sym("start", 4), ca.SX.sym("way", 4)
-    joints = joints_from_task_symbolic(mechanism, start + s * way, branch)
-    return ca.Function("path", [s, start, way], _with_derivatives(joints, s, order))
+    """Return a Function of (s, start, displacement) for a line in task coordinates."""
+    s = ca.SX.sym("s")
+    start = ca.SX.sym("start", 4)
+    displacement = ca.SX.sym("way", 4)
+    joints = joints_from_task_symbolic(mechanism, start + s * displacement, branch)
+    return ca.Function("path", [s, start, displacement], _with_derivatives(joints, s, order))
 
 
 def _with_derivatives(joints: ca.SX, s: ca.SX, order: int) -> Any:
+    """Return the joints and their derivatives with respect to s up to an order."""
     values: Any = [joints]
     for _ in range(order):
         values.append(ca.jacobian(values[-1], s))
@@ -187,30 +209,31 @@ def _with_derivatives(joints: ca.SX, s: ca.SX, order: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class TipPath(ClosedPath):
-    """The joints with which the tip follows p(s) = fixed + s way + cos(s angle) u + sin(s angle) v, at even speed in s.
+    """The joints for a tip on p(s) = fixed + s line + cos(s angle) u + sin(s angle) v.
 
-    A line (u = v = 0) or an arc (way = 0) away from the remote centre and from the axis of joint 1, spin in proportion to s.
+    This is a line (u = v = 0) or an arc (line = 0), away from the remote centre and from the axis
+    of joint 1. The tip moves evenly in s, and the spin is proportional to s.
     """
 
     mechanism: Mechanism
     terms: Array
-    """fixed, way, u, v, (4, 3), m."""
+    """fixed, line, u and v, (4, 3), m."""
     angle: float
     spins: tuple[float, float]
-    """At both ends."""
+    """Spins at both ends, rad."""
     branch: int
     first: Array
     watched: tuple[int, ...] = (0, 1, 2, 3)
 
     @property
     def length(self) -> float:
-        """Of the tip's way, m: its speed is this times ṡ."""
+        """Length of the tip's path, m. The tip speed is this length times ṡ."""
         return float(
             np.linalg.norm(self.terms[1]) + abs(self.angle) * np.linalg.norm(self.terms[2])
         )
 
     def tips(self, s: Array) -> Array:
-        """The tip at s (n,), (n, 3)."""
+        """Return the tip at s (n,), (n, 3)."""
         turn = self.angle * s
         return np.asarray(
             np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms
@@ -218,37 +241,45 @@ class TipPath(ClosedPath):
 
     def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
         function = _tip_curve(self.mechanism, self.branch, order)
-        given = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
-        return call(function, s[:, None], np.tile(given, (len(s), 1)))
+        parameters = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
+        return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
 
     @cached_property
     def _middle_roll(self) -> float:
-        """Roll in the middle of the path, from which rolls are counted so that none jumps by a turn."""
+        """Roll in the middle of the path.
+
+        Rolls are counted from it, so that none jumps by a turn.
+        """
         return roll_of_tip(self.mechanism, self.tips(np.array([0.5]))[0])
 
 
 @lru_cache(maxsize=16)
 def _tip_curve(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
-    """(s, terms by rows, angle, spins, roll from which rolls are counted): the joints of a TipPath, and derivatives by s."""
-    s, given = ca.SX.sym("s"), ca.SX.sym("given", 16)
-    terms, angle, spin, roll = (
-        ca.reshape(given[:12], 3, 4),
-        given[12],
-        given[13] + s * (given[14] - given[13]),
-        given[15],
-    )
+    """Return a Function of s and of the data of a TipPath: its joints and their derivatives.
+
+    The data are the rows of its terms, the angle, the spins, and the roll from which rolls are
+    counted.
+    """
+    s, parameters = ca.SX.sym("s"), ca.SX.sym("given", 16)
+    terms = ca.reshape(parameters[:12], 3, 4)
+    angle = parameters[12]
+    spin = parameters[13] + s * (parameters[14] - parameters[13])
+    roll = parameters[15]
     tip = terms @ ca.vertcat(1, s, ca.cos(s * angle), ca.sin(s * angle))
     task = task_of_tip_symbolic(mechanism, tip, roll, spin)
     return ca.Function(
         "tip_path",
-        [s, given],
+        [s, parameters],
         _with_derivatives(joints_from_task_symbolic(mechanism, task, branch), s, order),
     )
 
 
-def with_knots(knots: Array, more: Iterable[float]) -> Array:
-    """Knots (k,), with those of more that are APART from all others, (m,): joints that turn together do so once."""
-    for knot in sorted(more):
+def with_knots(knots: Array, others: Iterable[float]) -> Array:
+    """Return knots (k,) and all of `others` that are further than APART from them, (m,).
+
+    Joints that reverse together thus give one knot.
+    """
+    for knot in sorted(others):
         if np.abs(knots - knot).min() > APART:
             knots = np.append(knots, knot)
     return np.sort(knots)
@@ -256,123 +287,148 @@ def with_knots(knots: Array, more: Iterable[float]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class MotionPath(JointPath):
-    """The path that a motion took, q(s) with s = t / duration: its polynomials, so the motion itself is ṡ = 1 / duration.
+    """The path of a motion, q(s) with s = t / duration.
 
-    Where joints rest, q' is zero and ṡ is not: the speed at the ends is that of the motion.
+    It consists of the polynomials of the motion, so the motion itself has ṡ = 1 / duration. Where
+    joints rest, q' is zero and ṡ is not. ṡ at the ends is therefore that of the motion.
     """
 
     mechanism: Mechanism
     trajectory: Trajectory
     knots: Array
-    """Values of s between which no joint turns back, (k + 1,)."""
+    """Values of s between which no joint reverses, (k + 1,)."""
     signs: Array
     """Directions of the joints between the knots, (k, 4)."""
 
     @property
     def directions(self) -> tuple[Array, Array]:
+        """Knots and signs."""
         return self.knots, self.signs
 
     def grid(self, points: int) -> Array:
-        """About so many values of s from 0 to 1: one close to each side of every break, where q'' jumps, others between."""
+        """Return about `points` values of s from 0 to 1.
+
+        One lies close to each side of every break, where q'' jumps, and the others between the
+        breaks.
+        """
         breaks = self.trajectory.breaks / self.trajectory.duration
         shares = np.diff(breaks)
-        between = np.maximum(np.round(shares * max(points - 2 * len(shares), 0)).astype(int), 1)
-        of = np.repeat(np.arange(len(shares)), between + 1)
-        part = np.arange(len(of)) - np.repeat(np.cumsum(between + 1) - between - 1, between + 1)
-        inside = BESIDE + (1 - 2 * BESIDE) * part / between[of]
-        return np.concatenate([[0.0], breaks[of] + inside * shares[of], [1.0]])
+        counts = np.maximum(np.round(shares * max(points - 2 * len(shares), 0)).astype(int), 1)
+        element = np.repeat(np.arange(len(shares)), counts + 1)
+        number = np.arange(len(element)) - np.repeat(np.cumsum(counts + 1) - counts - 1, counts + 1)
+        position = BESIDE + (1 - 2 * BESIDE) * number / counts[element]
+        return np.concatenate([[0.0], breaks[element] + position * shares[element], [1.0]])
 
     def sample(self, s: Array) -> PathSamples:
+        """Return q, q' and q'' at s (n,)."""
         s = np.asarray(s, dtype=float)
         duration = self.trajectory.duration
-        found = self.trajectory.sample(np.clip(s, 0.0, 1.0) * duration)
-        dq, ddq = found.qd * duration, found.qdd * duration**2
+        samples = self.trajectory.sample(np.clip(s, 0.0, 1.0) * duration)
+        dq, ddq = samples.qd * duration, samples.qdd * duration**2
         still = ~self.signs.any(axis=0)
         dq[:, still] = ddq[:, still] = 0.0
-        return PathSamples(s, found.q, dq, ddq)
+        return PathSamples(s, samples.q, dq, ddq)
 
     def starts(self, samples: PathSamples) -> Mask:
-        """Where the motion starts a joint: at s = 0, and behind a knot at which it turns back."""
-        return begun(samples, *self.directions, fixed=True)
+        """Return where joints start, (n, 4): at s = 0, and behind a knot at which they reverse."""
+        return joint_starts(samples, *self.directions, moving=True)
 
 
-def begun(samples: PathSamples, knots: Array, directions: Array, *, fixed: bool = False) -> Mask:
-    """At which of the samples (n,) joints begin to move at a knot, (n, 4); fixed: ṡ is not zero at s = 0 for that."""
-    found = np.zeros((len(samples.s), 4), dtype=bool)
-    before = np.zeros(4)
+def joint_starts(
+    samples: PathSamples, knots: Array, directions: Array, *, moving: bool = False
+) -> Mask:
+    """Return at which samples (n,) joints begin to move at a knot, (n, 4).
+
+    If `moving` is true, ṡ is not zero at s = 0, and joints start there only if q' is zero.
+    """
+    starts = np.zeros((len(samples.s), 4), dtype=bool)
+    previous = np.zeros(4)
     for knot, signs in zip(knots[:-1], directions, strict=True):
         k = min(int(np.searchsorted(samples.s, knot)), len(samples.s) - 1)
-        found[k] = (signs != before) & (not fixed or knot > 0 or samples.dq[k] == 0.0)
-        before = signs
-    return found
+        starts[k] = (signs != previous) & (not moving or knot > 0 or samples.dq[k] == 0.0)
+        previous = signs
+    return starts
 
 
 @dataclass(frozen=True, eq=False)
 class Chain(JointPath):
-    """Several paths, the k-th of them over 2 k ≤ s ≤ 2 k + 1: what is worked out at one point of a path is so for all."""
+    """Several paths in one, the k-th of them over 2 k ≤ s ≤ 2 k + 1.
+
+    Quantities at the points of all paths can thus be computed in one call.
+    """
 
     mechanism: Mechanism
     paths: tuple[JointPath, ...]
 
     @staticmethod
-    def grid(own: Array, count: int) -> Array:
-        """The same grid (n,) on each of `count` paths, (count n,)."""
-        return np.asarray((2 * np.arange(count)[:, None] + own).ravel())
+    def grid(grid: Array, count: int) -> Array:
+        """Return the same grid (n,) on each of `count` paths, (count n,)."""
+        return np.asarray((2 * np.arange(count)[:, None] + grid).ravel())
 
     def sample(self, s: Array) -> PathSamples:
-        found = [path.sample(part) for path, part in zip(self.paths, self._parts(s), strict=True)]
+        """Return q, q' and q'' at s (n,)."""
+        samples = [
+            path.sample(values) for path, values in zip(self.paths, self._split(s), strict=True)
+        ]
         q, dq, ddq = (
-            np.concatenate([getattr(each, name) for each in found]) for name in ("q", "dq", "ddq")
+            np.concatenate([getattr(sample, name) for sample in samples])
+            for name in ("q", "dq", "ddq")
         )
         return PathSamples(s, q, dq, ddq)
 
     @property
     def directions(self) -> tuple[Array, Array]:
-        each = [path.directions for path in self.paths]
-        knots = np.concatenate([2 * k + knots for k, (knots, _) in enumerate(each)])
-        # from the end of a path to the start of the next as before
-        return knots, np.concatenate([np.vstack([signs, signs[-1:]]) for _, signs in each])[:-1]
+        """Knots and signs of all paths."""
+        directions = [path.directions for path in self.paths]
+        knots = np.concatenate([2 * k + knots for k, (knots, _) in enumerate(directions)])
+        # Between two paths the last signs continue.
+        return knots, np.concatenate([np.vstack([signs, signs[-1:]]) for _, signs in directions])[
+            :-1
+        ]
 
     def starts(self, samples: PathSamples) -> Mask:
-        parts = self._parts(samples.s)
-        cuts = np.cumsum([len(part) for part in parts])[:-1]
-        of = zip(
-            *(np.split(each, cuts) for each in (samples.q, samples.dq, samples.ddq)), strict=True
+        """Return where joints of each path start from rest, (n, 4)."""
+        local = self._split(samples.s)
+        cuts = np.cumsum([len(values) for values in local])[:-1]
+        arrays = zip(
+            *(np.split(array, cuts) for array in (samples.q, samples.dq, samples.ddq)), strict=True
         )
-        found = [
-            path.starts(PathSamples(s, *at))
-            for path, s, at in zip(self.paths, parts, of, strict=True)
+        starts = [
+            path.starts(PathSamples(s, *sample_arrays))
+            for path, s, sample_arrays in zip(self.paths, local, arrays, strict=True)
         ]
-        return np.concatenate(found)
+        return np.concatenate(starts)
 
-    def _parts(self, s: Array) -> list[Array]:
-        """Of each path its own s, of s in order."""
+    def _split(self, s: Array) -> list[Array]:
+        """Split sorted values of s into those of each path."""
         cuts = np.searchsorted(s, 2 * np.arange(1, len(self.paths)) - 0.5)
-        return [part - 2 * k for k, part in enumerate(np.split(s, cuts))]
+        return [values - 2 * k for k, values in enumerate(np.split(s, cuts))]
 
 
 @dataclass(frozen=True, eq=False)
 class SplinePath(JointPath):
-    """The natural cubic spline through points (k + 1, 4) of which no two in a row are the same.
+    """The natural cubic spline through points (k + 1, 4).
 
-    s is the way from point to point along straight lines, joints measured by their `scale` (4,), over all of it.
+    No two consecutive points may be equal. s is the distance along the straight lines between the
+    points, with joints divided by their `scale` (4,), as a share of the whole distance.
     """
 
     mechanism: Mechanism
     points: Array
     scale: Array
     pieces: bool = False
-    """Its pieces are told apart: optimal control needs to know where q''' jumps."""
+    """True if optimal control must know the breaks between the cubic pieces, where q''' jumps."""
 
     @property
     def breaks(self) -> Array:
+        """Values of s between which the path is smooth."""
         return self.nodes if self.pieces else super().breaks
 
     @cached_property
     def nodes(self) -> Array:
-        """s of the points, (k + 1,)."""
-        way = np.cumsum(np.linalg.norm(np.diff(self.points, axis=0) / self.scale, axis=1))
-        return np.append(0.0, way / way[-1])
+        """Values of s at the points, (k + 1,)."""
+        distance = np.cumsum(np.linalg.norm(np.diff(self.points, axis=0) / self.scale, axis=1))
+        return np.append(0.0, distance / distance[-1])
 
     @cached_property
     def _spline(self) -> CubicSpline:
@@ -382,9 +438,11 @@ class SplinePath(JointPath):
 
     @property
     def intervals(self) -> int:
+        """Number of grid intervals for TOPP-RA."""
         return int(np.clip(PER_POINT * len(self.points), FEW, MANY))
 
     def sample(self, s: Array) -> PathSamples:
+        """Return q, q' and q'' at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = (self._spline(s, order) for order in range(3))
         still = np.ptp(self.points, axis=0) < STILL
@@ -393,6 +451,7 @@ class SplinePath(JointPath):
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
+        """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
         slope = self._spline.derivative()
         moving = np.flatnonzero(np.ptp(self.points, axis=0) >= STILL)
         roots = np.concatenate([np.zeros(0), *(slope.roots(extrapolate=False)[i] for i in moving)])
@@ -403,7 +462,7 @@ class SplinePath(JointPath):
 
     @property
     def off_lines(self) -> Array:
-        """How far the curve goes from the straight lines between its points at most, (4,), rad and m."""
+        """Largest distance of each joint from the lines between the points, (4,), rad and m."""
         share = np.linspace(0.0, 1.0, PER_POINT, endpoint=False)
         s = (self.nodes[:-1, None] + share * np.diff(self.nodes)[:, None]).ravel()
         lines = np.column_stack([np.interp(s, self.nodes, self.points[:, i]) for i in range(4)])
@@ -411,13 +470,15 @@ class SplinePath(JointPath):
 
 
 def smooth_runs(points: Array, scale: Array) -> list[Array]:
-    """Points (n, 4) cut where they turn by more than CORNER, the cut points in both parts; a curve cannot pass there.
+    """Split points (n, 4) where they turn by more than CORNER, because a curve cannot pass there.
 
-    Points where nothing moves count once. scale (4,): of the joints, as in SplinePath.
+    Split points belong to both parts, and consecutive equal points count once. `scale` (4,) is that
+    of `SplinePath`.
     """
     steps = np.diff(points / scale, axis=0)
     length = np.linalg.norm(steps, axis=1)
-    points, steps = points[np.append(True, length > STILL)], steps[length > STILL]
+    points = points[np.append(True, length > STILL)]
+    steps = steps[length > STILL]
     unit = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosine = np.einsum("ij,ij->i", unit[1:], unit[:-1])
     cuts = [0, *(np.flatnonzero(cosine < np.cos(CORNER)) + 1).tolist(), len(points) - 1]
@@ -426,19 +487,21 @@ def smooth_runs(points: Array, scale: Array) -> list[Array]:
 
 @dataclass(frozen=True, eq=False)
 class PolylinePath(JointPath):
-    """The straight lines in joint space from point to point (k + 1, 4), each over the same share of s."""
+    """Straight lines in joint space through points (k + 1, 4), each over the same share of s."""
 
     mechanism: Mechanism
     points: Array
 
     @property
     def directions(self) -> tuple[Array, Array]:
+        """Knots at the points, and signs of the displacements."""
         return np.linspace(0.0, 1.0, len(self.points)), np.sign(np.diff(self.points, axis=0))
 
     def sample(self, s: Array) -> PathSamples:
+        """Return q, q' and q'' at s (n,)."""
         s = np.asarray(s, dtype=float)
         count = len(self.points) - 1
-        piece = np.clip((s * count).astype(int), 0, count - 1)
-        way = np.diff(self.points, axis=0)[piece]
-        q = self.points[piece] + (s * count - piece)[:, None] * way
-        return PathSamples(s, q, count * way, 0 * way)
+        index = np.clip((s * count).astype(int), 0, count - 1)
+        displacement = np.diff(self.points, axis=0)[index]
+        q = self.points[index] + (s * count - index)[:, None] * displacement
+        return PathSamples(s, q, count * displacement, 0 * displacement)

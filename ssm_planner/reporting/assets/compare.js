@@ -6,7 +6,7 @@
   const times = channels[0].t;
   const names = data.names ?? ["A", "B"];
   const player = new SSM.Player(document.getElementById("player"), times, []);
-  player.listen(SSM.compareNow(document.getElementById("now"), data, channels, names));
+  player.listen(SSM.cells(data, (name, channel) => channels[names.indexOf(name)][channel]));
   const plots = new SSM.Plots(document.getElementById("plots"), player, data.colours, []);
   for (const panel of data.panels) {
     plots.add(panel, times, () => panel.sides.map((side) => ({
@@ -20,6 +20,7 @@
     const scene = new SSM.Scene(document.getElementById("scene"), robots);
     const q = (side, index) => [0, 1, 2, 3].map((i) => channels[side][`q${i}`][index]);
     player.listen((index) => names.forEach((_, side) => scene.pose(side, q(side, index))));
+    if (scene.views.eye) scene.look("eye");
     Object.assign(SSM, { player, scene, channels, ready: performance.now() });
   }));
 })();

@@ -14,9 +14,18 @@ SSM.Player = class {
     this.clock = SSM.element("output", { class: "clock" });
     const speeds = [0.1, 0.25, 0.5, 1, 2].map((x) => SSM.element("option", { value: x, selected: x === 1 }, `${x} ×`));
     this.speed = SSM.element("select", { "aria-label": "Speed" }, ...speeds);
-    container.replaceChildren(this.button, this.range, this.speed, this.clock, ...this.#strip());
+    this.link = SSM.element("a", { class: "link" }, "Link to this instant");
+    container.replaceChildren(this.button, this.range, this.speed, this.clock, this.link, ...this.#strip());
     this.set(0);
     document.addEventListener("keydown", (event) => this.#key(event));
+    window.addEventListener("hashchange", () => this.linked());
+  }
+
+  // goes to the instant that the address names
+  linked() {
+    const time = location.hash.match(/^#t=([\d.]+)$/)?.[1];
+    if (time) this.at(Number(time));
+    return time;
   }
 
   listen(listener) {
@@ -31,6 +40,7 @@ SSM.Player = class {
     this.range.value = this.index;
     this.range.setAttribute("aria-valuetext", `${t.toFixed(3)} seconds${phase ? `, ${phase.name}` : ""}`);
     this.clock.textContent = `${t.toFixed(3)} s${phase ? ` · ${phase.name}` : ""}`;
+    this.link.href = `#t=${t.toFixed(5)}`;
     this.cursor.at(this.index / (this.times.length - 1));
     for (const listener of this.listeners) listener(this.index);
   }

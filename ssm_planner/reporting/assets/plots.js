@@ -46,7 +46,7 @@ SSM.Plots = class {
       legend: { show: false },
       cursor: { y: false, points: { show: false }, drag: { x: true, y: false } },
       scales: { x: { time: false }, y: { range } },
-      axes: [SSM.axis("", 34, "s"), SSM.axis("", 52)],
+      axes: [SSM.axis("", 34, "s"), SSM.axis("", SSM.room)],
       series: [{}, ...lines.map(({ colour, dash, label }) => (
         { stroke: () => SSM.tone(colour), width: 1.8, dash, label, pxAlign: 0, points: { show: false } }))],
       hooks: {
@@ -197,20 +197,23 @@ SSM.beyond = (panel) => {
     const name = limit.name === "nominal torque" ? "nominal " : panel.series.length > 1 ? `${limit.of} ` : "";
     words.push(name + (both ? `±${SSM.short(ends[1])}` : ends.map(SSM.short).join(" and ")));
   }
-  return words.length ? `limits beyond the axis: ${words.join(", ")} ${panel.unit}` : "";
+  return words.length ? `limits outside the axis: ${words.join(", ")} ${panel.unit}` : "";
 };
 
 SSM.short = (value) => (Math.abs(value) < 1e-9 ? "0" : String(Number(value.toPrecision(4))).replace("-", "−"));
+
+// width of a vertical axis: its longest number keeps its minus sign
+SSM.room = (u, values) => Math.max(52, ...(values ?? []).map((text) => 1.1 * SSM.pen.measureText(text).width + 14));
 
 SSM.axis = (label, size, unit = "") => ({
   size,
   stroke: () => SSM.ink("text"),
   font: "12px system-ui, sans-serif",
-  grid: { stroke: () => SSM.ink("grid"), width: 1 },
-  ticks: { stroke: () => SSM.ink("tick"), width: 1, size: 4 },
   label: label || undefined,
   labelSize: label ? 18 : 0,
   labelFont: "12px system-ui, sans-serif",
+  grid: { stroke: () => SSM.ink("grid"), width: 1 },
+  ticks: { stroke: () => SSM.ink("tick"), width: 1, size: 4 },
   values: (u, splits) => splits.map((v, i) => SSM.short(v) + (unit && i === splits.length - 1 ? ` ${unit}` : "")),
 });
 
@@ -242,9 +245,9 @@ SSM.drawLimits = (u, panel, colours) => {
   ctx.beginPath();
   ctx.rect(left, top, width, height);
   ctx.clip();
-  ctx.strokeStyle = SSM.ink("limit");
   ctx.lineWidth = 1.2 * ratio;
   for (const limit of panel.limits) {
+    ctx.strokeStyle = limit.side in colours ? SSM.tone(colours[limit.side]) : SSM.ink("limit");
     ctx.setLineDash(limit.name === "nominal torque" ? [1.5 * ratio, 3 * ratio] : [5 * ratio, 4 * ratio]);
     for (const end of [limit.low, limit.high]) {
       if (end === null) continue;

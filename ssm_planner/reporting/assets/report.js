@@ -5,7 +5,8 @@
   const channels = SSM.channels(data.channels);
   const times = channels.t;
   const player = new SSM.Player(document.getElementById("player"), times, data.phases);
-  player.listen(SSM.now(document.getElementById("now"), data, channels));
+  player.listen(SSM.cells(data, (name) => channels[name]));
+  player.listen(SSM.active(document.querySelector(".chips"), data, times));
   SSM.timeline(document.getElementById("active"), data, player);
   const plots = new SSM.Plots(document.getElementById("plots"), player, data.colours, data.phases);
   for (const panel of data.panels) {
@@ -23,6 +24,8 @@
     const scene = new SSM.Scene(document.getElementById("scene"), [{ scene: data.scene, colours: data.colours, path, stops: data.stops,
       begin: [0, 1, 2, 3].map((i) => channels[`q${i}`][0]) }]);
     player.listen((index) => scene.pose(0, [0, 1, 2, 3].map((i) => channels[`q${i}`][index])));
+    if (scene.views.eye) scene.look("eye");
     Object.assign(SSM, { player, scene, channels, ready: performance.now() });
+    if (!player.linked() && !SSM.calm) player.toggle();
   }));
 })();

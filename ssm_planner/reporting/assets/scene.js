@@ -15,7 +15,7 @@ SSM.Scene = class {
     this.renderer = null;
     if (!document.createElement("canvas").getContext("webgl2")) {
       container.replaceChildren(SSM.element("p", { class: "fallback", role: "note" },
-        "No 3D view: this browser offers no WebGL. Plots, values and tables below work without it."));
+        "No 3D view, because this browser has no WebGL. Plots, values and tables below work without it."));
       return;
     }
     SSM.soft = SSM.software();
@@ -24,15 +24,16 @@ SSM.Scene = class {
     this.renderer.setPixelRatio(this.ratio);
     this.canvas = this.renderer.domElement;
     for (const [name, value] of [["role", "application"], ["tabindex", 0], ["aria-roledescription", "3D view"],
-      ["aria-label", "The mechanism in 3D: drag or arrow keys to turn, wheel, pinch or plus and minus to zoom, 0 for the whole"]]) {
+      ["aria-label", "The mechanism in 3D: drag or use arrow keys to turn; use the wheel, pinch, plus or minus to zoom; press 0 to show everything"]]) {
       this.canvas.setAttribute(name, value);
     }
     this.canvas.addEventListener("keydown", (event) => this.#key(event));
     this.note = SSM.element("p", { class: "scene-note", hidden: true });
     this.overlay = SSM.element("div", { class: "labels", "aria-hidden": "true" });
-    this.legend = SSM.element("details", { class: "scene-legend", open: container.clientWidth > 560 && container.clientHeight > 400 }, SSM.element("summary", {}, "Legend"));
+    this.legend = SSM.element("details", { class: "scene-legend", open: container.clientWidth > 560 && container.clientHeight > 500 }, SSM.element("summary", {}, "Legend"));
     this.legend.addEventListener("toggle", () => { this.#cover(); this.render(); });
-    this.covering = [this.#views(), this.legend];
+    this.inset = SSM.element("div", { class: "inset", "aria-hidden": "true" });
+    this.covering = [this.#views(), this.legend, this.inset];
     this.covered = [];
     container.replaceChildren(this.canvas, this.overlay, this.note, ...this.covering);
     this.world = new THREE.Scene();
@@ -40,14 +41,16 @@ SSM.Scene = class {
     const sun = new THREE.DirectionalLight(0xffffff, 1.6);
     sun.position.set(0.3, -0.6, 0.8);
     this.world.add(sun);
-    this.camera = new THREE.PerspectiveCamera(32, 1, 0.002, 5);
-    this.camera.up.set(0, 0, 1);
+    [this.camera, this.overview] = [0, 1].map(() => new THREE.PerspectiveCamera(32, 1, 0.002, 5));
+    for (const camera of [this.camera, this.overview]) camera.up.set(0, 0, 1);
+    this.overview.position.set(...this.views.whole[0]);
+    this.overview.lookAt(...this.views.whole[1]);
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
     this.controls.enableDamping = false;
     this.controls.minDistance = 0.01;
     this.controls.maxDistance = 2;
     this.controls.addEventListener("change", () => this.render());
-    this.canvas.addEventListener("webglcontextlost", () => this.#say("The browser has stopped the 3D view; reload the page to get it back."));
+    this.canvas.addEventListener("webglcontextlost", () => this.#say("The browser has stopped the 3D view; reload the page to restart it."));
     for (const robot of robots) this.add(robot);
     this.look("whole");
     SSM.whenRedrawn(() => this.#redraw());
@@ -128,6 +131,8 @@ SSM.Scene = class {
     this.camera.position.set(...from);
     this.controls.target.set(...to);
     this.controls.update();
+    this.inset.hidden = name !== "eye";
+    this.#cover();
     this.render();
   }
 
@@ -156,6 +161,17 @@ SSM.Scene = class {
   #draw() {
     this.renderer.render(this.world, this.camera);
     this.#place();
+    const { offsetLeft, offsetTop, offsetWidth, offsetHeight } = this.inset;
+    if (!offsetWidth) return;
+    const box = [offsetLeft, this.size[1] - offsetTop - offsetHeight, offsetWidth, offsetHeight];
+    this.overview.aspect = offsetWidth / offsetHeight;
+    this.overview.updateProjectionMatrix();
+    this.renderer.setScissorTest(true);
+    this.renderer.setScissor(...box);
+    this.renderer.setViewport(...box);
+    this.renderer.render(this.world, this.overview);
+    this.renderer.setScissorTest(false);
+    this.renderer.setViewport(0, 0, ...this.size);
   }
 
   // what stands before the picture: no label goes behind it

@@ -55,7 +55,7 @@
     const [low, high] = answer.tilt_range.map((x) => SSM.fixed(x * degrees, 3));
     const spare = SSM.fixed(Math.abs(answer.margin) * degrees, 2);
     find("reach").textContent = `The mechanism reaches ${low}° to ${high}°: ` +
-      (answer.reached ? `the range wanted, with ${spare}° to spare.` : `not the range wanted, ${spare}° are missing.`);
+      (answer.reached ? `the required range, with ${spare}° to spare.` : `the required range is larger by ${spare}°.`);
     find("reach").className = answer.reached ? "good" : "bad";
     whyNot();
   };
@@ -80,7 +80,7 @@
     const focused = document.activeElement?.name === "branch";
     find("branches").replaceChildren(SSM.element("fieldset", {}, SSM.element("legend", {}, "Inverse kinematics"), ...answer.branches.map(choice)));
     if (focused) find("branches").querySelector(":checked")?.focus();
-    find("reached").textContent = answer.reachable ? "The pose is reached." :
+    find("reached").textContent = answer.reachable ? "The pose is reachable." :
       `Outside the workspace: the nearest pose is drawn, its tool axis ${SSM.fixed(answer.error * degrees, 2)}° away.`;
     find("reached").className = answer.reachable ? "good" : "bad";
     draw();
@@ -118,7 +118,7 @@
 
   const whyNot = () => {
     const reason = !start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
-      : !state.own ? "The masses of the links are known for the robot's own α and β only: go back to them to plan." : "";
+      : !state.own ? "The link masses are only known for the robot's own α and β. Restore these angles to plan." : "";
     find("why").textContent = reason;
     find("plan").disabled = Boolean(reason) || Boolean(state.job);
     find("save").disabled = Boolean(reason);
@@ -153,7 +153,7 @@
     const step = 0.1 / degrees;
     const crossed = (name === "low" && si >= value("high")) || (name === "high" && si <= value("low"));
     if (crossed && (typed || Math.abs(shown) >= 180)) {
-      return fault(name, name === "low" ? "not below the upper end" : "not above the lower end");
+      return fault(name, name === "low" ? "must be below the upper end" : "must be above the lower end");
     }
     put(name, si);
     if (crossed) put(name === "low" ? "high" : "low", name === "low" ? si + step : si - step);
@@ -204,7 +204,7 @@
         `Plan with ${answer.relaxation}`));
     }
     if (!answer.report) return;
-    message.after(link(answer.report, "Open the report in a tab of its own", { target: "_blank", rel: "noopener" }), link("#result", "Go to the report below"),
+    message.after(link(answer.report, "Open the report in a new tab", { target: "_blank", rel: "noopener" }), link("#result", "Go to the report below"),
       link(answer.plan, "Download plan.json", { download: "plan.json" }));
     find("outcome").querySelector('[href="#result"]').addEventListener("click", (event) => { event.preventDefault(); find("result").scrollIntoView(); });
     find("result").append(SSM.element("h2", {}, "Plan"), SSM.element("iframe", { src: answer.report, title: "Report of the plan" }));
@@ -224,7 +224,7 @@
   find("waypoint").addEventListener("click", () => { state.steps.push({ pose: pose() }); kept(); });
   find("dwell").addEventListener("click", () => {
     const time = find("dwell-number").valueAsNumber;
-    if (!(time >= 0.001 && time <= 3600)) return fault("dwell", "a dwell takes 0.001 s to 3600 s");
+    if (!(time >= 0.001 && time <= 3600)) return fault("dwell", "a dwell must last 0.001 s to 3600 s");
     fault("dwell", "");
     state.steps.push({ dwell: time });
     return kept();

@@ -1,4 +1,4 @@
-"""Figures of a plan: the motion with its limits, what it requires of the motors, and its playback in simulation."""
+"""Draw figures of a plan: motion with limits, motor requirements, and simulated playback."""
 
 from __future__ import annotations
 
@@ -39,17 +39,18 @@ if TYPE_CHECKING:
 
 SAMPLES = 1200
 WIDE, NARROW, FIVE = 9.0, 5.0, 8.0
-"""Inches: as `plan` draws; below, panels stand below each other; above, five entries of a legend beside each other."""
+"""Widths in inches: the figures of `plan`, stacked panels (below), five legend columns (above)."""
 WIDTHS = {"single": 3.5, "double": 7.16, "slide": 8.0}
-"""Inches: one and two columns of a journal's page, and a slide, on which the type is larger than on paper."""
+"""Widths of one and two columns of a journal page and of a slide, inches."""
 NEAR = 2.0
-"""Spans of a curve within which its limits are drawn."""
+"""Distance from a curve, in multiples of its span, within which its limits are drawn."""
 
 
 def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> Figure:
-    """Joint positions, velocities and accelerations over time, revolute left, translation right, limits dashed.
+    """Draw joint positions, velocities and accelerations over time with dashed limits.
 
-    width: inches; in one column of a page the panels stand below each other.
+    Revolute joints are on the left and the translation is on the right. width: inches. Panels of
+    narrow figures are stacked.
     """
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
@@ -102,7 +103,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
 
 
 def _draw_limit(axes: Axes, ends: tuple[float, float], values: Array) -> None:
-    """The ends of a limit that do not press the values (n,) flat."""
+    """Draw the ends of a limit that are close enough to the values (n,) to keep them readable."""
     size = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
     for end in ends:
         if values.min() - NEAR * size <= end <= values.max() + NEAR * size:
@@ -115,9 +116,9 @@ def motors_figure(
     requirements: Sequence[MotorRequirement],
     width: float = WIDE,
 ) -> Figure:
-    """Motor torque over time and against speed for every driven joint, with the RMS torque and the motor's figures.
+    """Draw motor torque over time and over speed for every driven joint.
 
-    width: inches; in one column of a page the panels stand below each other.
+    RMS torque and ratings are included. width: inches. Panels of narrow figures are stacked.
     """
     rows, narrow = len(requirements), width < NARROW
     letters = int((width if narrow else width / 2) * 72 / (LETTER * SIZE)) - 8
@@ -157,11 +158,14 @@ def motors_figure(
 
 
 DRAWN: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "motors": motors_figure}
-"""The figures of a plan by file name."""
+"""Figures of a plan by file name."""
 
 
 def write_simulation_figures(result: SimulationResult, folder: Path) -> dict[str, Path]:
-    """playback and, where power was lost at several instants, power_loss, as PNG and PDF; their paths by name."""
+    """Write the figures playback and power_loss as PNG and PDF and return their paths by name.
+
+    The figure power_loss needs several instants of power loss.
+    """
     figures = {"playback": playback(result)}
     if len(result.losses.time) > 1:
         figures["power_loss"] = power_loss(result)
@@ -169,7 +173,7 @@ def write_simulation_figures(result: SimulationResult, folder: Path) -> dict[str
 
 
 def playback(result: SimulationResult) -> Figure:
-    """Following errors, motor torques with their limits, and the distance of the tip from the plan, over time."""
+    """Draw following errors, motor torques and the distance between tip and plan over time."""
     figure = new_figure(7.2, 6.6)
     errors, torques, tip = figure.subplots(3, 1, sharex=True)
     shown = result.time
@@ -189,13 +193,13 @@ def playback(result: SimulationResult) -> Figure:
     tip.plot(shown, 1e3 * result.tip, color="black", linewidth=1.3)
     finish(errors, "", "following error\n(increments)")
     finish(torques, "", "motor torque\n(% of largest)")
-    finish(tip, "time (s)", "tip away from\nthe plan (mm)")
+    finish(tip, "time (s)", "distance of tip\nfrom plan (mm)")
     legend_above(figure, errors, 4)
     return figure
 
 
 def power_loss(result: SimulationResult) -> Figure:
-    """Way of the tip and time until the arm stands, by the instant at which the power goes."""
+    """Draw the tip travel and the time to standstill over the instant of the power loss."""
     losses = result.losses
     figure = new_figure(7.2, 4.2)
     travel, standing = figure.subplots(2, 1, sharex=True)
@@ -205,8 +209,8 @@ def power_loss(result: SimulationResult) -> Figure:
         1e3 * np.where(np.isfinite(losses.standing), losses.standing, np.nan),
         color="black",
     )
-    finish(travel, "", "way of the tip (mm)")
-    finish(standing, "power lost at (s)", "until it stands (ms)")
+    finish(travel, "", "tip travel (mm)")
+    finish(standing, "power lost at (s)", "time to standstill (ms)")
     return figure
 
 

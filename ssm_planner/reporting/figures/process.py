@@ -1,7 +1,8 @@
-"""Figures drawn by a second process: it imports matplotlib while this one plans, and draws while this one checks and writes.
+"""Draw figures in a child process while the planner works.
 
-The process is a plain child that reads what to draw from its standard input and returns the files' bytes on its standard
-output. It opens no file and has no terminal, so that killing it at any time leaves nothing behind.
+The child imports matplotlib during planning and draws during the check. It reads what to draw from
+its standard input and returns the files' bytes on its standard output. It opens no file and has no
+terminal, so it leaves nothing behind if it is killed.
 """
 
 from __future__ import annotations
@@ -28,15 +29,18 @@ if TYPE_CHECKING:
     from ssm_planner.plans import Plan
 
 PATIENCE = 60.0
-"""Seconds after which figures that do not come are drawn by the caller."""
+"""Time in s after which the caller draws the missing figures."""
 _START = "from ssm_planner.reporting.figures.process import serve; serve()"
 
 Files = dict[str, dict[str, bytes]]
-"""Content by figure and ending."""
+"""Content by figure and file extension."""
 
 
 class _Plain(pickle.Pickler):
-    """What the sizing found becomes plain namespaces: the child does without the sizing, and CasADi with it."""
+    """Pickler that converts sizing results to plain namespaces.
+
+    The child therefore needs neither the sizing package nor CasADi.
+    """
 
     def reducer_override(self, value: object) -> Any:
         if type(value).__module__.startswith("ssm_planner.sizing."):
@@ -45,21 +49,28 @@ class _Plain(pickle.Pickler):
 
 
 class FigureProcess:
-    """A child process that draws one plan. Where it cannot start or fails, `result` is empty and the caller draws."""
+    """A child process that draws one plan.
+
+    If it cannot start or fails, `result` is empty and the caller draws.
+    """
 
     def __init__(self) -> None:
         self._process = _started() if (os.cpu_count() or 1) > 1 else None
-        self._pipe = ThreadPoolExecutor(1)  # a pipe may block its writer: not the planner
+        # A pipe may block its writer, but must not block the planner.
+        self._pipe = ThreadPoolExecutor(1)
 
     def draw(self, name: str, *arguments: object) -> None:
-        """Begin with a figure in plan_figures.DRAWN; of one that is begun again the last counts. Returns at once."""
+        """Start drawing a figure of `plan.DRAWN` and return immediately.
+
+        If a figure is started again, the last call counts.
+        """
         if self._process is not None:
             with BytesIO() as message:
                 _Plain(message).dump((name, arguments))
                 self._pipe.submit(self._write, message.getvalue())
 
     def result(self) -> Files:
-        """The figures that were begun, when they are done."""
+        """Wait for the started figures and return them."""
         process = self._process
         if process is None:
             return {}
@@ -91,28 +102,28 @@ class FigureProcess:
 
 
 def _started() -> subprocess.Popen[bytes] | None:
-    """None where this interpreter cannot be started anew, such as inside another program."""
+    """Start the child process. Return None if this interpreter is embedded in another program."""
     if not sys.executable or getattr(sys, "frozen", False):
         return None
     try:
         return subprocess.Popen(
             python_command(_START),
-            cwd=Path(__file__).parent,  # matplotlib reads settings from the working directory
+            cwd=Path(__file__).parent,  # Matplotlib reads settings from the working directory.
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C reaches the planner alone, which ends this process
+            start_new_session=True,  # Ctrl-C reaches only the planner, which ends this process.
         )
     except OSError:
         return None
 
 
 def serve() -> None:
-    """The child: get ready, draw what comes, answer with all of it when nothing more comes."""
-    gc.disable()  # matplotlib's imports make many objects, and the process ends soon: a tenth of its time
+    """Run the child: draw the requested figures and return all of them at the end of the input."""
+    gc.disable()  # Garbage collection would take a tenth of the time of this short process.
     answer = sys.stdout.buffer
     sys.stdout = sys.stderr
-    # the first figure of a process loads fonts and half of matplotlib
+    # The first figure of a process loads fonts and half of matplotlib.
     warm, panels = new_panels(2.0, 2.0, rows=1, columns=1, edges=(0.5,) * 4, gaps=(0.0, 0.0))
     panels[0, 0].plot([0, 1], label="warm")
     warm.legend()
@@ -129,13 +140,14 @@ def serve() -> None:
 
 
 def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> dict[str, Path]:
-    """motion and, where a joint has a drive, motors as PNG; paths by name. Raises ExportError.
+    """Write the figures motion and motors as PNG and return their paths by name.
 
-    drawer: a process that has begun to draw them; what it has not drawn is drawn here.
+    A robot without drives has no figure motors. drawer: process that may have drawn some figures
+    already. Raises ExportError.
     """
     trajectory, robot = plan.trajectory, plan.problem.robot
     if trajectory is None:
-        raise ExportError("there is no trajectory to draw: the problem has no plan")
+        raise ExportError("the plan has no trajectory to draw")
     arguments: dict[str, tuple[object, ...]] = {"motion": (trajectory, robot)}
     if plan.requirements:
         arguments["motors"] = trajectory, robot, plan.requirements
@@ -148,7 +160,10 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
 
 
 def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> dict[str, Path]:
-    """The same figures from a plan.json that has been read, of a width in inches, as PNG and PDF. Raises ExportError."""
+    """Write the figures of a loaded plan as PNG and PDF and return their paths by name.
+
+    width: inches. Raises ExportError.
+    """
     from ssm_planner.sizing.requirements import motor_requirements
 
     trajectory, robot = plan.motion, plan.robot

@@ -1,4 +1,4 @@
-"""Figures of motors and drives: what a motion requires of them, the map of a drive's friction, a predicted torque."""
+"""Draw figures of motors and drives: requirements of a motion, friction maps, predicted torques."""
 
 from __future__ import annotations
 
@@ -44,9 +44,10 @@ PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
 
 
 def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
-    """payload_curves, torque_split and, where motors are judged, operating_regions, as PNG and PDF; their paths by name.
+    """Write the sizing figures as PNG and PDF and return their paths by name.
 
-    None where the motion moves no joint that has a drive.
+    The figures are payload_curves, torque_split and, if motors are assessed, operating_regions.
+    There are no figures if the motion moves no driven joint.
     """
     if not sizing.joints:
         return {}
@@ -60,9 +61,10 @@ def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
 
 
 def payload_curves(sizing: Sizing) -> Figure:
-    """Motor torque against motor speed, rotary joints left, translation right.
+    """Draw motor torque over motor speed.
 
-    A broad bar at the peak shows the band in which the peak lies at the stated confidence.
+    Rotary joints are on the left and the translation is on the right. A broad bar shows the band of
+    the peak at the stated confidence.
     """
     groups = [
         [joint for joint in sizing.joints if not joint.load.drive.slides],
@@ -81,7 +83,7 @@ def payload_curves(sizing: Sizing) -> Figure:
 
 
 def torque_split_figure(sizing: Sizing) -> Figure:
-    """The torque of every joint over time and the parts it is the sum of."""
+    """Draw the torque of every joint over time with its parts."""
     figure = new_figure(7.2, 2.2 * len(sizing.joints) + 0.5)
     panels = figure.subplots(len(sizing.joints), 1, squeeze=False)[:, 0]
     for axes, joint in zip(panels, sizing.joints, strict=True):
@@ -100,7 +102,10 @@ def torque_split_figure(sizing: Sizing) -> Figure:
 
 
 def operating_regions(sizing: Sizing) -> Figure:
-    """Every motion in the speed–torque plane of every candidate: continuous region shaded, short-term one outlined."""
+    """Draw every motion in the speed–torque plane of every candidate motor.
+
+    The continuous region is shaded and the short-term region is outlined.
+    """
     verdicts = sizing.verdicts
     across = min(len(verdicts), 3)
     down = -(-len(verdicts) // across)
@@ -176,7 +181,7 @@ def _curve(axes: Axes, joint: JointSizing, confidence: float) -> None:
 
 
 def _stretches(direction: Array) -> list[Indices]:
-    """Runs of instants that move in one direction, so that no line crosses from one to the other."""
+    """Return runs of instants with one direction, so that no line connects two directions."""
     cut = np.flatnonzero(np.diff(direction) != 0) + 1
     moving = direction != 0
     return [part for part in np.split(np.arange(len(moving)), cut) if moving[part[0]]]
@@ -192,10 +197,10 @@ OUTLIER: dict[str, Any] = {"color": COLOURS[1], "marker": "x", "markersize": 7, 
 
 
 def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
-    """Torque–velocity map: measured circles, the fitted law dashed in both directions with its bands, outliers crossed.
+    """Draw a torque–velocity map: measurements, fitted law with bands, and outliers.
 
-    load: the constant effort of `fit_map`, N·m or N. The bands are those of a further recording, as `predict` has them:
-    of its mean, and of its samples with ripple and noise.
+    load: constant effort of `fit_map`, N·m or N. The bands are those of a new recording, as in
+    `predict`: one for its mean and one for its samples with ripple and noise.
     """
     from ssm_planner.identification.parameters import map_torque
 
@@ -214,7 +219,7 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
     )
     if apart.any():
         axes.plot(
-            RPM * data.w[apart], 1e3 * data.tau[apart], **OUTLIER, label="outlier, weighs less"
+            RPM * data.w[apart], 1e3 * data.tau[apart], **OUTLIER, label="outlier (lower weight)"
         )
     label = f"{words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
     for w, named in zip(speeds_of_map(data.w), (None, label), strict=True):
@@ -227,7 +232,10 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
 
 
 def _bands(axes: Axes, drive: Drive, w: Array, load: float, named: bool) -> None:
-    """What 95 % of further recordings at constant speeds (n,) stay within; nothing where the drive has no posterior."""
+    """Draw the bands of 95 % of new recordings at constant speeds (n,).
+
+    A drive without a posterior has no bands.
+    """
     from ssm_planner.dynamics.friction import friction_of
     from ssm_planner.identification.parameters import map_torque
     from ssm_planner.identification.prediction import Motion, band_of, departure
@@ -251,14 +259,14 @@ def _bands(axes: Axes, drive: Drive, w: Array, load: float, named: bool) -> None
 
 
 def speeds_of_map(w: Array) -> tuple[Array, Array]:
-    """Backward and forward speeds (200,) for a curve through the measured ones (n,)."""
+    """Return backward and forward speeds (200,) for a curve through the measured speeds (n,)."""
     sides = (np.abs(w[np.sign(w) == sign]) for sign in (-1.0, 1.0))
     backward, forward = (np.geomspace(side.min(), side.max(), 200) for side in sides)
     return -backward, forward
 
 
 def prediction_figure(prediction: Prediction) -> Figure:
-    """Measured and predicted motor torque over time, above the measured speed that the prediction took."""
+    """Draw measured and predicted motor torque over time above the measured speed."""
     figure = new_figure(7.2, 4.4)
     torque, speed = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     recording = prediction.recording

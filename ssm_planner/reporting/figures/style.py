@@ -1,4 +1,7 @@
-"""One style for all figures: units, legends, colours that survive colour blindness and grey print."""
+"""Define the style of all figures: units, legends and colours.
+
+The colours suit colour-blind readers and grey print.
+"""
 
 from __future__ import annotations
 
@@ -22,33 +25,34 @@ if TYPE_CHECKING:
     from ssm_planner.trajectory import Trajectory
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#000000")
-"""Joints 1 to 4 (Okabe–Ito); line styles tell them apart in grey."""
+"""Colours of joints 1 to 4 (Okabe–Ito). Line styles distinguish them in grey print."""
 FIFTH = "#A0457E"
-"""For a fifth curve, with a dash of its own."""
+"""Colour of a fifth curve, which has its own dash."""
 DASHES = ("-", "--", "-.", ":")
 LIMIT: dict[str, Any] = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
 AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
-"""A line at zero."""
+"""Style of a line at zero."""
 SIZE = 9.0
-DPI = 300
+DPI = 200
 LETTER = 0.58
-"""Mean width of a letter by the size of its type."""
+"""Mean width of a letter relative to the font size."""
 MARGIN = 0.05
-"""Share of the data that matplotlib leaves free at either end of an axis."""
+"""Fraction of the data that matplotlib leaves free at each end of an axis."""
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_HEADER = 33
-"""Bytes of a PNG file up to the end of its first chunk."""
-LEVEL = 2
-"""Of compression: a higher one takes twice as long for files smaller by a fifth."""
+"""Number of bytes in a PNG file up to the end of its first chunk."""
 
 
 def unit_of(unit: str) -> tuple[str, float]:
-    """`units.shown` with the degree sign of pages and figures: rad/s → (°/s, 180/π)."""
+    """Return `units.shown` with the degree sign of pages and figures: rad/s → (°/s, 180/π)."""
     return shown(unit, "°")
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches, without pyplot's global state; room for labels is found when it is drawn."""
+    """Return an empty figure (inches) that does not use pyplot's global state.
+
+    The layout makes room for labels when the figure is drawn.
+    """
     figure = _bare(width, height)
     figure.set_layout_engine("constrained")
     return figure
@@ -63,10 +67,21 @@ def new_panels(
     gaps: Sequence[float],
     **options: Any,
 ) -> tuple[Figure, NDArray[Any]]:
-    """A figure and its panels (rows, columns) at fixed places; options as in `Figure.subplots`.
+    """Return a figure and its panels (rows, columns) at fixed positions.
 
-    edges: room left, right, below and above the panels, gaps: between columns and rows, inches. For figures drawn with
-    every plan: to find the room takes longer than to draw.
+    A fixed layout is faster than an automatic one, which would take longer than drawing.
+
+    Parameters
+    ----------
+    width, height : float
+        Size of the figure, inches.
+    rows, columns : int
+    edges : (4,)
+        Space to the left, to the right, below and above the panels, inches.
+    gaps : (2,)
+        Space between columns and between rows, inches.
+    **options
+        Options of `Figure.subplots`.
     """
     figure = _bare(width, height)
     left, right, below, above = edges
@@ -93,7 +108,7 @@ def _bare(width: float, height: float) -> Figure:
 
 
 def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
-    """Labels, light grid, no frame above and to the right."""
+    """Add labels and a light grid, and remove the frame at the top and on the right."""
     axes.set_xlabel(x, fontsize=SIZE)
     axes.set_ylabel(y, fontsize=SIZE)
     if title is not None:
@@ -104,9 +119,10 @@ def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
 
 
 def drawn(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
-    """The figure as "png" and, if wanted, "pdf" (TrueType fonts embedded, `about` as its subject), the same bytes each time.
+    """Return the figure as "png" and optionally "pdf", with the same bytes every time.
 
-    The layout is found once, and the canvases print by themselves: Figure.savefig draws everything twice.
+    PDF files embed TrueType fonts and have `about` as their subject. The layout is computed once,
+    and the canvases print directly, because Figure.savefig draws everything twice.
     """
     from matplotlib import rc_context
 
@@ -126,14 +142,17 @@ def drawn(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[st
 def save_figure(
     figure: Figure, path: Path, pdf: bool = True, about: str | None = None
 ) -> dict[str, Path]:
-    """Write path.png and, if wanted, path.pdf, as `drawn` gives them; paths by name. Raises ExportError."""
+    """Write path.png and optionally path.pdf, and return the paths by name. Raises ExportError."""
     return save_drawn(drawn(figure, pdf, about), path, about)
 
 
 def save_figures(
     figures: Mapping[str, Figure], folder: Path, about: str | None = None
 ) -> dict[str, Path]:
-    """Write each figure as PNG and PDF under its name; paths by `<name>_figure` and `<name>_pdf`. Raises ExportError."""
+    """Write each figure as PNG and PDF under its name. Raises ExportError.
+
+    The paths are returned under `<name>_figure` and `<name>_pdf`.
+    """
     paths: dict[str, Path] = {}
     for name, figure in figures.items():
         paths |= save_figure(figure, folder / name, about=about)
@@ -141,9 +160,9 @@ def save_figures(
 
 
 def save_drawn(files: Mapping[str, bytes], path: Path, about: str | None = None) -> dict[str, Path]:
-    """Write what `drawn` returned, each file whole or not at all; paths by name. Raises ExportError.
+    """Write the files of `drawn` atomically and return their paths by name. Raises ExportError.
 
-    about: what is shown, such as the hash of a plan; PNG files carry it too.
+    about: text that identifies the content, such as the hash of a plan. PNG files contain it too.
     """
     paths = {}
     for ending, data in files.items():
@@ -158,63 +177,61 @@ def save_drawn(files: Mapping[str, bytes], path: Path, about: str | None = None)
 
 
 def png_with_text(png: bytes, key: str, text: str) -> bytes:
-    """A PNG image with a text chunk behind its header."""
+    """Return a PNG image with an additional text chunk after its header."""
     chunk = _chunk(b"tEXt", key.encode("ascii") + b"\0" + text.encode("latin-1"))
     return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]
 
 
 def _png(figure: Figure) -> bytes:
-    """The figure as an opaque PNG image, each row as its difference from that above: most of these are zero.
+    """Return the figure as an opaque PNG image with a palette of 256 colours.
 
-    Matplotlib's own way tries five kinds of differences on four channels and takes four times as long.
+    Such a file is a third as large as one with all colours. Python's zlib compresses it, because
+    the bytes from Pillow's own compressor depend on the processor.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
     canvas = FigureCanvasAgg(figure)
     canvas.draw()  # type: ignore[no-untyped-call]
-    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")  # type: ignore[no-untyped-call]
+    coloured = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")  # type: ignore[no-untyped-call]
+    image = coloured.quantize(dither=Image.Dither.NONE)
     width, height = image.size
-    pixels = np.frombuffer(image.tobytes(), np.uint8).reshape(height, -1)
-    rows = np.empty((height, pixels.shape[1] + 1), np.uint8)
-    rows[:, 0] = 2  # the kind of difference
-    rows[0, 1:] = pixels[0]
-    np.subtract(pixels[1:], pixels[:-1], out=rows[1:, 1:])
-    header = struct.pack(">2I", width, height) + bytes(
-        (8, 2, 0, 0, 0)
-    )  # 8 bits, red, green and blue
+    rows = np.zeros((height, width + 1), np.uint8)  # Each row begins with 0: no filter.
+    rows[:, 1:] = np.asarray(image)
+    header = struct.pack(">2I", width, height) + bytes((8, 3, 0, 0, 0))  # 8 bits with a palette.
     per_metre = round(figure.dpi / 0.0254)
     chunks = (
         (b"IHDR", header),
         (b"pHYs", struct.pack(">2IB", per_metre, per_metre, 1)),
-        (b"IDAT", compress(rows.data, LEVEL)),
+        (b"PLTE", bytes(image.getpalette() or ())),
+        (b"IDAT", compress(rows.data)),
     )
     return PNG_SIGNATURE + b"".join(_chunk(*each) for each in (*chunks, (b"IEND", b"")))
 
 
 def _chunk(kind: bytes, content: bytes) -> bytes:
-    """Of a PNG file."""
+    """Return a chunk of a PNG file."""
     return (
         struct.pack(">I", len(content)) + kind + content + struct.pack(">I", crc32(kind + content))
     )
 
 
 def legend(axes: Axes, **options: Any) -> None:
-    """The legend of a panel within it; options as in `Axes.legend`."""
+    """Draw the legend of a panel inside it. options: see `Axes.legend`."""
     axes.legend(**{"fontsize": SIZE - 1, "frameon": False, **options})
 
 
 def zero_lines(axes: Axes, down: bool = False) -> None:
-    """A line at zero across the panel, and `down` it too."""
+    """Draw a horizontal line at zero and, with `down`, a vertical one."""
     axes.axhline(0.0, **AXIS)
     if down:
         axes.axvline(0.0, **AXIS)
 
 
 def shade_phases(axes: Axes, trajectory: Trajectory, named: bool = False) -> None:
-    """Shade every other phase and, where asked for, name it above the panel as far as there is room for its name."""
+    """Shade every second phase and, with `named`, write the names of phases if there is room."""
     size = SIZE - 1
-    inches = axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * MARGIN))  # per s
+    inches = axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * MARGIN))  # Inches per second.
     for k, phase in enumerate(trajectory.phases):
         if k % 2:
             axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
@@ -230,7 +247,10 @@ def shade_phases(axes: Axes, trajectory: Trajectory, named: bool = False) -> Non
 
 
 def fitting_name(name: str, letters: int) -> str:
-    """The longest of a phase's names that has so many letters: whole, without its group, its number alone, none."""
+    """Return the longest form of a phase's name with at most `letters` letters.
+
+    The forms are the whole name, the name without its group, its number, and an empty text.
+    """
     own = name.rpartition(", ")[2]
     last = own.rpartition(" ")[2]
     return next(
@@ -239,7 +259,7 @@ def fitting_name(name: str, letters: int) -> str:
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int, size: float = SIZE) -> None:
-    """The legend of one panel above all of them."""
+    """Draw the legend of one panel above all panels."""
     figure.legend(
         *axes.get_legend_handles_labels(),
         loc="outside upper center",

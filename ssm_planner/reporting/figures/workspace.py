@@ -1,4 +1,7 @@
-"""Figures of the workspace: the reachable sphere, θ2 against tilt, joint speeds, and the design region. Degrees."""
+"""Draw figures of the workspace in degrees.
+
+They show the reachable sphere, θ2 over tilt, joint speeds and the design region.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +38,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AXES = ("ω₁\nθ₁ roll", "ω₂\nθ₂", "ω₃\nθ₃ spin\nθ₄ insertion")
-"""Each axis with the joints on it."""
+"""Label of each axis with its joints."""
 
 
 def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
-    """The figures of one mechanism, by file name."""
+    """Return the figures of a mechanism by file name."""
     return {
         "axes": axes_figure(mechanism),
         "reachable_set": reachable_set_figure(mechanism),
@@ -49,7 +52,10 @@ def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
 
 
 def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> dict[str, str]:
-    """Write each figure as PNG and PDF; the paths by name, `_pdf` added to those of PDFs. Raises ExportError."""
+    """Write each figure as PNG and PDF and return the paths by name. Raises ExportError.
+
+    The names of PDF files end with `_pdf`.
+    """
     folder = Path(directory)
     paths: dict[str, str] = {}
     with publishing(folder) as temporary:
@@ -60,7 +66,7 @@ def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> dic
 
 
 def axes_figure(mechanism: Mechanism) -> Figure:
-    """The numbering: the axes through the remote centre at q = 0, what turns about them, and the angles between them."""
+    """Draw the axes through the remote centre at q = 0 with their joints and angles."""
     figure = new_figure(5.2, 4.6)
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
@@ -102,7 +108,7 @@ def axes_figure(mechanism: Mechanism) -> Figure:
 
 
 def _between(start: Array, end: Array, count: int = 61) -> Array:
-    """(3, count) unit directions on the short way from one to another."""
+    """Return unit directions (3, count) on the shortest arc between two directions."""
     angle = np.arccos(np.clip(start @ end, -1.0, 1.0))
     share = np.linspace(0.0, 1.0, count)
     return np.asarray(
@@ -112,7 +118,7 @@ def _between(start: Array, end: Array, count: int = 61) -> Array:
 
 
 def reachable_set_figure(mechanism: Mechanism) -> Figure:
-    """The reachable part of the unit sphere about the RCM, and its section through ω1 with the tilt interval."""
+    """Draw the reachable part of the unit sphere about the RCM, and its section through ω1."""
     figure = new_figure(9.0, 4.4)
     sphere = figure.add_subplot(1, 2, 1, projection="3d")
     _draw_sphere(sphere, mechanism)
@@ -122,7 +128,7 @@ def reachable_set_figure(mechanism: Mechanism) -> Figure:
 
 
 def theta2_figure(mechanism: Mechanism) -> Figure:
-    """θ2 against tilt on both branches, with the extremes where they meet."""
+    """Draw θ2 over tilt on both branches, with the extremes at which the branches meet."""
     figure = new_figure(6.0, 4.2)
     axes = figure.add_subplot()
     tilt = _tilts(mechanism)
@@ -140,7 +146,10 @@ def theta2_figure(mechanism: Mechanism) -> Figure:
 
 
 def joint_speed_figure(mechanism: Mechanism) -> Figure:
-    """Joint speed per tilt speed at constant roll and spin, and the smallest singular value, along the tilt."""
+    """Draw joint speed per tilt speed and the smallest singular value over tilt.
+
+    Roll and spin are constant.
+    """
     figure = new_figure(6.0, 5.6)
     speeds, singular = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     tilt = _tilts(mechanism)[1:-1]
@@ -173,9 +182,9 @@ def design_region_figure(
     built: tuple[float, float] | None = None,
     size: tuple[float, float] = (5.6, 5.4),
 ) -> Figure:
-    """All (α, β) that reach a tilt range, for growing margins, the smallest α, and a design (α, β) if one is given.
+    """Draw all (α, β) that reach a tilt range, for several margins, with the smallest α.
 
-    size: width and height, inches.
+    built: a design (α, β) to mark. size: width and height, inches.
     """
     from matplotlib.patches import Polygon
 
@@ -214,7 +223,7 @@ def design_region_figure(
 
 
 def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
-    """The unit sphere as a grid, its reachable band as a surface, the boundary circles and the axes."""
+    """Draw the unit sphere as a grid with its reachable band, the boundary circles and the axes."""
     ends = np.abs(tilt_interval(mechanism))
     around = np.linspace(0.0, 2.0 * np.pi, 121)
     for tilt in np.linspace(0.0, np.pi, 13):
@@ -240,7 +249,10 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
 
 
 def _draw_section(axes: Any, mechanism: Mechanism) -> None:
-    """The plane of ω1 and the tool at roll 0: ω1 to the right, tilt counted from it, home side drawn heavy."""
+    """Draw the plane of ω1 and the tool at roll 0.
+
+    ω1 points to the right. The tilt starts there, and the home side is bold.
+    """
     around = np.linspace(0.0, 2.0 * np.pi, 361)
     axes.plot(np.cos(around), np.sin(around), color="0.75", linewidth=0.8)
     low, high = tilt_interval(mechanism)
@@ -257,7 +269,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         )
     for tilt in (low, high):
         axes.plot([0.0, np.cos(tilt)], [0.0, -np.sin(tilt)], color="black", linewidth=0.7)
-        # next to ω1 the label would lie on its arrow
+        # Next to ω1 the label would overlap its arrow.
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
         text = minus(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
         axes.text(1.3 * np.cos(tilt), height, text, ha="center", va="center", fontsize=SIZE)
@@ -279,14 +291,14 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
 
 
 def pointings(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
-    """Directions of ω3 (3, ...) in the base frame at tilts and rolls."""
+    """Return directions of ω3 (3, ...) in the base frame for tilts and rolls."""
     tilt = np.broadcast_to(np.asarray(tilt, dtype=float), roll.shape)
     points = np.stack((np.cos(tilt), np.sin(tilt) * np.sin(roll), -np.sin(tilt) * np.cos(roll)))
     return np.tensordot(mechanism.frame, points, axes=1)
 
 
 def _tilts(mechanism: Mechanism) -> Array:
-    """The tilt interval, denser towards its ends."""
+    """Return the tilt interval with more values near its ends."""
     low, high = tilt_interval(mechanism)
     return (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.linspace(0.0, np.pi, 721))
 

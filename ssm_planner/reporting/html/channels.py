@@ -1,4 +1,4 @@
-"""Channels: every quantity that a page plots, sampled in time."""
+"""Sample every quantity that a page plots."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 
 RATE, FEWEST, MOST = 400.0, 1200, 4000
-"""Samples per second of motion, and how many a page holds."""
+"""Samples per second of motion, and the smallest and largest number of samples in a page."""
 LOAD_RATE = 500.0
-"""Hz at which the motors are computed, besides every instant at which a torque jumps."""
+"""Rate at which motor loads are computed in addition to the instants of torque jumps, Hz."""
 CELSIUS = 273.15
 
 
@@ -35,12 +35,16 @@ EYE_CHANNELS = {RetinaClearance.name: "retina", LensClearance.name: "lens"}
 
 
 def time_grid(duration: float) -> Array:
-    """Instants (n,) at which a page shows a motion of this duration, s."""
+    """Return the instants (n,) in s at which a page shows a motion of this duration."""
     return np.linspace(0.0, duration, int(np.clip(RATE * duration, FEWEST, MOST)))
 
 
 def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
-    """Every plotted quantity at t (n,), SI, by name such as "qd2" (joint index); after the plan's end its last value."""
+    """Return every plotted quantity at t (n,) in SI units, by a name such as "qd2" for joint index
+    2.
+
+    Quantities keep their last value after the end of the plan.
+    """
     trajectory = plan.motion
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
     channels = {
@@ -62,7 +66,7 @@ def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
 
 
 def encoded(channels: dict[str, Array]) -> dict[str, str]:
-    """Channels (n,) as base64 of little-endian doubles: exact, and quick to read in a browser."""
+    """Encode channels (n,) as base64 of little-endian doubles, which is exact and fast to read."""
     return {
         name: base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
         for name, values in channels.items()
@@ -70,12 +74,15 @@ def encoded(channels: dict[str, Array]) -> dict[str, str]:
 
 
 def limited_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
-    """Speeds of the tool that the page shows: the tip's, and what else is limited."""
+    """Return the tool speeds that the page shows: the tip speed and all other limited speeds."""
     return [TipSpeed, *(type(limit) for limit in limits.speeds if not isinstance(limit, TipSpeed))]
 
 
 def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -> dict[str, Array]:
-    """Task coordinates, their rates, tip position and speed and, where there is an eye, what is limited about it; SI."""
+    """Return the channels of the tool in SI units.
+
+    They are task coordinates, limited rates, tip position, tool speeds and eye clearances.
+    """
     task = task_from_joints(mechanism, samples.q)
     for column in (0, 2):
         task[:, column] = np.unwrap(task[:, column])
@@ -97,7 +104,7 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
 
 
 def _split_channels(loads: Sequence[JointLoad], t: Array) -> dict[str, Array]:
-    """Parts of each motor's torque at t (n,), N·m, by name such as "split0_load"."""
+    """Return the parts of each motor torque at t (n,) in N·m, by a name such as "split0_load"."""
     return {
         f"split{JOINTS.index(load.joint)}_{name}": np.interp(t, load.t - load.t[0], part)
         for load in loads
@@ -106,15 +113,18 @@ def _split_channels(loads: Sequence[JointLoad], t: Array) -> dict[str, Array]:
 
 
 def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) -> dict[str, Array]:
-    """Winding and housing, °C, of the motors whose file has the figures, once the repeated motion is in its steady state."""
+    """Return winding and housing temperatures in °C for motors with thermal data.
+
+    They describe the steady state of the repeated motion.
+    """
     channels = {}
     for load in loads:
         if load.motor is None or missing(load.motor, *FIGURES):
             continue
         cycle = Cycle.from_torque(load.t, load.torque(), pause)
-        found = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)
-        if found.steady:
-            for name, values in (("winding", found.winding), ("housing", found.housing)):
+        state = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)
+        if state.steady:
+            for name, values in (("winding", state.winding), ("housing", state.housing)):
                 channels[f"{name}{JOINTS.index(load.joint)}"] = (
                     np.interp(t, cycle.t, values) - CELSIUS
                 )

@@ -1,4 +1,4 @@
-"""Two plans on one page: before and after, two motors, two designs."""
+"""Write a page that compares two plans."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ssm_planner.reporting.text import Table
 from ssm_planner.units import RPM
 from ssm_planner.verification.certificate import Certificate
 
-LEFT_OUT = ("What the motor torque is spent on",)
+LEFT_OUT = ("Parts of the motor torque",)
 NAMES = ("A", "B")
 
 
@@ -29,7 +29,7 @@ def write_comparison(first: Plan, second: Plan, out: Path) -> Path:
 
 
 def comparison_page(first: Plan, second: Plan) -> str:
-    """The comparison of two plans as an HTML document."""
+    """Return the comparison of two plans as an HTML document."""
     plans = first, second
     return render(
         "compare.html",
@@ -44,6 +44,7 @@ def comparison_page(first: Plan, second: Plan) -> str:
             }
             for letter, plan in zip(NAMES, plans, strict=True)
         ],
+        joints=first.robot.joints,
         durations=_durations(plans),
         limits=_limits(first.certificate, second.certificate),
         motors=_motors(first, second),
@@ -51,17 +52,24 @@ def comparison_page(first: Plan, second: Plan) -> str:
 
 
 def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
-    """What the page's scripts read; both plans on one time grid, the shorter one held at its end."""
+    """Return the data for the scripts of the page.
+
+    Both plans have the same time grid. The shorter plan holds its last position.
+    """
     duration = max(plan.motion.duration for plan in plans)
     t = time_grid(duration)
     channels = [channels_of(plan, t) for plan in plans]
+    # Held values after the end of a plan are no activity.
+    played = [t <= plan.motion.duration + 1e-9 for plan in plans]
     return {
         "duration": duration,
         "ends": [plan.motion.duration for plan in plans],
         "colours": list(COLOURS),
-        "joints": [{"name": joint.name, "kind": joint.kind} for joint in plans[0].robot.joints],
         "panels": _together(
-            *(panels_of(plan, each) for plan, each in zip(plans, channels, strict=True))
+            *(
+                panels_of(plan, {name: values[inside] for name, values in each.items()})
+                for plan, each, inside in zip(plans, channels, played, strict=True)
+            )
         ),
         "scenes": [scene_of(plan.robot, plan.limits) for plan in plans],
         "channels": [encoded(each) for each in channels],
@@ -74,7 +82,7 @@ def _durations(plans: tuple[Plan, Plan]) -> Table:
         ("duration s", *_pair([plan.duration for plan in plans])),
         ("lower bound s", *_pair([plan.lower_bound for plan in plans])),
         ("TOPP-RA s", *_pair([plan.toppra_duration for plan in plans])),
-        ("gap %", *_pair(gaps, relative=False)),
+        ("above the lower bound %", *_pair(gaps, relative=False)),
     ]
     return Table(("", "A", "B", "change"), rows, (1, 2, 3))
 
@@ -114,7 +122,7 @@ def _motors(first: Plan, second: Plan) -> Table:
 
 
 def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, str, str]:
-    """A's value, B's, and the change."""
+    """Return the values of A and B and their change as text."""
     a, b = values
     change = NOTHING
     if a is not None and b is not None and (a or not relative):
@@ -123,42 +131,51 @@ def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, s
 
 
 def _together(first: list[Panel], second: list[Panel]) -> list[Panel]:
-    """One panel for each single quantity, with both plans' limits; colour 0 is A's, 1 is B's."""
+    """Return one panel for each quantity with the limits of both plans.
+
+    Colour 0 belongs to A and colour 1 to B. A limit has a colour if only one plan has it.
+    """
     merged: dict[tuple[str, str], Panel] = {}
     for side, panels in enumerate((first, second)):
         for panel in (
             single
-            for each in panels
-            if each["section"] not in LEFT_OUT
-            for single in _singles(each)
+            for line in panels
+            if line["section"] not in LEFT_OUT
+            for single in _singles(line)
         ):
             key = panel["section"], panel["channel"]
-            held = merged.setdefault(key, {**panel, "limits": [], "active": [], "sides": []})
-            held["sides"].append(side)
+            shared = merged.setdefault(key, {**panel, "limits": [], "active": [], "sides": []})
+            shared["sides"].append(side)
             for limit in panel["limits"]:
-                known = [(each["name"], each["low"], each["high"]) for each in held["limits"]]
-                if (limit["name"], limit["low"], limit["high"]) not in known:
-                    held["limits"].append({**limit, "of": NAMES[side]})
+                same = [
+                    line
+                    for line in shared["limits"]
+                    if all(line[key] == limit[key] for key in ("name", "low", "high"))
+                ]
+                for line in same:
+                    line["side"] = None
+                if not same:
+                    shared["limits"].append({**limit, "of": NAMES[side], "side": side})
             for stretch in panel["active"]:
-                held["active"].append(
+                shared["active"].append(
                     {**stretch, "joint": side, "label": f"{NAMES[side]}: {stretch['label']}"}
                 )
     return list(merged.values())
 
 
 def _singles(panel: Panel) -> Iterator[Panel]:
-    """A panel for each of its series."""
+    """Yield one panel for each series of a panel."""
     for series in panel["series"]:
-        mine = [limit for limit in panel["limits"] if limit["joint"] == series["joint"]]
+        limits = [limit for limit in panel["limits"] if limit["joint"] == series["joint"]]
         active = [stretch for stretch in panel["active"] if stretch["joint"] == series["joint"]]
         title = panel["title"]
         if len(panel["series"]) > 1:
             title = f"{title.partition(':')[0]}: {series['label']}"
-        own = {
+        content = {
             "title": title,
             "channel": series["channel"],
             "series": [series],
-            "limits": mine,
+            "limits": limits,
             "active": active,
         }
-        yield {**panel, **own, "missing": []}
+        yield {**panel, **content, "missing": []}

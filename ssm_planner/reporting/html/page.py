@@ -1,4 +1,7 @@
-"""Self-contained pages from the templates in reporting/templates: styles, scripts and data inside, nothing fetched."""
+"""Render self-contained pages from the templates in reporting/templates.
+
+Styles, scripts and data are inside the page. It loads nothing from the network.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,20 @@ if TYPE_CHECKING:
 
 
 PACKAGE = "ssm_planner.reporting"
-"""Whose templates and assets pages are made of."""
+"""Package that contains the templates and assets."""
 LIBRARIES = (("three.js 0.187.0", "three"), ("uPlot 1.6.32", "uplot"))
-"""Name with version, and the stem of the files in assets/vendor. Their licences must go with every copy of a page."""
+"""Name with version, and file stem in assets/vendor, of each library.
+
+Every copy of a page must include their licences.
+"""
 
 
 def render(template: str, data: Any, **content: Any) -> str:
-    """An HTML document. data: JSON types, read by the page's scripts; content: the template's names, escaped in it."""
+    """Return an HTML document.
+
+    template: name of the template. data: JSON types for the scripts of the page. content: values
+    for the template, which escapes them.
+    """
     from markupsafe import Markup
 
     return filled(templates(), template, data=Markup(safe_json(data)), **content)
@@ -31,28 +41,28 @@ def render(template: str, data: Any, **content: Any) -> str:
 
 @cache
 def templates() -> Environment:
-    """Those of the pages, in which every value is escaped."""
-    made = environment(PACKAGE, escape=True)
-    made.globals.update(asset=_asset, libraries=LIBRARIES)
-    return made
+    """Return the template environment of the pages, which escapes every value."""
+    pages = environment(PACKAGE, escape=True)
+    pages.globals.update(asset=_asset, libraries=LIBRARIES)
+    return pages
 
 
 def write_page(out: Path, text: str, plan: str) -> Path:
-    """Write a page of the plan with a SHA-256, whole or not at all. Raises ExportError."""
+    """Write a page atomically with the SHA-256 `plan` of its plan. Raises ExportError."""
     with replacing_result(out, plan) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return out
 
 
 def safe_json(data: Any) -> str:
-    """JSON that cannot end the script element around it."""
+    """Return JSON that cannot end the script element around it."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 @cache
 def _asset(name: str) -> Markup:
-    """A file of assets/, which is trusted and not escaped."""
+    """Return a file of assets/ without escaping, because it is trusted."""
     from markupsafe import Markup
 
     file = resources.files(PACKAGE).joinpath("assets", *name.split("/"))

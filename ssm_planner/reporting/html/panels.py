@@ -1,4 +1,4 @@
-"""Panels of the page: series that stand together, their limits, and the stretches where a limit is active."""
+"""Build the panels of a page: series, limits, and intervals in which limits are active."""
 
 from __future__ import annotations
 
@@ -37,16 +37,19 @@ from ssm_planner.units import RPM
 Panel = dict[str, Any]
 T = TypeVar("T", TaskRange, TaskRate)
 NEAR = 0.005
-"""A limit is active where the value is within this share of it, of a range within half this share of its width."""
+"""Tolerance for an active limit, relative to the limit or to a range's half width."""
 GAP = 0.01
-"""Stretches nearer to each other than this, s, are one."""
+"""Active intervals with a smaller gap than this (s) are merged."""
 GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
-TEMPERATURE = "Temperature in the steady state of the repeated motion, in surroundings of 25\N{NO-BREAK SPACE}°C"
+TEMPERATURE = "Steady-state temperature of the repeated motion at 25\N{NO-BREAK SPACE}°C ambient"
 POINTS = 81
 
 
 def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
-    """Panels in the order of the page, each with its channels (n,), limits and the stretches where these are active."""
+    """Return the panels in the order of the page, with channels, limits and active intervals.
+
+    channels: arrays (n,) by name.
+    """
     joints = plan.robot.joints
     kinds = [
         (kind, [i for i, joint in enumerate(joints) if joint.kind == kind])
@@ -61,7 +64,7 @@ def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
     )
     for field, per, limited in (*fields, ("qddd", "/s³", JointJerk)):
         for kind, which in kinds:
-            # without a limit on jerk the acceleration jumps, and its derivative would be noise of the solver
+            # Without a jerk limit the acceleration jumps, and its derivative would be solver noise.
             if which and (
                 limited is not JointJerk or any(joints[i].jerk is not None for i in which)
             ):
@@ -80,7 +83,10 @@ def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
 
 
 def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, int]]) -> Panel:
-    """series: (channel, label, colour); unit: SI, or "rpm" for rad/s."""
+    """Return an empty panel.
+
+    series: (channel, label, colour index). unit: SI unit, or "rpm" for values in rad/s.
+    """
     return {
         "section": section,
         "title": title,
@@ -103,9 +109,20 @@ def new_limit(
     channel: str | None,
     size: float | None = None,
 ) -> dict[str, Any]:
-    """of: joint or coordinate; index: of the colour; channel: whose active stretches are marked, None for none.
+    """Return a limit as the page reads it.
 
-    size: what margins are relative to, where that is not the limit itself or the width of the range.
+    Parameters
+    ----------
+    name : str
+    of : str
+        Joint or coordinate.
+    index : int
+        Index of the colour.
+    low, high : float
+    channel : str or None
+        Channel for which active intervals are marked.
+    size : float, optional
+        Reference of the margin. The default is the limit itself, or the width of a range.
     """
     ends = {"low": low, "high": high, "channel": channel, "size": size}
     return {
@@ -118,19 +135,19 @@ def new_limit(
 
 
 def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
-    """A limit as the page draws it; index: of the colour."""
-    low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # a speed is never negative
+    """Return a limit as the page draws it. index: index of the colour."""
+    low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # A speed is never negative.
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
     of = limit.coordinate if isinstance(limit, TaskRange) else limit.joint or ""
     line = new_limit(
         limit.name, of, index=index, low=low, high=limit.high, channel=channel, size=size
     )
-    # the name of a range says of which coordinate
+    # The name of a range contains its coordinate.
     return {**line, "label": limit.name} if isinstance(limit, TaskRange) else line
 
 
 def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
-    """Add the stretches in which a limit on one of the channels (n,) is active."""
+    """Add the intervals in which a limit on one of the channels (n,) is active."""
     for limit in panel["limits"]:
         if limit["channel"] is None:
             continue
@@ -142,7 +159,10 @@ def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
 
 
 def in_display_units(panel: Panel) -> None:
-    """Limits and stretches in the unit that is shown; channels stay SI and are scaled by the page."""
+    """Convert limits and intervals to display units.
+
+    The page scales the channels, which remain SI.
+    """
     panel["unit"], panel["scale"] = unit_of(panel["unit"])
     for limit in panel["limits"]:
         for end in ("low", "high"):
@@ -154,9 +174,10 @@ def in_display_units(panel: Panel) -> None:
 def active_stretches(
     t: Array, values: Array, low: float, high: float, size: float | None = None
 ) -> Iterator[tuple[float, float, int]]:
-    """(start, end, side) of each stretch of values (n,) at a limit; t (n,) in s, side +1 at high and −1 at low.
+    """Yield (start, end, side) of each interval in which values (n,) are at a limit.
 
-    size: of the limit, where it is not its value.
+    t (n,): time, s. side: +1 at high and −1 at low. size: reference of the tolerance; the default
+    is the limit itself.
     """
     for side, end in ((1, high), (-1, low)):
         if np.isfinite(end):
@@ -164,17 +185,17 @@ def active_stretches(
             if np.isfinite(low) and np.isfinite(high):
                 near = NEAR / 2 * (high - low)
             with np.errstate(invalid="ignore"):
-                at = side * (end - values) <= near
-            for start, stop in _runs(t, at):
+                active = side * (end - values) <= near
+            for start, stop in _runs(t, active):
                 yield start, stop, side
 
 
-def _runs(t: Array, at: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Start and end time of each run of true values, those close together joined."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(int), [0]))))
+def _runs(t: Array, active: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return start and end time of each run of true values. Runs with short gaps are merged."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], active.astype(int), [0]))))
     runs: list[tuple[float, float]] = []
-    for first, after in zip(edges[::2], edges[1::2], strict=True):
-        start, end = float(t[first]), float(t[after - 1])
+    for begin, stop in zip(edges[::2], edges[1::2], strict=True):
+        start, end = float(t[begin]), float(t[stop - 1])
         if runs and start - runs[-1][1] < GAP:
             start = runs.pop()[0]
         runs.append((start, end))
@@ -182,8 +203,8 @@ def _runs(t: Array, at: NDArray[np.bool_]) -> list[tuple[float, float]]:
 
 
 def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
-    """(limit, from, to, unit) of everything that limits the tool."""
-    found = [
+    """Return (limit, from, to, unit) of every limit on the tool."""
+    entries = [
         (limit.name, limit.low, limit.high, limit.unit)
         for limit in limits.limits
         if isinstance(limit, TaskRange)
@@ -192,14 +213,16 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
         (r for r in limits.limits if isinstance(r, TaskRate)),
         key=lambda r: TASK.index(r.coordinate),
     )
-    found += [(limit.name, -np.inf, limit.high, limit.unit) for limit in (*rates, *limits.of_tool)]
+    entries += [
+        (limit.name, -np.inf, limit.high, limit.unit) for limit in (*rates, *limits.of_tool)
+    ]
     eye = limits.eye
     if eye is not None:
-        about = (f"radius {1e3 * eye.radius:g} mm", f"shaft radius {1e3 * eye.shaft_radius:g} mm")
-        for limit, size in zip(eye.limits, about, strict=False):
-            found.append((f"{limit.name}, {size}", limit.low, limit.high, limit.unit))
+        sizes = (f"radius {1e3 * eye.radius:g} mm", f"shaft radius {1e3 * eye.shaft_radius:g} mm")
+        for limit, size in zip(eye.limits, sizes, strict=False):
+            entries.append((f"{limit.name}, {size}", limit.low, limit.high, limit.unit))
     rows = []
-    for name, low, high, si in found:
+    for name, low, high, si in entries:
         unit, scale = unit_of(si)
         start, end = (f"{scale * bound:.6g}" if np.isfinite(bound) else "" for bound in (low, high))
         rows.append((name, start, end, unit))
@@ -207,33 +230,36 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
 
 
 def without_temperature(channels: dict[str, Array], motors: dict[int, Motor]) -> list[str]:
-    """Why a motor has no temperature among the channels (n,)."""
+    """Return why the channels (n,) lack the temperatures of some motors."""
     reasons = []
     for i, motor in motors.items():
         if f"winding{i}" not in channels:
-            lacking = missing(motor, *FIGURES)
-            why = (
-                f"the motor file gives no {', '.join(lacking)}"
-                if lacking
-                else "no steady state, the motor overheats"
+            missing_values = missing(motor, *FIGURES)
+            reason = (
+                f"the motor file gives no {', '.join(missing_values)}"
+                if missing_values
+                else "the motor overheats and has no steady state"
             )
-            reasons.append(f"{JOINTS[i]}: {why}".replace("_", " "))
+            reasons.append(f"{JOINTS[i]}: {reason}".replace("_", " "))
     return reasons
 
 
 def motor_map(i: int, motor: Motor) -> dict[str, Any]:
-    """The motor's regions: largest and continuous torque (mN·m) over speed (rpm), at nominal voltage and 25 °C."""
+    """Return the largest and the continuous torque of a motor over its speed.
+
+    Torques are in mN·m and speeds in rpm, at nominal voltage and 25 °C.
+    """
     conditions = Conditions()
     speed = np.linspace(0.0, motor.max_speed, POINTS)
     largest = available_torque(motor, conditions, speed)
-    lasting = np.minimum(largest, continuous_torque(motor, conditions.ambient) or 0.0)
+    continuous = np.minimum(largest, continuous_torque(motor, conditions.ambient) or 0.0)
     return {
         "joint": i,
         "motor": motor.name,
         "placeholder": motor.placeholder,
         "speed": (RPM * speed).tolist(),
         "largest": (1e3 * largest).tolist(),
-        "continuous": (1e3 * lasting).tolist(),
+        "continuous": (1e3 * continuous).tolist(),
     }
 
 
@@ -243,14 +269,14 @@ def _joint_panel(
     unit: str,
     limited: type[JointPosition | JointVelocity | JointAcceleration | JointJerk],
 ) -> Panel:
-    """One derivative of the joints (index, joint), with the limits of one kind."""
+    """Build the panel of one derivative of the joints (index, joint) with limits of one kind."""
     title = f"{limited.name.capitalize()}: {', '.join(joint.name for _, joint in joints)}"
     panel = new_panel(
         "Joints", title, unit, [(f"{field}{i}", joint.name, i) for i, joint in joints]
     )
     unlimited = []
     for i, joint in joints:
-        limit = next((each for each in joint.limits if isinstance(each, limited)), None)
+        limit = next((bound for bound in joint.limits if isinstance(bound, limited)), None)
         if limit is None:
             unlimited.append(joint.name)
         else:
@@ -291,19 +317,17 @@ def _motor_panels(joints: tuple[Joint, ...], channels: dict[str, Array]) -> list
 
 
 def split_panels(channels: dict[str, Array]) -> Iterator[Panel]:
-    """One panel for each driven joint, a line for each part; channels (n,)."""
+    """Yield one panel per driven joint with a line for each part of the torque. channels: (n,)."""
     for i, joint in enumerate(JOINTS):
         if f"split{i}_{PARTS[0]}" in channels:
             series = [
                 (f"split{i}_{name}", name.replace("_", " "), k) for k, name in enumerate(PARTS)
             ]
-            yield new_panel(
-                "What the motor torque is spent on", f"Torque split: {joint}", "N·m", series
-            )
+            yield new_panel("Parts of the motor torque", f"Torque split: {joint}", "N·m", series)
 
 
 def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> Iterator[Panel]:
-    """Winding and housing of each motor whose channels (n,) are there."""
+    """Yield the winding and housing temperatures of each motor that has channels (n,) for them."""
     for i, motor in motors.items():
         series = [(f"winding{i}", "winding", 1), (f"housing{i}", "housing", 0)]
         if f"winding{i}" not in channels:
@@ -325,7 +349,7 @@ def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> 
 
 
 def tool_panels(limits: TaskLimits) -> list[Panel]:
-    """Panels of these channels; rates only where they are limited."""
+    """Return the panels of the tool. Rates appear only if they are limited."""
     panels = []
     for which, unit, title in GROUPS:
         panels.append(
@@ -338,14 +362,14 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
     for which, unit, _ in GROUPS:
         rates = _in_order(limits, TaskRate, which)
         if rates:
-            named = (
+            heading = (
                 rates[0].name.capitalize()
                 if which == [3]
                 else "Rate: " + ", ".join(r.coordinate for r in rates)
             )
             indices = [TASK.index(rate.coordinate) for rate in rates]
             series = [(f"task_rate{i}", TASK[i], i) for i in indices]
-            panels.append(new_panel("Task coordinates", named, f"{unit}/s", series))
+            panels.append(new_panel("Task coordinates", heading, f"{unit}/s", series))
             lines = zip(rates, indices, strict=True)
             panels[-1]["limits"] = [limit_line(rate, i, f"task_rate{i}") for rate, i in lines]
     for kind in limited_speeds(limits):
@@ -357,10 +381,10 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
     return panels if limits.eye is None else panels + _eye_panels(limits.eye)
 
 
-def _in_order(limits: TaskLimits, kind: type[T], which: list[int]) -> list[T]:
-    """Limits of one kind on these coordinates, in the order of TASK."""
-    found = {limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)}
-    return [found[TASK[i]] for i in which if TASK[i] in found]
+def _in_order(limits: TaskLimits, kind: type[T], indices: list[int]) -> list[T]:
+    """Return the limits of one kind on the selected coordinates, in the order of TASK."""
+    by_coordinate = {limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)}
+    return [by_coordinate[TASK[i]] for i in indices if TASK[i] in by_coordinate]
 
 
 def _eye_panels(eye: Eye) -> list[Panel]:
@@ -368,7 +392,7 @@ def _eye_panels(eye: Eye) -> list[Panel]:
     panels = [new_panel("Tool tip", "Tip to retina", retina.unit, [("retina", "tip", 3)])]
     panels[0]["limits"] = [limit_line(retina, 3, "retina")]
     panels[0]["missing"].append(
-        f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus the distance to its edge"
+        f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus distance to its edge"
     )
     for limit in lens:
         panels.append(

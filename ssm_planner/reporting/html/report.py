@@ -1,29 +1,24 @@
-"""report.html: one plan as a self-contained page made from plan.json alone."""
+"""Write report.html, a self-contained page built only from plan.json."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ssm_planner.display import NOTHING, fixed, number, percent, words
+from ssm_planner.display import NOTHING, fixed, number
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import (
     JUMPS,
-    PROMISES,
     TASK,
     JointAcceleration,
     JointJerk,
     JointVelocity,
-    LensClearance,
     MotorSpeed,
     MotorTorque,
-    RetinaClearance,
-    SelfLocking,
 )
 from ssm_planner.problem.robot import Joint
 from ssm_planner.problem.serialization import plain
@@ -40,11 +35,11 @@ from ssm_planner.reporting.html.panels import (
 )
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import (
-    ANSWERS,
     MOTOR_MARGINS,
     Table,
+    candidates_table,
+    closest_limit,
     confirmation,
-    gear_margin,
     joints_table,
     limit_cells,
     missing_figures,
@@ -61,19 +56,20 @@ from ssm_planner.verification.certificate import Certificate, LimitCheck
 SHOWN_STOPS = 12
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
 TIGHTEST = 10
-"""Limits that the certificate shows unfolded."""
+"""Number of limits that the certificate always shows."""
 MOST_PARTS = 5
-"""Of a sentence about the motion."""
+"""Largest number of parts in the sentence about the motion."""
 STILL = 1e-6
-"""rad or m below which a coordinate stays."""
+"""Largest change of an unchanged coordinate, rad or m."""
 NOTABLE = 0.15
-"""Share of a motion's duration from which a limit is said to limit it."""
-FLOORS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
+"""Fraction of the duration from which the sentence mentions an active limit."""
 JOINT_LIMITS = tuple(
     kind.name for kind in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque)
 )
+LimitRow = tuple[LimitCheck, tuple[str, ...]]
+"""A limit of the certificate and the cells of `limit_cells`."""
 Mark = tuple[str, str, str]
-"""("good", "bad" or "open", a word, its reason)."""
+"""("good", "bad" or "open", word, reason)."""
 
 
 def write_report(plan: Plan, out: Path) -> Path:
@@ -82,9 +78,8 @@ def write_report(plan: Plan, out: Path) -> Path:
 
 
 def report_page(plan: Plan) -> str:
-    """The report of a plan as an HTML document."""
+    """Return the report of a plan as an HTML document."""
     data = report_data(plan)
-    marks = verdict(plan)
     return render(
         "report.html",
         data,
@@ -92,17 +87,25 @@ def report_page(plan: Plan) -> str:
         name=plan.problem.name,
         robot=plan.robot.name,
         sentence=sentence(plan, data["panels"]),
-        marks=[mark for mark in marks if mark[0] != "open"],
-        open_marks=[mark for mark in marks if mark[0] == "open"],
-        figures=_figures(plan),
+        verdict_marks=verdict(plan),
+        plan=plan,
+        confirmation=confirmation(plan),
+        ranges=range_lines(plan),
         notes=plan.notes,
         certificate=plan.certificate,
+        closest=plan.certificate and closest_limit(plan.certificate.limits),
         tiers=_tiers(plan.certificate),
         phases=phases_table(plan),
+        candidates=candidates_table(plan),
         ends=joints_table(plan),
         motors=motors_table(plan.requirements),
         stops=_stops(plan),
-        sizing=_sizing(plan),
+        sizing=judged(plan),
+        margins=MOTOR_MARGINS,
+        missing=Table(
+            ("joint", "motor or gear", "not checked", "missing data"),
+            [*missing_figures(judged(plan))],
+        ),
         repeated=repeated(plan.problem.duty),
         motion=_motion(plan),
         task_limits=Table(
@@ -114,22 +117,18 @@ def report_page(plan: Plan) -> str:
             (2, 3, 4, 5),
             "Joints",
         ),
-        sources=[
-            (joint.name, table) for joint in plan.robot.joints if (table := _sources(joint)).rows
-        ],
-        provenance=_provenance(plan),
     )
 
 
 def repeated(duty: float | None) -> str:
-    """How often the motion is done, in words."""
+    """Describe how often the motion is performed. duty: pause in s, or None for a single motion."""
     if duty is None:
         return "The motion done once, from cold,"
     return f"The motion repeated {f'after a pause of {duty:.6g} s' if duty else 'without pause'}"
 
 
 def report_data(plan: Plan) -> dict[str, Any]:
-    """What the page's scripts read: channels, panels, phases, joints and scene."""
+    """Return the data for the scripts of the page: channels, panels, phases, joints and scene."""
     channels = channels_of(plan, time_grid(plan.motion.duration))
     motors = {
         i: joint.motor
@@ -155,7 +154,7 @@ def report_data(plan: Plan) -> dict[str, Any]:
 
 
 def sentence(plan: Plan, panels: list[Panel]) -> str:
-    """What the motion does, in which time, and what limits it."""
+    """Describe the motion, its duration and the limits that determine the duration."""
     groups: dict[str, list[PhaseSummary]] = {}
     for phase in plan.phases:
         groups.setdefault(
@@ -170,14 +169,14 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
             )
         else:
             parts += _changes(phases[0])
-    few = parts if len(parts) <= MOST_PARTS else [f"makes {len(plan.phases)} phases"]
-    text = f"{', '.join(few) or 'stands still'} in {_seconds(plan.duration, 2)}"
+    shown_parts = parts if len(parts) <= MOST_PARTS else [f"makes {len(plan.phases)} phases"]
+    text = f"{', '.join(shown_parts) or 'stands still'} in {_seconds(plan.duration, 2)}"
     limited = _limited_by(plan, panels)
     return text[0].upper() + text[1:] + (f"; limited by {limited}" if limited else "") + "."
 
 
 def _changes(phase: PhaseSummary) -> Iterator[str]:
-    """The task coordinates that a phase changes, in words."""
+    """Describe the task coordinates that a phase changes."""
     for name, begin, end in zip(TASK, phase.task_start, phase.task_end, strict=True):
         if name == "depth" and abs(end - begin) > STILL:
             yield f"{'inserts' if end > begin else 'withdraws'} {number(1e3 * abs(end - begin), 3)} mm"
@@ -187,101 +186,76 @@ def _changes(phase: PhaseSummary) -> Iterator[str]:
 
 
 def _limited_by(plan: Plan, panels: list[Panel]) -> str:
-    """The limits on speeds and accelerations that are active for a good part of the motion, longest first."""
+    """Name the speed and acceleration limits that are active longest, in descending order."""
     share: dict[str, dict[int, float]] = {}
-    for stretch in (each for panel in panels for each in panel["active"]):
+    for stretch in (interval for panel in panels for interval in panel["active"]):
         if not stretch["name"].endswith(("range", "position", "clearance")):
-            of = share.setdefault(stretch["name"], {})
-            of[stretch["joint"]] = of.get(stretch["joint"], 0.0) + stretch["end"] - stretch["start"]
+            times = share.setdefault(stretch["name"], {})
+            times[stretch["joint"]] = (
+                times.get(stretch["joint"], 0.0) + stretch["end"] - stretch["start"]
+            )
     longest = sorted(share, key=lambda name: -max(share[name].values()))
-    said = [name for name in longest if max(share[name].values()) > NOTABLE * plan.motion.duration][
-        :2
-    ]
-    return " and ".join(_of_joints(name, sorted(share[name])) for name in said)
+    named = [
+        name for name in longest if max(share[name].values()) > NOTABLE * plan.motion.duration
+    ][:2]
+    return " and ".join(_of_joints(name, sorted(share[name])) for name in named)
 
 
 def _of_joints(name: str, joints: list[int]) -> str:
-    """A limit with the numbers of its joints; those of the tool say themselves of what."""
-    word = {"velocity": "speed"}.get(name, name)
+    """Name a limit with the numbers of its joints. Names of tool limits need no addition."""
+    quantity = {"velocity": "speed"}.get(name, name)
     if name not in JOINT_LIMITS:
-        return f"the {word}"
+        return f"the {quantity}"
     numbers = [str(i + 1) for i in joints]
-    which = " and ".join(filter(None, (", ".join(numbers[:-1]), numbers[-1])))
-    return f"the {word} of joint{'s' if len(joints) > 1 else ''} {which}"
+    joint_numbers = " and ".join(filter(None, (", ".join(numbers[:-1]), numbers[-1])))
+    return f"the {quantity} of joint{'s' if len(joints) > 1 else ''} {joint_numbers}"
 
 
 def _is_spot(phase: PhaseSummary) -> bool:
-    """The tool stands at a spot of a scan, whose phases are named after it."""
+    """Return True if the tool stands at a spot of a scan. Such phases are named after the scan."""
     return phase.task_start == phase.task_end and ", " in phase.name
 
 
 def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[dict[str, Any]]:
-    """Where the tip is at the end of every phase, m, and whether it is a spot of a scan."""
+    """Return the tip position (m) at the end of every phase, and True for spots of a scan."""
     spots = {phase.name for phase in plan.phases if _is_spot(phase)}
     t, start = channels["t"], float(plan.motion.breaks[0])
     tip = np.column_stack([channels[f"tip{i}"] for i in range(3)])
-    found: dict[tuple[float, ...], bool] = {}
+    stops: dict[tuple[float, ...], bool] = {}
     for phase in plan.motion.phases:
-        place = tuple(
+        position = tuple(
             np.round(tip[min(int(np.searchsorted(t, phase.end - start)), len(t) - 1)], 5).tolist()
         )
-        found[place] = found.get(place, False) or phase.name in spots
-    return [{"position": list(place), "spot": spot} for place, spot in found.items()]
-
-
-@dataclass(frozen=True)
-class LimitRow:
-    """One limit of the certificate as the page shows it."""
-
-    check: LimitCheck
-    name: str
-    joint: str
-    worst: str
-    allowed: str
-    unit: str
-
-    @property
-    def margin(self) -> float:
-        """Without the rounding that a kept limit may be exceeded by."""
-        return max(self.check.margin, 0.0) if self.check.passed else self.check.margin
-
-    @property
-    def bar(self) -> int:
-        """% of the margin's bar that is full."""
-        return round(100 * min(max(self.margin, 0.0), 1.0))
+        stops[position] = stops.get(position, False) or phase.name in spots
+    return [{"position": list(position), "spot": spot} for position, spot in stops.items()]
 
 
 def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
-    """The certificate's limits, tightest first: the ten that matter most and all that are violated, others, continuity."""
+    """Group the limits of a certificate, smallest margin first.
+
+    The groups are the tightest and all violated limits, other limits, and numerical continuity.
+    """
     limits = () if certificate is None else certificate.limits
-    rows = []
-    for check in sorted(limits, key=lambda limit: limit.margin):
-        name, joint, worst, allowed, unit, _ = limit_cells(check, "°")
-        floor = name in FLOORS or (
-            name.endswith(("range", "position", *PROMISES)) and check.worst > check.limit
-        )
-        name = {SelfLocking.name: "friction that self-locking needs"}.get(name, name)
-        allowed = f"{'≥' if floor else '≤'} {allowed}"
-        rows.append(
-            LimitRow(check, name=name, joint=joint, worst=worst, allowed=allowed, unit=unit)
-        )
-    numerical = [row for row in rows if row.check.name in JUMPS and row.check.passed]
-    first = [row for row in rows if row not in numerical]
-    shown = max(TIGHTEST, sum(not row.check.passed for row in first))
+    rows: list[LimitRow] = [
+        (check, limit_cells(check, "°")) for check in sorted(limits, key=lambda each: each.margin)
+    ]
+    numerical = [row for row in rows if row[0].name in JUMPS and row[0].passed]
+    main_rows = [row for row in rows if row not in numerical]
+    shown = max(TIGHTEST, sum(not check.passed for check, _ in main_rows))
     return [
-        ("tightest", first[:shown]),
-        ("Other limits", first[shown:]),
+        ("tightest", main_rows[:shown]),
+        ("Other limits", main_rows[shown:]),
         ("Numerical continuity: jumps between polynomials, rest at both ends", numerical),
     ]
 
 
 def verdict(plan: Plan) -> list[Mark]:
-    """Whether the motion is planned, certified and possible with the motors."""
+    """Return the marks for planning, certification and motors."""
     return [_feasible(plan), _certified(plan), motors_verdict(judged(plan))]
 
 
 def judged(plan: Plan) -> dict[str, Any]:
-    """The object that `size --json` prints, of a plan with a trajectory."""
+    """Return the object that `size --json` prints for a plan with a trajectory."""
     assert plan.sizing is not None
     return plan.sizing.to_dict()
 
@@ -293,11 +267,11 @@ def _feasible(plan: Plan) -> Mark:
 def _certified(plan: Plan) -> Mark:
     certificate = plan.certificate
     if certificate is None:
-        return "bad", "Not certified", plan.doubt or "the plan holds no certificate"
+        return "bad", "Not certified", plan.doubt or "the plan has no certificate"
     if not certificate.passed:
         worst = certificate.worst
-        of = f" of joint {worst.joint}" if worst.joint else ""
-        return "bad", "Not certified", f"{worst.name}{of} exceeded at {worst.time:.3f} s"
+        joint = f" of joint {worst.joint}" if worst.joint else ""
+        return "bad", "Not certified", f"{worst.name}{joint} exceeded at {worst.time:.3f} s"
     return (
         "good",
         "Certified",
@@ -305,35 +279,15 @@ def _certified(plan: Plan) -> Mark:
     )
 
 
-def _figures(plan: Plan) -> list[tuple[str, str, str]]:
-    """(name, value, note) of duration, lower bound, gap, TOPP-RA's time, and Ipopt's confirmation."""
-    duration, toppra, gap = plan.duration, plan.toppra_duration, plan.gap
-    against = f"this plan: {percent(duration / toppra - 1, 3)}" if duration and toppra else ""
-    return [
-        ("Duration", _seconds(duration), ""),
-        ("Lower bound", _seconds(plan.lower_bound), "no motion on this path can be shorter"),
-        ("Gap", NOTHING if gap is None else f"{fixed(100 * gap, 2)} %", "duration above the bound"),
-        ("TOPP-RA", _seconds(toppra), against),
-        *([("Ipopt", *confirmation(plan))] if plan.confirmation else []),
-        *(
-            [("Without the range", _seconds(plan.nominal_duration), _range(plan))]
-            if plan.nominal_duration
-            else []
-        ),
-    ]
-
-
-def _range(plan: Plan) -> str:
-    """What the plan holds for, and the cost."""
-    return range_lines(plan)[0].removeprefix("range").strip()
-
-
 def _seconds(value: float | None, decimals: int = 4) -> str:
     return NOTHING if value is None else f"{fixed(value, decimals)} s"
 
 
 def _stops(plan: Plan) -> dict[str, Any] | None:
-    """From some instants, the longest and the farthest stop among them: how long it takes, how far the tip goes."""
+    """Return the table of controlled stops from selected instants and the two extreme stops.
+
+    The extreme stops have the longest duration and the longest travel.
+    """
     stops = plan.stops
     if stops is None:
         return None
@@ -357,47 +311,17 @@ def _stops(plan: Plan) -> dict[str, Any] | None:
         "count": len(stops.time),
         "passed": stops.passed,
         "broken": sorted(
-            {f"{each.name} {each.joint or ''}".strip() for each in stops.certificate.violations}
+            {
+                f"{violation.name} {violation.joint or ''}".strip()
+                for violation in stops.certificate.violations
+            }
         ),
-        "table": Table(("from s", "stands after ms", "way of the tip mm", ""), rows, (0, 1, 2)),
-    }
-
-
-def _sizing(plan: Plan) -> dict[str, Any]:
-    """Which motors and gears suffice, by what margins (one column for each motor), and which figures are missing."""
-    found = judged(plan)
-    columns = [_motor_column(motor, found) for motor in (*found["motors"], *found["alternatives"])]
-    rows = (
-        [(name, *(column[name] for column in columns)) for name in columns[0]]
-        if columns
-        else [("joint",)]
-    )
-    return {
-        "verdict": ": ".join(filter(None, motors_verdict(found)[1:])),
-        "motors": Table(rows[0], rows[1:]),
-        "missing": Table(
-            ("joint", "motor or gear", "not checked", "figures that are missing"),
-            [*missing_figures(found)],
-        ),
-    }
-
-
-def _motor_column(motor: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, str]:
-    probability = motor["probability"]
-    return {
-        "joint": motor["joint"],
-        "motor": motor["motor"],
-        "its figures": "placeholders among them" if motor["placeholder"] else "with a source",
-        "suffices": ANSWERS[motor["adequate"]],
-        "binds": words(motor["binds"] or NOTHING),
-        **{words(name): percent(motor["margins"].get(name)) for name in MOTOR_MARGINS},
-        "gear": percent(gear_margin(motor, found)),
-        "confidence": NOTHING if probability is None else f"{number(100 * probability)} %",
+        "table": Table(("from s", "stop duration ms", "tip travel mm", ""), rows, (0, 1, 2)),
     }
 
 
 def _motion(plan: Plan) -> Table:
-    """The start and every entry of the motion as stated in the problem."""
+    """Build the table of the start and every entry of the motion in the problem."""
     stated = plain(plan.problem)
     start = ("start", "", _target({"target": stated.get("start")}))
     moves = [(str(m["name"]), str(m["kind"]), _target(m)) for m in stated.get("motion") or []]
@@ -428,30 +352,5 @@ def _joint_row(joint: Joint) -> tuple[str, ...]:
         NOTHING if value is None else f"{number(scale * value, 6)} {unit}{per}"
         for value, per in derivatives
     )
-    parts = (NOTHING if part is None else part.name for part in (joint.drive, joint.motor))
-    return (joint.name, joint.kind, f"{low} … {high} {unit}", *largest, *parts)
-
-
-def _sources(joint: Joint) -> Table:
-    """Where the figures of a joint's drive and motor come from."""
-    rows = [
-        (part, key, source, "placeholder" if key in owner.placeholders else "")
-        for part, owner in (("drive", joint.drive), ("motor", joint.motor))
-        if owner is not None
-        for key, source in owner.sources.items()
-    ]
-    return Table(("of", "figure", "source", ""), rows)
-
-
-def _provenance(plan: Plan) -> Table:
-    """Versions, files and the plan's fingerprint."""
-    files = ("problem file", str(plan.problem.file)), ("robot file", str(plan.robot.file))
-    return Table(
-        ("what", "which"),
-        [
-            *plan.software.items(),
-            *files,
-            ("plan file", plan.path.name),
-            ("SHA-256 of the plan file", plan.sha256),
-        ],
-    )
+    hardware = (NOTHING if part is None else part.name for part in (joint.drive, joint.motor))
+    return (joint.name, joint.kind, f"{low} … {high} {unit}", *largest, *hardware)

@@ -1,4 +1,4 @@
-"""What the 3D view draws of a robot: axes, sides of the links, the tilt band and the eye. Metres, base frame."""
+"""Build the scene of the 3D view: axes, links, tilt band and eye, in m in the base frame."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from ssm_planner.problem.serialization import plain
 from ssm_planner.typing import Array, Range
 
 LINK = 0.11
-"""Radius at which the links are drawn; a robot file gives no shapes."""
+"""Radius of the drawn links, m. A robot file contains no shapes."""
 BAND = 0.075
-"""Radius of the tilt band."""
+"""Radius of the tilt band, m."""
 STEP = math.radians(5.0)
 
 
 def scene_of(robot: Robot, limits: TaskLimits) -> dict[str, Any]:
-    """The scene of a robot with its ranges of task coordinates and the eye."""
+    """Return the scene of a robot with its ranges of task coordinates and the eye."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     scene = mechanism_scene(mechanism, limits.ranges, link_sides(robot, mechanism), limits.eye)
     scene["names"] = [joint.name for joint in robot.joints]
@@ -37,7 +37,17 @@ def mechanism_scene(
     sides: list[int] | None = None,
     eye: Eye | None = None,
 ) -> dict[str, Any]:
-    """The scene of a mechanism; sides: on which side of the RCM joints 1 and 2 are, +1 along their axis."""
+    """Return the scene of a mechanism.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    ranges : Mapping[str, Range]
+        Allowed ranges of task coordinates.
+    sides : list[int], optional
+        Side of the RCM on which joints 1 and 2 are, +1 along their axis.
+    eye : Eye, optional
+    """
     low, high = tilt_interval(mechanism)
     bands = [{"name": "reachable", **band(mechanism, (low, high), (-math.pi, math.pi))}]
     if "tilt" in ranges:
@@ -57,7 +67,10 @@ def mechanism_scene(
 
 
 def band(mechanism: Mechanism, tilt: Range, roll: Range) -> dict[str, Any]:
-    """Vertices of the part of a sphere about the RCM through which the tool axis passes, row by row of equal tilt."""
+    """Return the vertices of the part of a sphere about the RCM that the tool axis reaches.
+
+    The vertices form rows of equal tilt.
+    """
     roll = max(roll[0], -math.pi), min(roll[1], math.pi)
     rows, columns = (max(2, math.ceil((ends[1] - ends[0]) / STEP) + 1) for ends in (tilt, roll))
     tilts, rolls = np.linspace(*tilt, rows), np.linspace(*roll, columns)
@@ -68,7 +81,10 @@ def band(mechanism: Mechanism, tilt: Range, roll: Range) -> dict[str, Any]:
 
 
 def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:
-    """On which side of the RCM the masses of links 1 and 2 are along their joints' axes: +1 or −1."""
+    """Return the sides of the RCM on which links 1 and 2 have their mass.
+
+    A side is +1 or −1 along the joint axis.
+    """
     axes = mechanism.omega1, mechanism.omega2
     return [
         1 if float(axis @ (body.frame @ body.com)) > 0 else -1

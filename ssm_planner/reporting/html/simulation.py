@@ -1,4 +1,7 @@
-"""A simulated playback on a page: the arm as simulated, a ghost, beside the planned one, with its tracking errors."""
+"""Write the page of a simulated playback.
+
+It shows the simulated arm over the planned one, and the tracking errors.
+"""
 
 from __future__ import annotations
 
@@ -34,22 +37,24 @@ PLANNED, SIMULATED = range(2)
 
 
 def write_simulation_page(plan: Plan, result: SimulationResult, out: Path) -> Path:
-    """Write the page of a playback of a plan. Raises ExportError."""
+    """Write the page of a plan's playback. Raises ExportError."""
     return write_page(out, simulation_page(plan, result), plan.sha256)
 
 
 def simulation_page(plan: Plan, result: SimulationResult) -> str:
-    """The page of a playback of a plan as an HTML document."""
+    """Return the page of a plan's playback as an HTML document."""
     verdict = [
         ("good" if result.passed else "bad", "passed" if result.passed else "not passed", "")
     ]
     losses = result.losses
-    stands = f"{'the arm holds' if result.holds else 'the arm does not hold'}, the tip travels {1e3 * result.travel:.4f} mm"
+    holding = "holds" if result.holds else "does not hold"
+    stands = f"the arm {holding}, the tip travels {1e3 * result.travel:.4f} mm"
     return render(
         "simulation.html",
         simulation_data(plan, result),
         title=f"{plan.problem.name} – simulated playback",
         name=plan.problem.name,
+        joints=plan.robot.joints,
         robot=plan.robot.name,
         marks=[*verdict, *(("bad", "", reason) for reason in result.reasons)],
         notes=result.notes,
@@ -60,7 +65,10 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
 
 
 def simulation_data(plan: Plan, result: SimulationResult) -> dict[str, Any]:
-    """What the page's scripts read; both motions on one time grid, the plan held at its end."""
+    """Return the data for the scripts of the page.
+
+    Both motions have the same time grid. The plan holds its last position.
+    """
     if result.scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(result.scenario.speed))
     t = time_grid(float(result.time[-1]))
@@ -73,7 +81,6 @@ def simulation_data(plan: Plan, result: SimulationResult) -> dict[str, Any]:
         "ends": [plan.motion.duration, float(t[-1])],
         "names": ["planned", "simulated"],
         "colours": list(COLOURS),
-        "joints": [{"name": joint.name, "kind": joint.kind} for joint in plan.robot.joints],
         "panels": panels,
         "scenes": [scene_of(plan.robot, plan.limits)] * 2,
         "channels": [encoded(each) for each in channels],
@@ -81,47 +88,58 @@ def simulation_data(plan: Plan, result: SimulationResult) -> dict[str, Any]:
 
 
 def _simulated(plan: Plan, result: SimulationResult, t: Array) -> dict[str, Array]:
-    """The simulated motion at t (n,), SI, by the names of `channels_of`; errors are simulated minus planned."""
+    """Return the simulated motion at t (n,) in SI units, by the channel names of `channels_of`.
 
-    def at(values: Array) -> Array:
+    Errors are simulated minus planned values.
+    """
+
+    def resample(values: Array) -> Array:
         return np.column_stack([np.interp(t, result.time, column) for column in values.T])
 
-    q = at(result.q)
+    q = resample(result.q)
     tip = tip_position(Mechanism.from_geometry(plan.robot.geometry), q)
-    channels = {"t": t, "tip_error": at(result.tip[:, None])[:, 0]}
+    channels = {
+        "t": t,
+        "tip_error": resample(result.tip[:, None])[:, 0],
+        "travel": np.interp(t, result.losses.time, result.losses.travel),
+    }
     for name, values in (
         ("q", q),
-        ("qd", at(result.qd)),
-        ("error", at(result.q - result.planned)),
+        ("qd", resample(result.qd)),
+        ("error", resample(result.q - result.planned)),
         ("tip", tip),
     ):
         channels |= {f"{name}{i}": values[:, i] for i in range(values.shape[1])}
     driven = [JOINTS.index(motor.joint) for motor in result.motors]
     return channels | {
-        f"tau{i}": values for i, values in zip(driven, at(result.torque[:, driven]).T, strict=True)
+        f"tau{i}": values
+        for i, values in zip(driven, resample(result.torque[:, driven]).T, strict=True)
     }
 
 
 def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
-    """Of the tip, then joint by joint the tracking error, then motor by motor the torque with its limit."""
-    tip = _panel("Tracking error", "Tip, away from the plan", "m", "tip_error", (SIMULATED,))
+    """Return the panels of the tip error, the tracking errors and the motor torques."""
+    tip = _panel(
+        "Tracking error", "Distance of the tip from the plan", "m", "tip_error", (SIMULATED,)
+    )
     tip["limits"] = [
         new_limit("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error, channel=None)
     ]
-    panels = [tip]
-    for i, joint in enumerate(plan.robot.joints):
-        unit = "rad" if joint.kind == "revolute" else "m"
-        panels.append(_panel("Tracking error", joint.name, unit, f"error{i}", (SIMULATED,)))
+    losses = _panel(
+        "Power loss at this time", "Travel of the tip until it stands", "m", "travel", (SIMULATED,)
+    )
+    errors, torques = [], []
     for motor in result.motors:
         i = JOINTS.index(motor.joint)
-        panel = _panel("Motor torque", motor.joint, "N·m", f"tau{i}", (PLANNED, SIMULATED))
-        panel["limits"] = [
-            limit_line(each, i, f"tau{i}")
-            for each in plan.robot.joints[i].limits
-            if isinstance(each, MotorTorque)
-        ]
-        panels.append(panel)
-    return panels
+        joint = plan.robot.joints[i]
+        unit = "rad" if joint.kind == "revolute" else "m"
+        errors.append(_panel("Tracking error", joint.name, unit, f"error{i}", (SIMULATED,)))
+        panel = _panel("Motor torque", joint.name, "N·m", f"tau{i}", (PLANNED, SIMULATED))
+        limit = next((bound for bound in joint.limits if isinstance(bound, MotorTorque)), None)
+        panel["limits"] = [] if limit is None else [limit_line(limit, i, f"tau{i}")]
+        panel["missing"] = ["at rest the controller’s integrator pushes against static friction"]
+        torques.append(panel)
+    return [*([losses] if len(result.losses.time) > 1 else []), tip, *errors, *torques]
 
 
 def _panel(section: str, title: str, unit: str, channel: str, sides: tuple[int, ...]) -> Panel:

@@ -1,0 +1,93 @@
+"""Dynamics of a robot as users call them: joint efforts and motor torques."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ssm_planner.dynamics import motors
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.errors import GeometryError
+from ssm_planner.kinematics.rotations import batch
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Samples
+from ssm_planner.typing import Array
+
+
+def inverse_dynamics(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
+    """Return the joint efforts τ = M(q) q̈ + C(q, q̇) q̇ + g(q) of the rigid bodies.
+
+    The recursive Newton–Euler algorithm gives them (Featherstone, Rigid Body Dynamics Algorithms,
+    2008, §5.3). Friction and the inertia of the motors are not included. See `motor_torque`.
+
+    Parameters
+    ----------
+    robot : Robot
+    q, qd, qdd : (4,) or (n, 4)
+        Joint positions, velocities and accelerations in rad, m and s.
+
+    Returns
+    -------
+    (4,) or (n, 4) array
+        Efforts in N·m, and in N for the translation.
+
+    Raises
+    ------
+    GeometryError
+        If a shape is wrong or a value is not finite.
+
+    Examples
+    --------
+    >>> from ssm_planner import inverse_dynamics, load_robot
+    >>> efforts = inverse_dynamics(load_robot("vitreoretinal"), [0, 0, 0, 0], [0] * 4, [0] * 4)
+    >>> efforts.shape
+    (4,)
+    """
+    samples = _samples(q, qd, qdd)
+    efforts = RigidBody.from_robot(robot).inverse_dynamics(samples.q, samples.qd, samples.qdd)
+    return efforts if np.ndim(q) == 2 else efforts[0]
+
+
+def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
+    """Return the motor torques of a joint motion, with the friction of the drives.
+
+    A joint at rest that accelerates breaks away with static friction. A joint without velocity and
+    acceleration is held by its self-locking drive, and its motor needs no torque.
+
+    Parameters
+    ----------
+    robot : Robot
+    q, qd, qdd : (4,) or (n, 4)
+        Joint positions, velocities and accelerations in rad, m and s.
+
+    Returns
+    -------
+    (4,) or (n, 4) array
+        Torques in N·m. NaN for joints without a drive.
+
+    Raises
+    ------
+    GeometryError
+        If a shape is wrong or a value is not finite.
+
+    Examples
+    --------
+    >>> from ssm_planner import load_robot, motor_torque
+    >>> robot = load_robot("vitreoretinal")
+    >>> motor_torque(robot, [0, 0, 0, 0], [0] * 4, [0] * 4)[:2].tolist()
+    [0.0, 0.0]
+    """
+    samples = _samples(q, qd, qdd)
+    body = RigidBody.from_robot(robot)
+    direction, breakaway = motors.directions(robot, samples, 1)
+    torque = motors.motor_motion(robot, body, samples, direction, breakaway).torque
+    return torque if np.ndim(q) == 2 else torque[0]
+
+
+def _samples(q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Samples:
+    """Return samples without times and jerks. Raises GeometryError if the lengths differ."""
+    rows = [batch(name, x, 4) for name, x in (("q", q), ("qd", qd), ("qdd", qdd))]
+    if len({len(part) for part in rows}) > 1:
+        lengths = ", ".join(str(len(part)) for part in rows)
+        raise GeometryError(f"q, qd and qdd have different lengths: {lengths}")
+    return Samples(np.zeros(len(rows[0])), rows[0], rows[1], rows[2], np.zeros_like(rows[0]))

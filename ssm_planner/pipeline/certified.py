@@ -1,0 +1,210 @@
+"""One attempt at a problem: plan, check, and tighten the limits that the check finds exceeded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.planning.planner import PlannerResult, plan_motion
+from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.value import unchecked
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
+from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.check import check
+
+ATTEMPTS = 4
+"""Largest number of rounds of planning and checking.
+
+A fourth round has never helped where the third did not.
+"""
+
+Progress = Callable[[str], None]
+
+
+def silent(_: object) -> None:
+    """Ignore a message."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A planned motion, its certificate, and the reason why it is rejected."""
+
+    planned: PlannerResult
+    certificate: Certificate | None
+    reason: Reason | None
+    """None if the motion passed the check."""
+
+    @property
+    def passed(self) -> bool:
+        """True if the motion is certified."""
+        return self.reason is None and self.planned.trajectory is not None
+
+    @property
+    def duration(self) -> float:
+        """Duration, s. Infinite without a certified motion."""
+        trajectory = self.planned.trajectory
+        return np.inf if self.reason is not None or trajectory is None else trajectory.duration
+
+    @property
+    def excess_heat(self) -> float | None:
+        """(RMS/limit)² − 1 of the hottest motor.
+
+        None if another limit is exceeded, or if nothing was checked.
+        """
+        certificate = self.certificate
+        if certificate is None or any(
+            violation.name != ContinuousTorque.name for violation in certificate.violations
+        ):
+            return None
+        shares = [
+            (limit.worst / limit.limit) ** 2
+            for limit in certificate.limits
+            if limit.name == ContinuousTorque.name
+        ]
+        return max(shares) - 1 if shares else None
+
+    @property
+    def hot_joints(self) -> set[str]:
+        """Names of the joints whose motors exceed their continuous torque."""
+        violations = () if self.certificate is None else self.certificate.violations
+        return {str(limit.joint) for limit in violations if limit.name == ContinuousTorque.name}
+
+
+def plan_and_check(
+    problem: Problem,
+    progress: Progress = silent,
+    on_motion: Callable[[Trajectory], None] = silent,
+    cooling: Array | None = None,
+    *,
+    may_overheat: bool = True,
+    may_reverse: bool = True,
+) -> Outcome:
+    """Plan a problem and check the motion.
+
+    If the check finds a limit exceeded, the limit is tightened by the excess and the problem is
+    planned again. A motion with TOPP-RA's timing that exceeds a limit between grid points is
+    planned without that timing first. A motion that tightening does not cure is planned again
+    without reversals between points.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    progress : callable
+        Called with messages.
+    on_motion : callable
+        Called with each motion before its check.
+    cooling : (4,) array or None
+        Weights of the motors' heat, as in `plan_motion`.
+    may_overheat : bool
+        Plan a motion even if no motion keeps the motors cool enough.
+    may_reverse : bool
+        Allow joints to reverse between points.
+
+    Returns
+    -------
+    Outcome
+        The last motion, with its certificate and the reason if it failed.
+    """
+    strict = problem
+    has_reversals = False
+    may_retime = True
+    for attempt in range(1, ATTEMPTS + 1):
+        result = plan_motion(
+            unchecked(strict, robot=problem.robot),
+            strict.robot,
+            progress,
+            cooling,
+            may_overheat=may_overheat,
+            may_reverse=may_reverse,
+            may_retime=may_retime,
+        )
+        has_reversals = has_reversals or any(phase.turns_back for phase in result.phases)
+        if result.trajectory is None:
+            outcome = Outcome(result, None, result.reason)
+            break
+        on_motion(result.trajectory)
+        progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
+        outcome = checked(problem, result)
+        if outcome.certificate is None or outcome.passed:
+            break
+        if any(phase.retimed for phase in result.phases):
+            may_retime = False
+            continue
+        stricter = None if attempt == ATTEMPTS else tightened(strict, outcome.certificate)
+        if stricter is None:
+            break
+        strict = stricter
+    if has_reversals and not outcome.passed:
+        return plan_and_check(
+            problem, progress, on_motion, cooling, may_overheat=may_overheat, may_reverse=False
+        )
+    return outcome
+
+
+def checked(problem: Problem, result: PlannerResult) -> Outcome:
+    """Check a motion, and return it with its certificate."""
+    if result.trajectory is None:
+        return Outcome(result, None, result.reason)
+    certificate = check(result.trajectory, problem.robot, problem.task_limits, seal=True)
+    reason = None if certificate.passed else exceeded(problem, certificate)
+    return Outcome(result, certificate, reason)
+
+
+def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
+    """Return the problem with tighter limits, by the excess that the check found between nodes.
+
+    None if no exceeded limit can be tightened.
+    """
+    strict = problem
+    for violation in certificate.violations:
+        limit = next(
+            (item for item in strict.all_limits if item.key == (violation.name, violation.joint)),
+            None,
+        )
+        stricter = None if limit is None else limit.tightened(violation.worst, violation.limit)
+        if stricter is not None:
+            try:
+                strict = stricter.on(strict)
+            except ProblemError:  # A point, or the port of the eye, lies between the two bounds.
+                return None
+    return None if strict is problem else strict
+
+
+def exceeded(problem: Problem, certificate: Certificate) -> Reason:
+    """Return the worst violation, which tightening did not cure, as a reason."""
+    violation = certificate.worst
+    limit: Limit | None = next(
+        (item for item in problem.all_limits if item.key == (violation.name, violation.joint)), None
+    )
+    if violation.name in JUMPS and violation.joint is not None:
+        limit = Jump(violation.joint, violation.limit, derivative=JUMPS.index(violation.name))
+    joint = "" if violation.joint is None else f" of joint {violation.joint}"
+    text = (
+        f"the independent check found {violation.name}{joint} exceeded: {violation.worst:.6g} "
+        f"{violation.unit} against {violation.limit:.6g} {violation.unit} at "
+        f"t = {violation.time:.4f} s; the motion is not written"
+    )
+    required, available = violation.worst, violation.limit
+    if isinstance(limit, SelfLocking) or (limit is not None and limit.is_floor):
+        required, available = available, required
+    if isinstance(limit, SelfLocking):
+        text = (
+            f"the drive{joint} is not self-locking: its friction coefficient may be as low as "
+            f"{available:.4g}, but self-locking requires {required:.4g}; "
+            "the load would drive it back"
+        )
+    location: str | None = f"t = {violation.time:.4f} s"
+    if isinstance(limit, ContinuousTorque):
+        location = None
+        text = (
+            f"the motor{joint} would run at an RMS torque of {1e3 * required:.6g} mN·m, but "
+            f"its continuous torque is {1e3 * available:.6g} mN·m; the motion is not written"
+        )
+    return Reason(limit, location, required, available, text)

@@ -1,0 +1,160 @@
+"""Timing of a given joint path, as fast as the limits of the robot allow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.formats.points import Reading
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.rotations import batch
+from ssm_planner.loading.load import load_problem, load_robot
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.retiming.paths import SplinePath, smooth_runs
+from ssm_planner.plans import Plan
+from ssm_planner.problem.motion import Follow, Joints
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array
+
+POINTS_PER_PIECE = 4
+"""Number of points that are taken from each smooth piece of a trajectory."""
+MOST = 20_000
+"""Largest number of points of a path."""
+
+
+def retime(
+    path: ArrayLike | Trajectory | str | Path,
+    robot: Robot | str | Path | None = None,
+    problem: Problem | str | Path | None = None,
+) -> Plan:
+    """Time a joint path as fast as the limits allow, and check the motion.
+
+    Parameters
+    ----------
+    path : (n, 4) array, Trajectory, or file
+        Joint positions in rad and m, a motion whose path is kept, or a file that
+        `ssm-planner check` reads. The motion follows the smooth curve through the points, and
+        stops at the points where the path has a corner.
+    robot : Robot or file
+        Robot whose limits hold. Only allowed without `problem`.
+    problem : Problem or file
+        Problem whose robot and task limits hold.
+
+    Returns
+    -------
+    Plan
+        The certified motion, or a plan without a motion that holds the reason.
+
+    Raises
+    ------
+    GeometryError
+        If an array is not (n, 4) or a value is not finite.
+    ProblemError
+        If neither or both of `robot` and `problem` are given, or if the path does not move or
+        has too many points.
+    TrajectoryError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> import ssm_planner
+    >>> q = [[-0.5, 0.5, 0.2, 0.0], [-0.3, 0.7, 0.1, 0.0], [-0.2, 0.9, 0.0, 0.0]]
+    >>> ssm_planner.retime(q, "vitreoretinal").passed
+    True
+    """
+    robot, base = limits_of(robot, problem)
+    if isinstance(path, (str, Path)):
+        reading = read_trajectory(path, robot)
+        name = f"{Path(path).stem}_retimed"
+        return plan(retiming_problem(reading, robot, base, name)[0])
+    points = Reading(path, "smooth pieces", None) if isinstance(path, Trajectory) else path
+    return plan(retiming_problem(points, robot, base, "retimed")[0])
+
+
+def limits_of(
+    robot: Robot | str | Path | None, problem: Problem | str | Path | None
+) -> tuple[Robot, Problem | None]:
+    """Return the robot, and the problem if one is given. Raises ProblemError."""
+    if problem is None and robot is not None:
+        return (robot if isinstance(robot, Robot) else load_robot(robot)), None
+    if problem is None or robot is not None:
+        raise ProblemError("pass either a robot or a problem", key="robot")
+    base = problem if isinstance(problem, Problem) else load_problem(problem)
+    return base.robot, base
+
+
+def retiming_problem(
+    path: ArrayLike | Reading, robot: Robot, base: Problem | None, name: str
+) -> tuple[Problem, Array]:
+    """Build the problem of following a path.
+
+    Parameters
+    ----------
+    path : (n, 4) array or Reading
+        Joint positions in rad and m, or a motion that was read from a file.
+    robot : Robot
+        Robot that follows the path.
+    base : Problem, optional
+        Problem whose task limits hold.
+    name : str
+        Name of the new problem.
+
+    Returns
+    -------
+    problem : Problem
+        One `Follow` motion for each smooth part of the path.
+    deviation : (4,)
+        Largest distance of each joint from the straight lines between the points, rad and m.
+
+    Raises
+    ------
+    GeometryError
+        If an array is not (n, 4) or a value is not finite.
+    ProblemError
+        If the path does not move or has too many points.
+    """
+    q = _points(path) if isinstance(path, Reading) else batch("path", path, 4)
+    if len(q) > MOST:
+        raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MOST}")
+    scale = np.array([joint.velocity for joint in robot.joints])
+    runs = smooth_runs(q, scale)
+    if not runs:
+        raise ProblemError("this path goes nowhere", key="path")
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    deviations = [SplinePath(mechanism, run, scale).off_lines for run in runs]
+    points = [[Joints((a, b, c, d)) for a, b, c, d in run.tolist()] for run in runs]
+    motion = tuple(
+        Follow(run[-1], tuple(run[1:-1]), f"path {k}") for k, run in enumerate(points, 1)
+    )
+    start = points[0][0]
+    problem = replace(
+        base or Problem(robot, start, motion),
+        name=name,
+        start=start,
+        motion=motion,
+        planner="toppra",
+        objective="time",
+        duration=None,
+        start_rate={},
+        end_rate={},
+    )
+    return problem, np.max(deviations, axis=0)
+
+
+def _points(reading: Reading) -> Array:
+    """Return positions (n, 4) along a motion: its points, and more of them on smooth pieces."""
+    breaks = reading.trajectory.breaks
+    count = 1 if reading.resolution is not None else POINTS_PER_PIECE
+    if count * len(breaks) > MOST:
+        allowed = f"at most {MOST // count}"
+        raise ProblemError(f"{len(breaks)} points", key="path", allowed=allowed)
+    fractions = np.arange(count) / count
+    times = (breaks[:-1, None] + fractions * np.diff(breaks)[:, None]).ravel()
+    return reading.trajectory.positions(np.append(times, breaks[-1]))

@@ -1,0 +1,134 @@
+"""Base class of all candidates, and the record of an attempt at a candidate.
+
+A candidate is one way to move a phase. To add one, derive a class from `Candidate` in a new file
+and add it to `listed.KINDS`. The class says when it is worth trying (`suggested`), which duration
+it cannot beat (`bound`), how long it takes approximately (`estimate`) and which motion it gives
+(`solution`). The search calls these methods in this order and stops as soon as another candidate is
+known to be faster.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ssm_planner.planning.phase_planner import PhasePlanner
+from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.reason import Reason
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate(ABC):
+    """One way to move a phase."""
+
+    planner: PhasePlanner
+    """The phase, its problem and the solvers."""
+
+    kind: ClassVar[str]
+    """Name of the kind of candidate in reports and in plan.json."""
+
+    @classmethod
+    @abstractmethod
+    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+        """Yield the candidates that an attempt suggests.
+
+        The search calls this method once at the beginning, and again after each estimate and each
+        solution.
+
+        Parameters
+        ----------
+        planner : PhasePlanner
+            The phase, its problem and the solvers.
+        attempt : Attempt or None
+            The latest attempt. None at the beginning.
+        """
+
+    @property
+    def bound(self) -> float:
+        """Duration that no motion of this candidate can beat, s."""
+        return self.planner.lower_bound
+
+    def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
+        """Return an approximate motion, or None if the solution would be as cheap.
+
+        A motion that takes `cutoff` seconds or longer is of no use, so the solver may give up on
+        it.
+        """
+        return None
+
+    @abstractmethod
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+        """Return the fastest motion of this candidate, or the reason why none was found.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s from which on a motion is of no use.
+        estimate : PlannedPhase or None
+            The motion that `estimate` returned.
+        """
+
+
+@dataclass(eq=False)
+class Attempt:
+    """A candidate, how far it was computed, and the result."""
+
+    candidate: Candidate
+    bound: float
+    """Lower bound of the duration, s."""
+    estimate: PlannedPhase | None = None
+    """Approximate motion, if the candidate estimates it."""
+    result: PlannedPhase | Reason | None = None
+    """Final result. None if another candidate is faster than the bound or the estimate of this one.
+    """
+    effort: float = 0.0
+    """Work spent on the candidate, approximately in seconds."""
+
+    @property
+    def cost(self) -> float:
+        """Smallest possible duration: the estimate if there is one, else the bound, s."""
+        return self.bound if self.estimate is None else max(self.estimate.duration, self.bound)
+
+    @property
+    def failed(self) -> Reason | None:
+        """Reason why there is no motion.
+
+        None if there is one, or if the candidate was not solved.
+        """
+        return self.result if isinstance(self.result, Reason) else None
+
+    def advance(self, cutoff: float) -> None:
+        """Compute the next result: the estimate first, then the solution."""
+        estimate = None if self.estimate is not None else self.candidate.estimate(cutoff)
+        if estimate is None:
+            self.result = self.candidate.solution(cutoff, self.estimate)
+        elif isinstance(estimate, Reason):
+            self.result = estimate
+        else:
+            self.estimate = estimate
+
+    def described(self, solution: PlannedPhase | Reason) -> dict[str, str | float | None]:
+        """Return the entry of `candidates` in plan.json.
+
+        `solution` is the result of the whole search.
+        """
+        duration = None
+        if self.result is None:
+            outcome = "slower by its bound" if self.estimate is None else "slower by its estimate"
+        elif isinstance(self.result, Reason):
+            outcome = self.result.message
+        else:
+            outcome, duration = "slower", self.result.duration
+            if not isinstance(solution, Reason) and solution.motion is self.result.motion:
+                outcome = "taken"
+        estimate = None if self.estimate is None else self.estimate.duration
+        return {
+            "kind": self.candidate.kind,
+            "bound": self.bound,
+            "estimate": estimate,
+            "outcome": outcome,
+            "duration": duration,
+            "effort": self.effort,
+        }

@@ -1,0 +1,77 @@
+"""Motions around the eye: the tool is drawn back, swings, and is inserted again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.feasibility import nearest_to_eye
+from ssm_planner.planning.ocp.nlp import Reversals
+from ssm_planner.planning.phase_planner import PhasePlanner
+from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.retiming.paths import PolylinePath
+from ssm_planner.problem.limits import LensClearance, RetinaClearance
+
+SHARES = (0.7, 0.55, 0.4, 0.85, 0.25)
+"""Depths to which the guess draws the tool back, divided by the smaller depth of both ends.
+
+The candidates try them in this order.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Detour(Candidate):
+    """A free motion on which the joints reverse once, so that the tool passes retina or lens."""
+
+    share: int
+    """Index of the depth in SHARES."""
+
+    kind: ClassVar[str] = "detour"
+
+    @classmethod
+    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+        """Yield the first detour if the eye blocks the direct motion, and the next if one fails."""
+        if (
+            attempt is None
+            or attempt.failed is None
+            or planner.estimate_only
+            or len(planner.phase.points) != 2
+        ):
+            return
+        if isinstance(attempt.candidate, Detour):
+            if attempt.candidate.share + 1 < len(SHARES):
+                yield cls(planner, attempt.candidate.share + 1)
+        elif attempt.candidate.kind == "direct" and isinstance(
+            attempt.failed.limit, (RetinaClearance, LensClearance)
+        ):
+            yield from [cls(planner, 0)] if planner.phase.path is None else []
+
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+        """Return a motion with one reversal.
+
+        The guess of the reversal is where the direct motion comes nearest to the eye, with the tool
+        drawn back.
+        """
+        planner = self.planner
+        start, end = planner.phase.points
+        line = PolylinePath(planner.mechanism, planner.phase.points)
+        over = nearest_to_eye(planner.problem, line)
+        depth = SHARES[self.share] * min(start[3], end[3], key=abs)
+        over_eye = Reversals(np.stack([start, np.append(over[:3], depth), end]), (1,))
+        return planner.free(over_eye)
+
+
+def direct_or_detour(planner: PhasePlanner) -> PlannedPhase | Reason:
+    """Return the direct motion between two points, or the first detour that succeeds."""
+    direct = planner.free()
+    if isinstance(direct, Reason) and isinstance(direct.limit, (RetinaClearance, LensClearance)):
+        for share in range(len(SHARES)):
+            motion = Detour(planner, share).solution(np.inf, None)
+            if not isinstance(motion, Reason):
+                return motion
+    return direct

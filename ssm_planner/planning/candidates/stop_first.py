@@ -1,0 +1,67 @@
+"""Motions that begin at speed: a stop, then a motion from rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.candidates.detour import direct_or_detour
+from ssm_planner.planning.feasibility import infeasible_place
+from ssm_planner.planning.phase_planner import PhasePlanner
+from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.reason import Reason
+from ssm_planner.trajectory import join
+
+ROOM = 1.1
+"""Distance that joints get to stop, divided by their shortest braking distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class StopFirst(Candidate):
+    """A free motion that begins at speed, split into a stop and a motion from rest."""
+
+    kind: ClassVar[str] = "stop first"
+
+    @classmethod
+    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+        """Yield the candidate if no direct motion was found."""
+        if attempt is None or attempt.failed is None or attempt.candidate.kind != "direct":
+            return
+        phase = planner.phase
+        if phase.path is None and phase.qd_start.any() and phase.motion.duration is None:
+            yield cls(planner)
+
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+        """Return both motions, joined to one. Its name ends in "stops first"."""
+        planner, phase = self.planner, self.planner.phase
+        strongest = np.array([joint.acceleration for joint in planner.problem.robot.joints])
+        stop = phase.q_start + ROOM * phase.qd_start * np.abs(phase.qd_start) / (2 * strongest)
+        at_rest = np.zeros(4)
+        stopping = replace(phase, points=np.stack([phase.q_start, stop]), qd_end=at_rest)
+        points = np.vstack([stop, phase.points[1:]])
+        onward = replace(phase, points=points, qd_start=at_rest, qdd_start=at_rest)
+        reason = infeasible_place(planner.problem, planner.mechanism, (stopping, onward))
+        if reason is not None:
+            return reason
+        motions = []
+        for stage in (stopping, onward):
+            result = direct_or_detour(replace(planner, phase=stage))
+            if isinstance(result, Reason):
+                return result
+            motions.append(result.motion)
+        stopped, resumed = motions
+        trajectory = join([("", motion.breaks, motion.coefficients) for motion in motions])
+        motion = replace(
+            resumed,
+            breaks=trajectory.breaks,
+            coefficients=trajectory.coefficients,
+            borders=np.append(stopped.borders, stopped.duration + resumed.borders[1:]),
+            directions=np.vstack([stopped.directions, resumed.directions]),
+        )
+        name = f"{phase.motion.name}, stops first"
+        labelled = replace(phase, motion=replace(phase.motion, name=name))
+        return PlannedPhase(labelled, motion, None, planner.lower_bound)

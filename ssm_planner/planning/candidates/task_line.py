@@ -1,0 +1,39 @@
+"""Motions along a straight line in task coordinates, in place of a free motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.feasibility import straight_instead
+from ssm_planner.planning.phase_planner import PhasePlanner
+from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.reason import Reason
+
+
+@dataclass(frozen=True, eq=False)
+class TaskLine(Candidate):
+    """The straight motion to the target of a free motion."""
+
+    line: Phase
+
+    kind: ClassVar[str] = "task line"
+
+    @classmethod
+    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+        """Yield the candidate if no direct motion was found and all of the line is allowed."""
+        if attempt is None or attempt.failed is None or attempt.candidate.kind != "direct":
+            return
+        phase = planner.phase
+        if phase.path is None and not phase.stands:
+            line = straight_instead(planner.problem, planner.mechanism, phase)
+            if line is not None:
+                yield cls(planner, line)
+
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+        """Return the motion along the line."""
+        assert self.line.path is not None
+        return replace(self.planner, phase=self.line).along_path(self.line.path)

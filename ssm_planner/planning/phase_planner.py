@@ -1,0 +1,241 @@
+"""Solvers for the motion of one phase.
+
+Candidates ask these methods for motions: along a path or freely, by optimal control or by TOPP-RA
+alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ssm_planner.planning.feasibility import (
+    duration_too_short,
+    motor_too_weak,
+    no_motion,
+    not_constant,
+)
+from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
+from ssm_planner.planning.ocp.free import ELEMENTS, solve_free
+from ssm_planner.planning.ocp.natively import compiled
+from ssm_planner.planning.ocp.nlp import Method, PhaseSolution, Reversals
+from ssm_planner.planning.ocp.straight import solve_straight
+from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
+from ssm_planner.planning.postprocess import BETWEEN, retimed, slowed_to_stop
+from ssm_planner.planning.prechecks import LONGER
+from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
+from ssm_planner.planning.retiming.retime import Retiming, retime, stays_at
+from ssm_planner.problem.limits import TipSpeed
+from ssm_planner.problem.motion import Follow
+from ssm_planner.problem.value import unchecked
+
+METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipopt": "Ipopt"}
+"""Solution methods by the name of the planner."""
+CREEPING = 10.0
+"""Largest ratio of TOPP-RA's duration to the lower bound at which its motion serves as a guess."""
+PACES = 2e-4
+"""Relative accuracy to which the largest feasible constant speed is found."""
+
+
+class PhasePlanner(PhaseTask):
+    """The solvers for one phase of a problem."""
+
+    @property
+    def for_time(self) -> PhasePlanner:
+        """Copy that looks for the fastest motion, without objective and requested duration."""
+        untimed = replace(self.phase, motion=unchecked(self.phase.motion, duration=None))
+        return replace(self, problem=unchecked(self.problem, objective="time"), phase=untimed)
+
+    @property
+    def unconfirmed(self) -> PhasePlanner:
+        """Copy that does without Ipopt's confirmation."""
+        planner = "fast" if self.problem.planner == "optimal" else self.problem.planner
+        return replace(self, problem=unchecked(self.problem, planner=planner))
+
+    def along_path(self, path: JointPath) -> PlannedPhase | Reason:
+        """Return the motion along a path, by optimal control or timed by TOPP-RA alone."""
+        motion = self.phase.motion
+        if isinstance(motion, Follow) and motion.constant_speed is not None:
+            return self._at_constant_speed(path, motion.constant_speed)
+        # Limits on task rates bound the speed point by point along a curve. Optimal control only
+        # knows one bound between two turning points, so TOPP-RA is more accurate here.
+        rated = bool(self.problem.rates) and self._may_be_retimed(path)
+        samples = isinstance(path, SplinePath) and not path.pieces
+        if self.problem.planner == "toppra" or samples or rated:
+            return retimed(self, path)
+        return self._optimal(path)
+
+    def free(
+        self,
+        reversals: Reversals | None = None,
+        *,
+        cutoff: float = np.inf,
+        count: int | None = None,
+        stop_early: bool = False,
+    ) -> PlannedPhase | Reason:
+        """Return a motion whose path the solver chooses.
+
+        Parameters
+        ----------
+        reversals : Reversals or None
+            Where joints reverse, and a guess. None: only where they must.
+        cutoff : float
+            Duration in s beyond which a motion is not refined any further.
+        count : int or None
+            Number of elements. None: chosen by the kind of motion.
+        stop_early : bool
+            Stop the refinement when the remaining violations barely change the duration. The motion
+            then has a `continuation`.
+        """
+        phase = self.phase
+        direct = PolylinePath(self.mechanism, phase.points)
+        at_rest = phase.begins_and_ends_at_rest
+        # Joints that already move need not break away, and may come from the other side.
+        reason = motor_too_weak(self.problem, phase, direct) if at_rest else None
+        if reason is not None:
+            return reason
+        solve = partial(
+            solve_free,
+            self.problem,
+            self.mechanism,
+            phase.points,
+            strict=self.strict,
+            cooling=self.cooling,
+            duration=phase.motion.duration,
+            speeds=(phase.qd_start, phase.qd_end),
+            start_acceleration=phase.qdd_start,
+            reversals=reversals,
+            cutoff=cutoff,
+            count=count,
+            stop_early=stop_early,
+        )
+        jerky = not at_rest and limits_jerk(self.problem.robot)
+        fewer = ELEMENTS if len(phase.points) > 2 and count is None and not jerky else None
+        by_ipopt = reversals is None or reversals.guess is None
+        motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
+        return self.phase_result(direct, slowed_to_stop(self, motion))
+
+    def phase_result(
+        self, path: JointPath, motion: PhaseSolution, toppra_duration: float | None = None
+    ) -> PlannedPhase | Reason:
+        """Return the phase with the motion of a solver.
+
+        The result is a reason if the solver found no motion, or if the motion takes longer than
+        requested.
+        """
+        if not motion.solved:
+            if self.estimate_only:
+                return Reason(None, None, None, None, motion.message)
+            return no_motion(self.problem, self.phase, path, motion.message)
+        duration = self.phase.motion.duration
+        if duration is not None and motion.duration > duration * (1 + LONGER):
+            return duration_too_short(self.phase.motion.name, duration, motion.duration)
+        return PlannedPhase(self.phase, motion, toppra_duration, duration or self.lower_bound)
+
+    def _solved(
+        self,
+        solve: Callable[..., PhaseSolution],
+        *,
+        by_ipopt: bool = True,
+        fewer: int | None = None,
+    ) -> PhaseSolution:
+        """Solve by one method after the other until one of them finds a motion.
+
+        The methods are the structured solver with the confirmation that the planner asks for, the
+        same on `fewer` elements, and Ipopt alone if `by_ipopt` is true.
+        """
+        method: Method = "estimated" if self.estimate_only else METHODS[self.problem.planner]
+        attempts: list[dict[str, object]] = [{"method": method if compiled() else "Ipopt"}]
+        if not self.estimate_only and by_ipopt and method != "Ipopt" and compiled():
+            attempts += [{"method": method, "count": fewer}] * (
+                fewer is not None and method == "confirmed"
+            )
+            attempts += [{"method": "Ipopt"}]
+        for attempt in attempts:
+            solution = solve(**attempt)
+            if solution.solved or solution.solver != "structured":
+                break
+        return solution
+
+    def _at_constant_speed(self, path: JointPath, speed: float) -> PlannedPhase | Reason:
+        """Return a motion that reaches a constant tip speed, m/s, and leaves it as fast as it can.
+
+        If other limits do not allow that speed, a bisection finds the largest one that they allow.
+        """
+
+        def with_tip_speed(limit_speed: float) -> PhasePlanner:
+            caps = (limit.largest for limit in self.problem.limits if isinstance(limit, TipSpeed))
+            other_limits = (
+                limit for limit in self.problem.limits if not isinstance(limit, TipSpeed)
+            )
+            limits = (*other_limits, TipSpeed(min(limit_speed, *caps, limit_speed)))
+            return replace(self, problem=unchecked(self.problem, limits=limits))
+
+        def is_feasible(limit_speed: float) -> bool:
+            limits = with_tip_speed(limit_speed).problem.task_limits
+            robot = with_margin(self.strict, BETWEEN)
+            retiming = retime(path, robot, path.intervals, limits, (0.0, 0.0))
+            return retiming.solved and stays_at(retiming, path, limit_speed)
+
+        if is_feasible(speed):
+            return retimed(with_tip_speed(speed), path)
+        slow, fast = 0.0, speed
+        while fast - slow > PACES * speed:
+            middle = (slow + fast) / 2
+            slow, fast = (middle, fast) if is_feasible(middle) else (slow, middle)
+        return not_constant(self.phase.motion.name, speed, slow)
+
+    def _optimal(self, path: JointPath) -> PlannedPhase | Reason:
+        """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA."""
+        problem = self.problem
+        duration = self.phase.motion.duration
+        retiming = self._guess(path, static=True)
+        if not retiming.solved:
+            return no_motion(problem, self.phase, path, retiming.message)
+        guess = retiming
+        if retiming.duration > CREEPING * self.lower_bound:
+            # A motor that barely starts creeps through TOPP-RA's first interval, because static
+            # friction holds on all of it. A real motor breaks away at a point.
+            kinetic = self._guess(path, static=False)
+            guess = kinetic if kinetic.solved else retiming
+        solve = partial(
+            solve_straight,
+            problem.robot,
+            path,
+            guess,
+            limits=problem.task_limits,
+            strict=self.strict,
+            cooling=self.cooling,
+            objective=problem.objective,
+            duration=duration,
+            speeds=self._speeds(path),
+        )
+        result = self.phase_result(
+            path, self._solved(solve), None if duration else retiming.duration
+        )
+        if isinstance(result, Reason) and self._may_be_retimed(path):
+            return retimed(self, path)
+        return result
+
+    def _guess(self, path: JointPath, *, static: bool) -> Retiming:
+        """Return TOPP-RA's motion, with or without static friction at the start."""
+        limits = self.problem.task_limits
+        speeds = self._speeds(path)
+        return retime(path, self.problem.robot, path.intervals, limits, speeds, static=static)
+
+    def _speeds(self, path: JointPath) -> tuple[float, float]:
+        """Return ṡ at both ends, 1/s."""
+        return path.speed_at(0.0, self.phase.qd_start), path.speed_at(1.0, self.phase.qd_end)
+
+    def _may_be_retimed(self, path: JointPath) -> bool:
+        """Return True if TOPP-RA alone may time the path.
+
+        This holds for curves and rounded corners without a requested duration and without jerk
+        limits.
+        """
+        curved = not isinstance(path, StraightPath)
+        return curved and self.phase.motion.duration is None and not limits_jerk(self.problem.robot)

@@ -1,0 +1,77 @@
+"""The planning task of one phase, and the planned phase."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.prechecks import least_duration
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+from ssm_planner.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedPhase:
+    """A phase with its motion, the duration by TOPP-RA along the same path, and a lower bound."""
+
+    phase: Phase
+    motion: PhaseSolution
+    toppra_duration: float | None
+    """Duration by TOPP-RA, s.
+
+    None if TOPP-RA finds no motion along the path, if it does not converge, or if a duration was
+    requested.
+    """
+    lower_bound: float
+    """Duration that no motion within the same limits can beat, s."""
+    retimed: bool = False
+    """True if the motion has the timing of TOPP-RA, because its own was slower."""
+
+    @property
+    def duration(self) -> float:
+        """Duration of the motion, s."""
+        return self.motion.duration
+
+    @property
+    def turns_back(self) -> bool:
+        """True for a free motion from rest to rest whose joints reverse between its points."""
+        phase = self.phase
+        return (
+            phase.path is None
+            and phase.begins_and_ends_at_rest
+            and len(self.motion.borders) > len(phase.points)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseTask:
+    """Requirements on the motion of a phase."""
+
+    problem: Problem
+    mechanism: Mechanism
+    strict: Robot
+    """The robot with the limits that the motion must keep.
+
+    They may be tighter than those of the problem.
+    """
+    phase: Phase
+    cooling: Array | None = None
+    """Weights (4,) of the motors' heat relative to time. None: heat does not count."""
+    estimate_only: bool = False
+    """True if the structured solver alone estimates the duration, in few rounds."""
+    may_reverse: bool = True
+    """True if joints may reverse where they need not."""
+
+    @cached_property
+    def lower_bound(self) -> float:
+        """Duration that no motion between the ends of the phase can beat, s."""
+        return least_duration(self.problem, self.mechanism, self.phase)
+
+    @property
+    def trades_time_only(self) -> bool:
+        """True if the fastest motion is sought: no duration and no heat weights are given."""
+        return self.phase.motion.duration is None and self.cooling is None

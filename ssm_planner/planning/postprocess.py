@@ -1,0 +1,141 @@
+"""Post-processing by TOPP-RA: cross-check, faster timing, and timing for short stops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.feasibility import no_motion
+from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
+from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.ocp.straight import retimed_pieces
+from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
+from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.retiming.constraints import braking_travel
+from ssm_planner.planning.retiming.paths import JointPath, MotionPath
+from ssm_planner.planning.retiming.retime import (
+    POINTS,
+    Retiming,
+    motion_along,
+    retime,
+    retime_motion,
+)
+from ssm_planner.trajectory import Trajectory
+
+TOPPRA = "TOPP-RA"
+"""Name of the solver of a motion whose timing is TOPP-RA's."""
+LONGER_THAN_TOPPRA = 1.003
+"""Ratio to TOPP-RA's duration beyond which a motion takes TOPP-RA's timing along its path."""
+FAR = 1.001
+"""Ratio of TOPP-RA's duration for the guess to that of the motion, beyond which it is computed for
+the motion.
+"""
+BETWEEN = 2e-5
+"""Relative margin that TOPP-RA's motion keeps from the limits for the time between its grid points.
+"""
+
+
+def cross_checked(task: PhaseTask, result: PlannedPhase, *, may_retime: bool) -> PlannedPhase:
+    """Return a motion with TOPP-RA's duration along its path, retimed if that is much shorter.
+
+    A motion along a given path has TOPP-RA's duration from its guess. If the guess is much slower
+    than the motion, because a motor barely starts and creeps through the first grid interval, the
+    duration is computed along the motion itself. `may_retime` allows TOPP-RA's timing.
+    """
+    phase = result.phase
+    guess = result.toppra_duration
+    duration = result.duration
+    if phase.stands or phase.motion.duration is not None:
+        return result
+    if phase.path is None or not (guess is None or guess <= FAR * duration):
+        retiming = _retime_along(task, result.motion)
+        result = replace(result, toppra_duration=retiming.duration if retiming.converged else None)
+    toppra = result.toppra_duration
+    slow = toppra is not None and duration > LONGER_THAN_TOPPRA * toppra
+    # TOPP-RA does not know limits on jerk.
+    if slow and may_retime and task.cooling is None and not limits_jerk(task.problem.robot):
+        return _as_fast_as_toppra(task, result)
+    return result
+
+
+def retimed(task: PhaseTask, path: JointPath) -> PlannedPhase | Reason:
+    """Return a motion along a path that TOPP-RA alone has timed."""
+    phase, robot = task.phase, with_margin(task.strict, BETWEEN)
+    speeds = path.speed_at(0.0, phase.qd_start), path.speed_at(1.0, phase.qd_end)
+    retiming = retime(path, robot, path.intervals, task.problem.task_limits, speeds)
+    if not retiming.solved:
+        return no_motion(task.problem, phase, path, retiming.message)
+    pieces = retimed_pieces(path, retiming, speeds[1])
+    motion = PhaseSolution("solved", "", 0, *pieces, solver=TOPPRA)
+    return PlannedPhase(phase, motion, retiming.duration, task.lower_bound)
+
+
+def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
+    """Return a free motion from which the tip can always stop within the allowed distance.
+
+    If the tip would travel too far, TOPP-RA times the same path again with a bound on the braking
+    distance (`retiming.constraints.braking_travel`).
+    """
+    limit = task.problem.stop_travel
+    if limit is None or not motion.solved:
+        return motion
+    path = path_of(task.mechanism, task.phase, motion)
+    samples = path.trajectory.sample(np.linspace(0.0, motion.duration, POINTS))
+    travel = braking_travel(task.mechanism, task.problem.robot, samples.q, samples.qd)
+    return motion if travel.max() <= limit.largest else _with_toppra_timing(task, motion, path)[1]
+
+
+def path_of(mechanism: Mechanism, phase: Phase, motion: PhaseSolution) -> MotionPath:
+    """Return the path of the motion of a phase."""
+    trajectory = Trajectory(motion.breaks, motion.coefficients, ())
+    signs = motion.directions if phase.path is None else phase.path.directions[1]
+    return MotionPath(mechanism, trajectory, motion.borders / trajectory.duration, signs)
+
+
+def _retime_along(task: PhaseTask, motion: PhaseSolution) -> Retiming:
+    """Return TOPP-RA's timing of the path of a motion."""
+    path = path_of(task.mechanism, task.phase, motion)
+    return retime_motion(path, task.problem.robot, task.problem.task_limits)
+
+
+def _as_fast_as_toppra(task: PhaseTask, result: PlannedPhase) -> PlannedPhase:
+    """Return the motion with TOPP-RA's timing if that is faster, else the motion itself."""
+    if result.phase.path is not None:
+        timed = retimed(task, result.phase.path)
+        if isinstance(timed, Reason) or timed.duration >= result.duration:
+            return result
+        return replace(timed, retimed=True)
+    path = path_of(task.mechanism, result.phase, result.motion)
+    retiming, motion = _with_toppra_timing(task, result.motion, path)
+    if not retiming.converged or motion.duration >= result.duration:
+        return result
+    recheck = _retime_along(task, motion)
+    motion = replace(motion, solver=TOPPRA, confirmation=None)
+    duration = recheck.duration if recheck.converged else None
+    return replace(result, motion=motion, toppra_duration=duration, retimed=True)
+
+
+def _with_toppra_timing(
+    task: PhaseTask, motion: PhaseSolution, path: MotionPath
+) -> tuple[Retiming, PhaseSolution]:
+    """Return TOPP-RA's timing of the path of a motion, and the motion with this timing."""
+    # At rest, both ends stay at rest for every ṡ. The motion's own ṡ would leave no margin
+    # to the limits.
+    speed_ratio = 1.0 if task.phase.qd_start.any() else 1 - 2 * BETWEEN
+    robot = with_margin(task.strict, BETWEEN)
+    retiming = retime_motion(path, robot, task.problem.task_limits, speed_ratio=speed_ratio)
+    if not retiming.solved:
+        return retiming, replace(motion, status=retiming.status, message=retiming.message)
+    trajectory = motion_along(path, retiming)
+    duration = task.phase.motion.duration
+    if duration is not None:
+        trajectory = trajectory.slower(min(trajectory.duration / duration, 1.0))
+    borders = (
+        np.interp(path.knots, retiming.s, retiming.times) * trajectory.duration / retiming.duration
+    )
+    return retiming, replace(
+        motion, breaks=trajectory.breaks, coefficients=trajectory.coefficients, borders=borders
+    )
