@@ -1,16 +1,26 @@
 # make plan   the main job: plan problems/tilt_insert.yaml into results/tilt_insert/
-# make test   the tests;  make lint  ruff and mypy;  make clean  removes the environment
+# make test   the laws, for every change: minutes on two cores;  make test-all  every test, several times as long
+# make lint   ruff and mypy;  make clean  removes the environment
 # make api    docs/api.md and docs/reference.md, from the docstrings of the public names and the schema of the files
 # make docs   the documentation as a site into docs/_build/html, the gallery planned anew
+# make picture  docs/mechanism.png, the picture of the README, from results/eye_approach
 # make wheel  a wheel and a source distribution into dist/
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 # make campaign  random hostile cases for an hour, into results/campaign.md; make campaign CAMPAIGN="--minutes 10"
 #                or CAMPAIGN=--full: as many cases as were asked for
+# make mutants   change one operation of the package at a time: do the tests notice? into results/mutants.md;
+#                make mutants MUTANTS="--count 300 --seed 1 --rooms verification,retiming"
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
+# Without --no-compile, pip compiles thousands of modules that nobody imports.
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+SOURCES := pyproject.toml constraints.txt $(wildcard ssm_planner/native/*.[ch])
 
-.PHONY: plan test lint api docs wheel bench campaign clean
+# Without cached bytecode, every process compiles the package and its tests anew.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: plan test test-all lint api docs picture wheel bench campaign mutants clean
 .DELETE_ON_ERROR:
 
 plan: $(VENV)/.main
@@ -18,6 +28,9 @@ plan: $(VENV)/.main
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto
+
+test-all: $(VENV)/.test
+	$(BIN)/python -m pytest -n auto -m "" --durations 10
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .
@@ -31,6 +44,9 @@ api: $(VENV)/.main
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build/html
 
+picture: $(VENV)/.main
+	$(BIN)/python docs/make_picture.py
+
 wheel: $(VENV)/.lint
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
@@ -38,32 +54,36 @@ wheel: $(VENV)/.lint
 campaign: $(VENV)/.test
 	$(BIN)/python -m tests.campaign $(CAMPAIGN)
 
+mutants: $(VENV)/.test
+	$(BIN)/python -m tests.mutation $(MUTANTS)
+
 bench: $(VENV)/.bench
-	$(BIN)/python tests/benchmarks/bench.py $(BENCH)
+	$(BIN)/python -m tests.benchmarks.bench $(BENCH)
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	  || { echo "ssm_planner needs Python 3.10 or newer; set PYTHON=/path/to/python3"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.main: pyproject.toml constraints.txt $(wildcard ssm_planner/native/*.[ch]) | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+$(VENV)/.main: $(SOURCES) | $(BIN)/python
+	$(INSTALL) -e .
 	@touch $@
 
-$(VENV)/.test: $(VENV)/.main
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
-	@touch $@
+# One installation brings both: a fresh clone needs no second one for its tests.
+$(VENV)/.test: $(SOURCES) | $(BIN)/python
+	$(INSTALL) -e '.[test]'
+	@touch $(VENV)/.main $@
 
 $(VENV)/.lint: $(VENV)/.main
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[lint]'
+	$(INSTALL) -e '.[lint]'
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.main
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	$(INSTALL) -e '.[docs]'
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.main
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(INSTALL) -e '.[bench]'
 	@touch $@
 
 clean:

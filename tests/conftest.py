@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest-xdist uses the cores
 os.environ["COLUMNS"] = (
@@ -9,13 +8,16 @@ os.environ["COLUMNS"] = (
 )
 
 import pytest
+
+pytest.register_assert_rewrite("tests.support")
+pytest_plugins = ["tests.support.plugin"]
+
 from hypothesis import settings
 
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-
-ROOT = Path(__file__).parent.parent
+from tests.support.paths import PROBLEMS
 
 # The same cases in every run, or a failure would say nothing of the change; HYPOTHESIS_PROFILE=search looks at others.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -26,16 +28,16 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 @pytest.fixture(scope="session")
 def robot() -> Robot:
     """The shipped vitreoretinal robot."""
-    return load_robot(ROOT / "problems/robots/vitreoretinal.yaml")
+    return load_robot(PROBLEMS / "robots/vitreoretinal.yaml")
 
 
 @pytest.fixture(scope="session")
 def tilt_insert() -> Problem:
     """The shipped problem."""
-    return load_problem(ROOT / "problems/tilt_insert.yaml")
+    return load_problem(PROBLEMS / "tilt_insert.yaml")
 
 
 @pytest.fixture(scope="session")
 def laser_scan() -> Problem:
     """The shipped problem with an eye and a scan of its retina."""
-    return load_problem(ROOT / "problems/laser_scan.yaml")
+    return load_problem(PROBLEMS / "laser_scan.yaml")

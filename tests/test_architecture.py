@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import ast
-from pathlib import Path
+from functools import cache
 
 import pytest
 
-PACKAGE = Path(__file__).parent.parent / "ssm_planner"
+from tests.support.paths import PACKAGE
+
 ROOMS = (
     *(
         "errors",
         "typing",
+        "representation",
         "units",
         "display",
         "atomic",
@@ -66,28 +68,44 @@ def room(name: str) -> str:
     return name.split(".")[1]
 
 
-GRAPH = {
-    name: {other for other in imports(name) if other in FILES} - {name}
-    for name in FILES
-    if name != "ssm_planner"
-}
+MODULES = [name for name in FILES if name != "ssm_planner"]
+
+
+@cache
+def neighbours(name: str) -> set[str]:
+    """Other modules of the package that a module imports."""
+    return imports(name) & set(FILES) - {name}
 
 
 def test_every_room_has_its_place() -> None:
-    assert {room(name) for name in GRAPH} == set(ROOMS)
+    assert {room(name) for name in MODULES} == set(ROOMS)
 
 
-@pytest.mark.parametrize("name", GRAPH)
+@pytest.mark.parametrize("name", MODULES)
 def test_imports_go_one_way(name: str) -> None:
     here = room(name)
-    for other in GRAPH[name]:
+    for other in neighbours(name):
         assert other != "ssm_planner", f"{name} imports the public names"
         assert ROOMS.index(room(other)) <= ROOMS.index(here), f"{name} imports {other}"
         assert {here, room(other)} != STRANGERS, f"{name} imports {other}"
 
 
+FOUND_BY_NAME = {("plans", "pipeline")}
+"""Rooms of which the first finds a function of the second by its name, when it is called."""
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_modules_of_higher_rooms_are_found_by_name_only_where_it_is_declared(name: str) -> None:
+    here = room(name)
+    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            module, colon, _ = node.value.partition(":")
+            if colon and module in MODULES and ROOMS.index(room(module)) > ROOMS.index(here):
+                assert (here, room(module)) in FOUND_BY_NAME, f"{name} finds {module} by its name"
+
+
 def test_no_circle_of_files() -> None:
-    left = {name: set(others) for name, others in GRAPH.items()}
+    left = {name: neighbours(name) for name in MODULES}
     while True:
         ready = {name for name, others in left.items() if not others & set(left)}
         if not ready:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-from campaign import mutated, tampered, violations
+from tests.campaign import mutated, tampered, violations
 
 
 @pytest.mark.parametrize(
     "campaign", [mutated, tampered, violations], ids=lambda module: module.__name__.split(".")[-1]
 )
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.slow
 def test_a_slice_of_the_campaign_finds_nothing(campaign: object) -> None:
     pytest.importorskip("rosbags")
     count = {"mutated": 200, "tampered": 40, "violations": 80}[campaign.__name__.split(".")[-1]]  # type: ignore[attr-defined]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, distribution
-from pathlib import Path
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-PINS = Path(__file__).parent.parent / "constraints.txt"
+from tests.support.paths import ROOT
+
+PINS = ROOT / "constraints.txt"
 EXTRAS = ("test", "docs", "lint", "bench", "dask", "optuna", "ros2", "completion")
 
 

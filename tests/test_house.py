@@ -7,19 +7,22 @@ import inspect
 import re
 import runpy
 from collections.abc import Collection, Iterator
+from functools import cache
 from pathlib import Path
 
+import jinja2
 import pytest
+from jinja2 import nodes
+from jinja2.filters import FILTERS
 
 import ssm_planner
 from ssm_planner.cli import COMMANDS
+from tests.support.paths import PACKAGE
 
-PACKAGE = Path(__file__).parent.parent / "ssm_planner"
 FILES = {
     ".".join(file.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): file
     for file in sorted(PACKAGE.rglob("*.py"))
 }
-TREES = {name: ast.parse(file.read_text(encoding="utf-8")) for name, file in FILES.items()}
 MAX_POSITIONAL = 5
 VARIADIC = {"tag", "vertcat", "horzcat", "_group"}
 """Functions that take any number of the same thing."""
@@ -29,6 +32,12 @@ ARRAY = re.compile(r"\b(Array|ArrayLike|Indices|NDArray)\b")
 COMMAND = {f"run_{name}" for name in COMMANDS} | {f"{name}_arguments" for name in COMMANDS}
 """The two functions of every command, described in `cli` once."""
 Definition = ast.FunctionDef | ast.ClassDef
+
+
+@cache
+def tree(name: str) -> ast.Module:
+    """The syntax tree of a module, parsed when a test first asks for it."""
+    return ast.parse(FILES[name].read_text(encoding="utf-8"))
 
 
 def public(
@@ -92,26 +101,65 @@ def test_the_laws_find_what_breaks_them() -> None:
     assert not undocumented(good) + without_shape(good) + long_calls(good)
 
 
-@pytest.mark.parametrize("name", TREES)
+@pytest.mark.parametrize("name", FILES)
 def test_a_module_says_what_it_holds(name: str) -> None:
-    assert ast.get_docstring(TREES[name]) or not TREES[name].body or name == "__main__"
+    assert ast.get_docstring(tree(name)) or not tree(name).body or name == "__main__"
 
 
-@pytest.mark.parametrize("name", TREES)
+@pytest.mark.parametrize("name", FILES)
 def test_every_public_name_has_a_docstring(name: str) -> None:
     assert not [
-        each for each in undocumented(TREES[name], ssm_planner.__all__) if not said_elsewhere(each)
+        each for each in undocumented(tree(name), ssm_planner.__all__) if not said_elsewhere(each)
     ]
 
 
-@pytest.mark.parametrize("name", TREES)
+@pytest.mark.parametrize("name", FILES)
 def test_arrays_have_shapes(name: str) -> None:
-    assert not without_shape(TREES[name], ssm_planner.__all__)
+    assert not without_shape(tree(name), ssm_planner.__all__)
 
 
-@pytest.mark.parametrize("name", TREES)
+@pytest.mark.parametrize("name", FILES)
 def test_no_call_has_more_than_five_positional_arguments(name: str) -> None:
-    assert not long_calls(TREES[name])
+    assert not long_calls(tree(name))
+
+
+TEMPLATES = [
+    file for file in sorted(PACKAGE.rglob("templates/*")) if file.suffix not in (".js", ".css")
+]
+OF_JINJA = {"index", "index0", "first", "last", "length"}
+"""Attributes of the variable `loop`."""
+OF_PYTHON = {"items", "keys", "values", "append", "join"}
+"""Methods of mappings, lists and texts."""
+
+
+@cache
+def words() -> frozenset[str]:
+    """The words of the package's Python sources: names, and keys in texts."""
+    return frozenset(
+        word
+        for file in FILES.values()
+        for word in re.findall(r"\w+", file.read_text(encoding="utf-8"))
+    )
+
+
+def unknown_to_python(template: str) -> list[str]:
+    """Attributes and filters of a template that no Python source of the package names."""
+    parsed = jinja2.Environment().parse(template)
+    attributes = {node.attr for node in parsed.find_all(nodes.Getattr)} - OF_JINJA - OF_PYTHON
+    filters = {node.name for node in parsed.find_all(nodes.Filter)} - set(FILTERS)
+    return sorted((attributes | filters) - words())
+
+
+def test_names_that_only_a_template_has_are_found() -> None:
+    assert unknown_to_python("{{ plan.robot.no_such_attribute | number }}") == ["no_such_attribute"]
+    assert unknown_to_python("{{ 3.0 | no_such_filter }}") == ["no_such_filter"]
+    assert not unknown_to_python("{% for j in joints %}{{ loop.index }} {{ j.name }}{% endfor %}")
+
+
+@pytest.mark.parametrize("file", TEMPLATES, ids=lambda file: file.name)
+def test_python_names_every_attribute_and_filter_of_a_template(file: Path) -> None:
+    """Tools that search for unused names in Python do not read templates."""
+    assert not unknown_to_python(file.read_text(encoding="utf-8"))
 
 
 def test_the_page_of_public_names_is_up_to_date() -> None:

@@ -31,7 +31,7 @@ KINDS = {"plan.json": "plan", "report.html": "page", "trajectory.csv": "rows"}
 def publish(folder: Path, plan: str, **files: str) -> None:
     with publishing_results(folder, plan) as temporary:
         for name, text in (files or {name: text + plan for name, text in KINDS.items()}).items():
-            (temporary / name.replace("_", ".")).write_text(text)
+            (temporary / name.replace("_", ".")).write_text(text, encoding="utf-8")
 
 
 def export(folder: Path, **files: str) -> None:
@@ -39,14 +39,14 @@ def export(folder: Path, **files: str) -> None:
         for name, text in files.items():
             path = temporary / name.replace("__", "/")
             path.parent.mkdir(exist_ok=True)
-            path.write_text(text)
+            path.write_text(text, encoding="utf-8")
         manifest = {"format": EXPORT, "files": hashes(temporary)}
-        (temporary / "manifest.json").write_text(json.dumps(manifest))
+        (temporary / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
 
 
 def content(folder: Path) -> dict[str, str]:
     return {
-        path.relative_to(folder).as_posix(): path.read_text()
+        path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8")
         for path in folder.rglob("*")
         if path.is_file()
     }
@@ -56,7 +56,7 @@ def test_a_folder_holds_one_generation_and_keeps_what_others_put_there(tmp_path:
     out = tmp_path / "out"
     publish(out, OLD)
     publish(out, OLD, motion_pdf="drawn")  # joins the plan's files
-    (out / "notes.txt").write_text("mine")
+    (out / "notes.txt").write_text("mine", encoding="utf-8")
     assert set(read_manifest(out)["files"]) == {*KINDS, "motion.pdf"}
     check_generation(out)
     publish(out, NEW)
@@ -105,7 +105,7 @@ def test_an_end_at_any_step_of_the_exchange_is_noticed(
     else:
         assert moves >= 5, "the manifest twice and three files"
     monkeypatch.undo()
-    plans = {(out / name).read_text()[-1] for name in KINDS}
+    plans = {(out / name).read_text(encoding="utf-8")[-1] for name in KINDS}
     if moves in (0, 5, 6, 7, 8):
         check_generation(out)
         assert plans == {OLD[0] if moves == 0 else NEW[0]}
@@ -120,7 +120,7 @@ def test_a_changed_file_is_noticed_and_a_missing_one_is_not(tmp_path: Path) -> N
     publish(tmp_path, OLD)
     (tmp_path / "report.html").unlink()
     check_generation(tmp_path)
-    (tmp_path / "trajectory.csv").write_text("of another plan")
+    (tmp_path / "trajectory.csv").write_text("of another plan", encoding="utf-8")
     with pytest.raises(TrajectoryError, match=r"trajectory\.csv: is not the file"):
         check_generation(tmp_path)
 
@@ -130,19 +130,19 @@ def test_an_export_leaves_nothing_stale_and_takes_nothing_of_the_users(tmp_path:
     export(out, a_csv="1", bag__data="2", bag__metadata="3")
     export(out, b_csv="4", bag__data="5")
     assert set(content(out)) == {"b_csv", "bag/data", "manifest.json"}
-    (out / "bag/recording").write_text("mine")
-    (out / "b_csv").write_text("edited")
+    (out / "bag/recording").write_text("mine", encoding="utf-8")
+    (out / "b_csv").write_text("edited", encoding="utf-8")
     before = content(out)
     with pytest.raises(ExportError, match="bag/recording"):
         export(out, bag__data="6")
     assert content(out) == before
     other = tmp_path / "other"
     (other / "bag").mkdir(parents=True)
-    (other / "bag/recording").write_text("mine")
+    (other / "bag/recording").write_text("mine", encoding="utf-8")
     with pytest.raises(ExportError, match="bag/recording"):
         export(other, bag__data="7")
     (tmp_path / "third").mkdir()
-    (tmp_path / "third/a_csv").write_text("mine")
+    (tmp_path / "third/a_csv").write_text("mine", encoding="utf-8")
     with pytest.raises(ExportError, match="a_csv"):
         export(tmp_path / "third", a_csv="8")
     export(out, c_csv="9")
@@ -151,7 +151,7 @@ def test_an_export_leaves_nothing_stale_and_takes_nothing_of_the_users(tmp_path:
 
 def test_a_manifest_cannot_name_files_outside_its_folder(tmp_path: Path) -> None:
     mine = tmp_path / "mine.txt"
-    mine.write_text("mine")
+    mine.write_text("mine", encoding="utf-8")
     out = tmp_path / "out"
     export(out, a_csv="1")
     manifest = read_manifest(out)
@@ -161,9 +161,9 @@ def test_a_manifest_cannot_name_files_outside_its_folder(tmp_path: Path) -> None
         "": "x",
         "\0": "x",
     }
-    (out / "manifest.json").write_text(json.dumps(manifest))
+    (out / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     export(out, b_csv="2")
-    assert mine.read_text() == "mine"
+    assert mine.read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize("special", ["/dev/null", "fifo"])
@@ -174,21 +174,21 @@ def test_devices_and_special_files_are_left_alone(special: str, tmp_path: Path) 
     before = path.lstat().st_mode
     for of in (replacing, publishing.publishing):
         with pytest.raises(ExportError, match="special file"), of(path) as temporary:
-            temporary.write_text("x")
+            temporary.write_text("x", encoding="utf-8")
     assert path.lstat().st_mode == before
     link = tmp_path / "link"
     link.symlink_to(path)
     with pytest.raises(ExportError, match="special file"), replacing(link) as temporary:
-        temporary.write_text("x")
+        temporary.write_text("x", encoding="utf-8")
 
 
 def test_a_symbolic_link_is_followed(tmp_path: Path) -> None:
-    (tmp_path / "real").write_text("old")
+    (tmp_path / "real").write_text("old", encoding="utf-8")
     (tmp_path / "link").symlink_to("real")
     with replacing(tmp_path / "link") as temporary:
-        temporary.write_text("new")
+        temporary.write_text("new", encoding="utf-8")
     assert (tmp_path / "link").is_symlink()
-    assert (tmp_path / "real").read_text() == "new"
+    assert (tmp_path / "real").read_text(encoding="utf-8") == "new"
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_the_umask_decides_who_may_read(tmp_path: Path, umask: int, file: int, f
     try:
         publish(tmp_path / "out", OLD)
         with replacing(tmp_path / "one") as temporary:
-            temporary.write_text("x")
+            temporary.write_text("x", encoding="utf-8")
     finally:
         os.umask(before)
     assert {stat.S_IMODE(path.stat().st_mode) for path in (tmp_path / "out").iterdir()} == {file}
@@ -265,7 +265,7 @@ def test_names_are_data_and_never_paths(name: str, tmp_path: Path) -> None:
     made = file_name(name)
     assert (tmp_path / made).parent == tmp_path
     assert made not in ("", ".", "..")
-    (tmp_path / made).write_text("x")
+    (tmp_path / made).write_text("x", encoding="utf-8")
     assert [path.name for path in tmp_path.iterdir()] == [made]
 
 
@@ -273,9 +273,9 @@ def test_names_are_data_and_never_paths(name: str, tmp_path: Path) -> None:
 def test_a_manifest_may_list_what_no_file_can_be_called(name: str, tmp_path: Path) -> None:
     publish(tmp_path / "out", OLD)
     path = tmp_path / "out" / publishing.MANIFEST
-    manifest = json.loads(path.read_text())
+    manifest = json.loads(path.read_text(encoding="utf-8"))
     manifest["files"][name] = "0" * 64
-    path.write_text(json.dumps(manifest))
+    path.write_text(json.dumps(manifest), encoding="utf-8")
     check_generation(tmp_path / "out")  # it is missing, as if somebody had taken it away
     publish(tmp_path / "out", NEW)
     assert name not in read_manifest(tmp_path / "out")["files"]

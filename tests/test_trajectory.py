@@ -95,3 +95,61 @@ def test_a_cubic_is_the_integral_of_its_linear_acceleration(seed: int, c: float)
     assert np.array([(1 - c) ** 2, 2 * c * (1 - c), c**2]) @ bernstein == pytest.approx(
         exact[1], rel=1e-9, abs=1e-12
     )
+
+
+@pytest.mark.parametrize("t", [-1e-6, 1.31, 99.0, np.nan, [0.1, np.inf]])
+def test_a_time_outside_the_trajectory_is_an_error(t: float | list[float]) -> None:
+    trajectory = join([("rest", np.array([0.0, 1.3]), hold(np.ones(4)))])
+    with pytest.raises(TrajectoryError, match=r"not between 0 s and 1\.3 s"):
+        trajectory.sample(t)
+
+
+def test_clamped_times_give_the_ends() -> None:
+    trajectory = random_trajectory(2)
+    ends = trajectory.sample([-5.0, 1e6], clamp=True)
+    assert np.array_equal(ends.q, trajectory.sample(trajectory.breaks[[0, -1]]).q)
+    with pytest.raises(TrajectoryError):
+        trajectory.sample(np.nan, clamp=True)
+
+
+@given(seed=st.integers(0, 1000), orders=st.integers(1, 3))
+def test_samples_are_interpolated(seed: int, orders: int) -> None:
+    """A trajectory through samples of a motion has the sampled derivatives at the samples."""
+    motion = random_trajectory(seed)
+    samples = motion.uniform(50.0)
+    states = [samples.q, samples.qd, samples.qdd][:orders]
+    trajectory = Trajectory.from_samples(samples.t + 7.0, *states)
+    again = trajectory.sample(samples.t[:-1] + 7.0)
+    for values, interpolated in zip(states, (again.q, again.qd, again.qdd), strict=False):
+        assert np.allclose(interpolated, values[:-1], rtol=1e-9, atol=1e-7)
+
+
+def test_positions_alone_give_a_smooth_motion_from_rest_to_rest() -> None:
+    """A cubic through samples of a cubic polynomial that rests at both ends is that polynomial."""
+    t = np.linspace(0.0, 1.0, 8)
+    q = np.outer(3 * t**2 - 2 * t**3, [1.0, -2.0, 0.0, 0.01])
+    trajectory = Trajectory.from_samples(t, q)
+    fine = np.linspace(0.0, 1.0, 50)
+    expected = np.outer(6 - 12 * fine, [1.0, -2.0, 0.0, 0.01])
+    assert np.allclose(trajectory.sample(fine).qdd, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "samples",
+    [
+        ([0.0], np.zeros((1, 4))),
+        ([0.0, 1.0], np.zeros((2, 3))),
+        ([0.0, 1.0], np.zeros((4, 2))),
+        ([0.0, 0.0], np.zeros((2, 4))),
+        ([0.0, 1.0], [[0, 0, 0, np.nan], [0, 0, 0, 0]]),
+        ([0.0, 1.0], np.zeros((2, 4)), None, np.zeros((2, 4))),
+        ([0.0, 1.0], [[0.0] * 4, [0.0] * 3]),
+        (3.0, np.zeros((1, 4))),
+        (None, np.zeros((1, 4))),
+        (np.zeros((2, 2)), np.zeros((2, 4))),
+        (["a", "b"], np.zeros((2, 4))),
+    ],
+)
+def test_samples_that_are_no_motion_are_refused(samples: tuple[object, ...]) -> None:
+    with pytest.raises(TrajectoryError, match="samples"):
+        Trajectory.from_samples(*samples)

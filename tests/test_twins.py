@@ -5,11 +5,11 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections import defaultdict
-from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parent.parent / "ssm_planner"
+from tests.support.paths import PACKAGE
+
 FUNCTION_NODES = 60
 """Functions with fewer nodes than this are alike by chance."""
 ARITHMETIC_NODES = 25

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any
 
-import pint
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -97,9 +98,17 @@ def test_refuses(value: object, kind: str, parts: tuple[str, ...]) -> None:
         assert part in str(caught.value)
 
 
+@cache
+def pint_registry() -> Any:
+    """Return pint's table of units. Pint is imported here because that takes 2 s."""
+    import pint
+
+    return pint.UnitRegistry()
+
+
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "temperature"])
 def test_as_pint_converts(kind: str) -> None:
-    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+    registry = pint_registry()
     text = KINDS[kind].example
     expected = registry.Quantity(text.replace("1/s", "/s")).to(KINDS[kind].unit).magnitude
     assert quantity(text, kind) == pytest.approx(expected, rel=1e-14)

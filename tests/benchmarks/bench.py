@@ -1,6 +1,6 @@
 """This planner beside others, in one run on one machine: writes results/benchmarks.md.
 
-    python tests/benchmarks/bench.py [--quick] [--only PART …] [--recordings DIR] [-o FILE]
+    python -m tests.benchmarks.bench [--quick] [--only PART …] [--recordings DIR] [-o FILE]
 
 Every part runs in a process of its own, so that neither memory nor a crash of one reaches another. Figures that miss what
 they have to reach are marked; exits with 1 where a part could not be run.
@@ -26,9 +26,9 @@ import time
 from datetime import datetime, timezone
 from pathlib import Path
 
-from section import Section, table_lines
+from tests.benchmarks.section import Section, table_lines
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 PARTS = (
     "same_problem",
     "same_path",
@@ -51,9 +51,15 @@ def run_part(name: str, quick: bool) -> tuple[Section, str]:
     """A part in its own process: what it found, and why it found nothing."""
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder) / "section.json"
-        command = [sys.executable, __file__, "--part", name, "--answer", str(answer)] + [
-            "--quick"
-        ] * quick
+        command = [
+            sys.executable,
+            "-m",
+            "tests.benchmarks.bench",
+            "--part",
+            name,
+            "--answer",
+            str(answer),
+        ] + ["--quick"] * quick
         try:
             done = subprocess.run(
                 command,
@@ -152,7 +158,9 @@ def main() -> int:
     parser.add_argument("--answer", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.part:
-        section = importlib.import_module(f"part_{options.part}").run(options.quick)
+        section = importlib.import_module(f"tests.benchmarks.part_{options.part}").run(
+            options.quick
+        )
         options.answer.write_text(json.dumps(section.to_dict()), encoding="utf-8")
         return 0
     os.environ["BENCH_RECORDINGS"] = str(options.recordings)

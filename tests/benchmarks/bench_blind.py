@@ -1,6 +1,6 @@
 """Recordings that a fit has not seen, over many splits of whole files: bands, peaks and errors, rig by rig.
 
-    python tests/benchmarks/bench_blind.py [SPLITS] [SEED] [rigs …]
+    python -m tests.benchmarks.bench_blind [SPLITS] [SEED] [rigs …]
 
 Of every rig: SPLITS random splits, each of a random number of files, then those that leave out the slowest and the
 fastest speeds and every second file. Prints all figures of each split, pooled over the splits and of the worst of
@@ -12,16 +12,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path.insert(0, str(Path(__file__).parents[1] / "identification"))
 
 import numpy as np
-from test_blind import RIGS, predicted, recordings_of, split
 
 from ssm_planner.identification.prediction import Prediction
 from ssm_planner.identification.recordings import Recording
+from tests.identification.test_blind import RIGS, predicted, recordings_of, split
 
 FEWEST, LEFT_OUT = 6, 4
 """Files of a fit at least; speeds left out at either end."""

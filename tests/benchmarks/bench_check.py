@@ -1,6 +1,6 @@
 """The check: its speed on a plan and on a million samples, and the whole of the seeded violations.
 
-    python tests/benchmarks/bench_check.py [--quick]
+    python -m tests.benchmarks.bench_check [--quick]
 
 Prints one table; exits with 1 if a figure misses what it must reach.
 """
@@ -17,14 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).parent.parent.parent
-sys.path.insert(0, str(ROOT / "tests"))
-
-from seeded import EXCESS, KINDS, seeded
-
 from ssm_planner.loading.load import load_robot
 from ssm_planner.plans import load_plan
 from ssm_planner.verification.check import check
+from tests.support.paths import ROOT
+from tests.support.seeded import EXCESS, KINDS, seeded
 
 ROBOT = ROOT / "problems/robots/vitreoretinal.yaml"
 SAMPLES = 1_000_000

@@ -1,6 +1,6 @@
 """How often intervals called separable cover a known truth, law by law, over many fits of synthetic maps.
 
-    python tests/benchmarks/bench_coverage.py [FITS] [auto|given] [SEED] [ends of names of cases …]
+    python -m tests.benchmarks.bench_coverage [FITS] [auto|given] [SEED] [ends of names of cases …]
 
 Prints one table, as far as it has come, after every TOLD rounds of one fit for each case; exits with 1 where a share is not
 within ASKED. Noise of each mean torque: 1 % of the range.
@@ -11,13 +11,12 @@ from __future__ import annotations
 import os
 import sys
 from collections import defaultdict
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path.insert(0, str(Path(__file__).parents[1] / "identification"))
 
 import numpy as np
-from test_fit import CASES, covered
+
+from tests.identification.test_fit import CASES, covered
 
 ASKED = (0.92, 0.98)
 TOLD = 10

@@ -1,6 +1,6 @@
 """What a re-plan with changed numbers takes: CPU time of one thread, by part, against another checkout in turns.
 
-    python tests/benchmarks/bench_replan.py [--against FOLDER] [--rounds N] [--kinds KIND …] [--fast | --compiled]
+    python -m tests.benchmarks.bench_replan [--against FOLDER] [--rounds N] [--kinds KIND …] [--fast | --compiled]
 
 FOLDER: the root of another checkout of this project, for example a git worktree of an earlier commit. Medians in ms; the
 first plan of every kind, which builds its programs, is not counted. --fast: as a `Replanner` plans with `planner: fast`, with
@@ -29,8 +29,8 @@ PARTS = {
     "solver": ("planning.ocp.refinement.solve_structured",),
     "Ipopt": ("planning.ocp.transcription.ipopt",),
     "TOPP-RA": (
-        "planning.planner.retime",
-        "planning.planner.retime_motion",
+        "planning.phase_planner.retime",
+        "planning.postprocess.retime_motion",
         "planning.ocp.mesh.retime",
     ),
     "check": ("pipeline.run.check",),
@@ -42,9 +42,14 @@ JERK = 35.0
 
 def problem_of(kind: str, turn: int) -> Any:
     """The problem of a kind with the numbers of one turn."""
-    from cases import FREE_WEAK, Change, free_problem, straight_problem, with_limits
-
     from ssm_planner.loading.load import load_problem
+    from tests.benchmarks.cases import (
+        FREE_WEAK,
+        Change,
+        free_problem,
+        straight_problem,
+        with_limits,
+    )
 
     slower = 1 - 1e-3 * turn
     if kind == "straight":

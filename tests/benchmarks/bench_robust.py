@@ -1,6 +1,6 @@
 """Planning time and duration of plans that hold for a range of friction and payload, beside the nominal plan.
 
-    python tests/benchmarks/bench_robust.py [PROBLEM …]
+    python -m tests.benchmarks.bench_robust [PROBLEM …]
 
 Processor time of the whole of `plan` (plan, check, and for a range the nominal plan for comparison) with programs built and
 no solutions kept: the median of some runs after a first one, taken in turns. Prints one table; exits with 1 where a ratio is
@@ -14,18 +14,15 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from statistics import median
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path.insert(0, str(Path(__file__).parents[1] / "planning"))
-
-from test_range import PAYLOAD, stated, weakened
 
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Problem
+from tests.planning.test_corners import PAYLOAD, stated, weakened
 
 CASES = (
     ("tilt_insert", "ranges", None),

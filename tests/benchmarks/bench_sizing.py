@@ -1,6 +1,6 @@
 """Speed and accuracy of sizing on one core.
 
-    python tests/benchmarks/bench_sizing.py [PLAN]
+    python -m tests.benchmarks.bench_sizing [PLAN]
 
 Prints one table; exits with 1 if a figure is not what it must be.
 """
@@ -12,15 +12,11 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "sizing"))
-from sizing_cases import COMPLETE, with_covariance
 
 from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.loading.load import load_motor
@@ -30,8 +26,9 @@ from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import size
 from ssm_planner.sizing.thermal_network import Cycle, ThermalModel, steady_state, warm_up
+from tests.support.paths import ROOT
+from tests.support.sizing_cases import COMPLETE, with_covariance
 
-ROOT = Path(__file__).parents[2]
 DRAWS = 10_000
 
 
@@ -65,7 +62,8 @@ def main() -> int:
 
     def draw() -> list[object]:
         return [
-            monte_carlo(load, load.drive, spread_of(load.drive), DRAWS, COMPLETE) for load in loads
+            monte_carlo(replace(load, motor=COMPLETE), spread_of(load.drive), DRAWS)
+            for load in loads
         ]
 
     rows.append(
@@ -79,8 +77,8 @@ def main() -> int:
     off = 0.0
     for load in loads:
         spread = spread_of(load.drive)
-        linear = linear_band(load, load.drive, spread, COMPLETE)
-        drawn = monte_carlo(load, load.drive, spread, DRAWS, COMPLETE)
+        driven = replace(load, motor=COMPLETE)
+        linear, drawn = linear_band(driven, spread), monte_carlo(driven, spread, DRAWS)
         for demand in ("peak_torque", "rms_torque", "peak_voltage"):
             off = max(off, abs(linear.high(demand, 0.99) / drawn.high(demand, 0.99) - 1))
     rows.append(("99th percentile, linearised against draws", 100 * off, 3.0, "%"))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,9 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
 
 from ssm_planner.studies import run
 from ssm_planner.studies.evaluation import Evaluation
@@ -29,6 +25,7 @@ from ssm_planner.studies.study import Design, Requirements, Search
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
 from tests.benchmarks.faults_studies import FILE, cluster, free_port
+from tests.support.paths import ROOT
 
 ROWS = 100_000
 
@@ -44,11 +41,11 @@ def screening(count: int = 40_000) -> float:
     designs = [
         study.design(place) for place in np.random.default_rng(0).random((count, len(study.vary)))
     ]
-    screens.fallen(designs[:100])
+    screens.reject(designs[:100])
 
     def run() -> float:
         begin = time.process_time()
-        screens.fallen(designs)
+        screens.reject(designs)
         return count / (time.process_time() - begin)
 
     return median(run)

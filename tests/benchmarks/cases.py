@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -15,8 +14,8 @@ from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 PROBLEM = ROOT / "problems/tilt_insert.yaml"
 NO_MOTOR = 1e9
 """Stands for the torque limit of a joint without motor."""

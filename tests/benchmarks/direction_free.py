@@ -1,6 +1,6 @@
 """How much shorter than the planner's a free motion can be: against a program that knows no directions.
 
-    python tests/benchmarks/direction_free.py [COUNT] [STARTS]
+    python -m tests.benchmarks.direction_free [COUNT] [STARTS]
 
 Its own transcription: cubic elements of equal length, limits at four points of each, friction smoothed by tanh(q̇/ε), no
 static friction, no signs; Ipopt from straight lines and from random bumps. References of weak motors are a little shorter
@@ -11,25 +11,24 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from peer_rows import motor
 
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.forward import forward_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.outlook import feasible_phases
-from ssm_planner.planning.phases import joint_room
+from ssm_planner.planning.phases import reversal_ranges
+from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
+from tests.benchmarks.peer_rows import motor
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 ELEMENTS, POINTS = 48, (0.0, 1 / 3, 2 / 3, 1.0)
 STANDS = np.array([0.01, 0.01, 0.01, 2e-4])
 """ε of the smoothed friction, rad/s and m/s."""
@@ -96,7 +95,7 @@ def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phase = feasible_phases(problem, mechanism)[0][0]
     first, last = phase.points
-    room = joint_room(problem, mechanism, phase.points)
+    room = reversal_ranges(problem, mechanism, phase.points)
     velocity, acceleration = np.array(
         [(j.velocity, j.acceleration) for j in problem.robot.joints]
     ).T

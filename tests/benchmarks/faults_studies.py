@@ -22,14 +22,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-
 from ssm_planner.studies.run import study
 from ssm_planner.studies.store import Store
 from ssm_planner.studies.study import Search, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
+from tests.support.paths import ROOT
 
 FILE = ROOT / "problems" / "studies" / "vitreoretinal.yaml"
 POINTS = 48
@@ -40,8 +38,8 @@ DASK = (
     [sys.executable, "-m", "distributed.cli.dask_worker"],
 )
 DRIVER = (
-    "import sys; sys.path.insert(0, sys.argv[1]); sys.path.insert(0, sys.argv[2])\n"
-    "from faults_studies import driver; driver(*sys.argv[3:])"
+    "import sys; sys.path.insert(0, sys.argv[1])\n"
+    "from tests.benchmarks.faults_studies import driver; driver(*sys.argv[2:])"
 )
 
 
@@ -75,9 +73,7 @@ def driver(folder: str, address: str = "") -> None:
 
 
 def started(folder: Path, address: str = "") -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [sys.executable, "-c", DRIVER, ROOT, Path(__file__).parent, folder, address]
-    )
+    return subprocess.Popen([sys.executable, "-c", DRIVER, ROOT, folder, address])
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """Random problems over random robots: how they end, which are slow, and whether the unsolved ones could be solved.
 
-    python tests/benchmarks/fuzz_plans.py [--count 1000] [--first 20000] [--processes 1]
+    python -m tests.benchmarks.fuzz_plans [--count 1000] [--first 20000] [--processes 1]
 
 Asked: each ends in a certificate or a named reason; of those that a finer mesh or another guess solves at least 99 % are
 solved; none takes over 10 s of process time. Exit status 1 where that is missed.
@@ -17,15 +17,8 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 from unittest.mock import patch
-
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tests"))
-
-from motions import meshed
-from random_problems import faults, random_problem
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_problem
@@ -35,6 +28,9 @@ from ssm_planner.planning.ocp import straight as straight_ocp
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.verification.check import check
+from tests.benchmarks.motions import meshed
+from tests.support.paths import ROOT
+from tests.support.random_problems import faults, random_problem
 
 SECONDS, SHARE = 10.0, 0.99
 CERTAIN = {

@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from ssm_planner.planning import planner
+from ssm_planner.planning import phase_planner
 from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.retiming.paths import StraightPath
@@ -32,15 +32,15 @@ def planned_anew(problem: Problem) -> PlannerResult:
 def meshed(straight: int, free: int) -> Iterator[None]:
     """Plans made within have meshes of about so many elements for every motion."""
     kept = {
-        "solve_straight": (planner.solve_straight, straight),
-        "solve_free": (planner.solve_free, free),
+        "solve_straight": (phase_planner.solve_straight, straight),
+        "solve_free": (phase_planner.solve_free, free),
     }
 
     def solve(name: str) -> Any:
         solver, count = kept[name]
         return lambda *given, **named: solver(*given, **{**named, "count": count})
 
-    with patch.multiple(planner, **{name: solve(name) for name in kept}):
+    with patch.multiple(phase_planner, **{name: solve(name) for name in kept}):
         yield
 
 

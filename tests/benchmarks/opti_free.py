@@ -7,13 +7,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from motions import of_joints
-from opti_straight import POINTS, ipopt
-from peer_rows import LIMITS, free_rows
 
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
+from tests.benchmarks.motions import of_joints
+from tests.benchmarks.opti_straight import POINTS, ipopt
+from tests.benchmarks.peer_rows import LIMITS, free_rows
 
 SMOOTHING = 1e-6
 """Weight of the accelerations, relative to their limits: without it the joints that do not bind are undetermined."""

@@ -7,13 +7,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from motions import along_path
-from peer_rows import LIMITS, straight_rows
 
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
+from tests.benchmarks.motions import along_path
+from tests.benchmarks.peer_rows import LIMITS, straight_rows
 
 POINTS = (0.0, 0.5, 1.0)
 TOLERANCE = 1e-8

@@ -10,15 +10,15 @@ from typing import Any
 
 import casadi
 import numpy as np
-from cases import FREE_WEAK, Change, free_problem, straight_problem
-from measuring import Spread, in_turns, short, timed
-from motions import meshed, planned_anew
-from section import Section
 
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.motion import Straight
 from ssm_planner.problem.problem import Problem
 from ssm_planner.verification.check import check
+from tests.benchmarks.cases import FREE_WEAK, Change, free_problem, straight_problem
+from tests.benchmarks.measuring import Spread, in_turns, short, timed
+from tests.benchmarks.motions import meshed, planned_anew
+from tests.benchmarks.section import Section
 
 MESHES = (25, 50, 100, 200, 400)
 PHASES = (1, 2, 4, 8, 16)

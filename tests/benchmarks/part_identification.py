@@ -7,9 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cases import ROOT
-from measuring import Spread, timed
-from section import Section
 
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.identification.identify import identify
@@ -18,6 +15,9 @@ from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TABLE, read_figures
 from ssm_planner.loading.load import load_drive
 from ssm_planner.paper.friction import published_drive
+from tests.benchmarks.cases import ROOT
+from tests.benchmarks.measuring import Spread, timed
+from tests.benchmarks.section import Section
 
 RECORDINGS = "BENCH_RECORDINGS"
 """Environment variable with the folder of the rigs' recordings, which may be absent."""

@@ -6,13 +6,13 @@ import math
 from typing import Any
 
 import numpy as np
-from bench_kinematics import RATIO, iterative_inverse
-from measuring import Spread, in_turns
-from section import Section
 
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.inverse import inverse
 from ssm_planner.kinematics.mechanism import Mechanism
+from tests.benchmarks.bench_kinematics import RATIO, iterative_inverse
+from tests.benchmarks.measuring import Spread, in_turns
+from tests.benchmarks.section import Section
 
 BATCH, ITERATIVE = 100_000, 300
 

@@ -7,9 +7,9 @@ import subprocess
 import sys
 import tempfile
 
-from cases import PROBLEM, ROOT
-from measuring import Spread
-from section import Section
+from tests.benchmarks.cases import PROBLEM, ROOT
+from tests.benchmarks.measuring import Spread
+from tests.benchmarks.section import Section
 
 IMPORTS = "import casadi, matplotlib.pyplot"
 TIMES, MEGABYTES = 1.5, 500.0

@@ -6,14 +6,14 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from cases import FIRST, Change, free_problem, with_limits
-from measuring import Spread, in_turns
-from motions import certificate, planned_anew
-from section import Section
 
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.motion import Joints
 from ssm_planner.problem.problem import Problem
+from tests.benchmarks.cases import FIRST, Change, free_problem, with_limits
+from tests.benchmarks.measuring import Spread, in_turns
+from tests.benchmarks.motions import certificate, planned_anew
+from tests.benchmarks.section import Section
 
 JERKS = (5.0, 35.0, 500.0)
 ASKED = 1.002

@@ -7,16 +7,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from cases import WEAK, Change, straight_problem, with_limits
-from measuring import in_turns
-from motions import along_path, certificate, excess
-from section import Section
 
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.retiming.retime import retime
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory
+from tests.benchmarks.cases import WEAK, Change, straight_problem, with_limits
+from tests.benchmarks.measuring import in_turns
+from tests.benchmarks.motions import along_path, certificate, excess
+from tests.benchmarks.section import Section
 
 JERK = 35.0
 TOLERANCE = 1e-6
@@ -59,8 +59,14 @@ def run(quick: bool) -> Section:
 
 
 def _compare(section: Section, title: str, problem: Problem, rounds: int) -> None:
-    from part_same_problem import straight_path
-    from path_peers import UserModel, copp_jerk_limited, copp_speeds, elements_of, toppra_speeds
+    from tests.benchmarks.part_same_problem import straight_path
+    from tests.benchmarks.path_peers import (
+        UserModel,
+        copp_jerk_limited,
+        copp_speeds,
+        elements_of,
+        toppra_speeds,
+    )
 
     path: Any = straight_path(problem)
     users = {

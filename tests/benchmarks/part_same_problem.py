@@ -13,7 +13,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from cases import (
+
+from ssm_planner.planning.ocp import free as free_ocp
+from ssm_planner.planning.ocp import refinement
+from ssm_planner.planning.ocp import straight as straight_ocp
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.problem.problem import Problem
+from ssm_planner.trajectory import Trajectory
+from tests.benchmarks.cases import (
     FREE,
     FREE_WEAK,
     STRAIGHT,
@@ -23,16 +30,9 @@ from cases import (
     straight_problem,
     task_ends,
 )
-from measuring import Spread, in_turns, timed
-from motions import certificate, excess, planned_anew
-from section import Section
-
-from ssm_planner.planning.ocp import free as free_ocp
-from ssm_planner.planning.ocp import refinement
-from ssm_planner.planning.ocp import straight as straight_ocp
-from ssm_planner.planning.planner import plan_motion
-from ssm_planner.problem.problem import Problem
-from ssm_planner.trajectory import Trajectory
+from tests.benchmarks.measuring import Spread, in_turns, timed
+from tests.benchmarks.motions import certificate, excess, planned_anew
+from tests.benchmarks.section import Section
 
 OURS, FAST = "this planner, the whole plan", "this planner, the whole plan, `planner: fast`"
 ALONE = "this planner, its optimal control solved once"
@@ -139,8 +139,8 @@ def _ours(cases: list[Problem]) -> Way:
 
 
 def _straight(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
-    from opti_straight import OptiStraight
-    from rockit_straight import RockitStraight
+    from tests.benchmarks.opti_straight import OptiStraight
+    from tests.benchmarks.rockit_straight import RockitStraight
 
     first = straight_path(cases[0])
     numbers = [(*task_ends(case), limits_of(case.robot)) for case in cases]
@@ -165,8 +165,8 @@ def straight_path(problem: Problem) -> Any:
 
 
 def _free(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
-    from opti_free import OptiFree
-    from rockit_free import RockitFree
+    from tests.benchmarks.opti_free import OptiFree
+    from tests.benchmarks.rockit_free import RockitFree
 
     numbers = []
     for case in cases:
@@ -292,7 +292,7 @@ def _ask(section: Section, motion: str, name: str, theirs: Spread, ours: dict[st
 
 def first_solve(name: str, motion: str) -> tuple[float, str]:
     """Seconds from nothing built to the first solution in a process of its own, imports not counted; and an error."""
-    command = [sys.executable, __file__, name, motion]
+    command = [sys.executable, "-m", "tests.benchmarks.part_same_problem", name, motion]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
     except subprocess.TimeoutExpired:

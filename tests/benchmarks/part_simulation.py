@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
-from section import Section
 
 from ssm_planner.comparison.compare import compare
 from ssm_planner.errors import RecordingError
@@ -17,11 +14,11 @@ from ssm_planner.simulation.plant import STATE
 from ssm_planner.simulation.simulate import Scenario, _Stage, simulate
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.verification.slower import check_speeds
+from tests.benchmarks.section import Section
+from tests.support.executions import FAULTS, Executions, kinds
+from tests.support.paths import RESULTS
+from tests.support.velocity_control import energy_error
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from executions import FAULTS, Executions, kinds
-
-RESULTS = Path(__file__).parents[2] / "results"
 SHIPPED = ("tilt_insert", "eye_approach")
 
 
@@ -59,11 +56,8 @@ def _simulation(section: Section, plan: Plan) -> None:
     )
     off = _Stage(plan, Scenario(), free)
     states = off.play().states[:, :STATE]
-    error = (
-        off.arm(0.0)
-        .motion(off.period * np.arange(len(states)), states, np.zeros((1, 4)))
-        .energy_error
-    )
+    times = off.period * np.arange(len(states))
+    error = energy_error(off.arm(0.0).motion(times, states, np.zeros((1, 4))))
     section.asked("energy balance, motors without torque", "≤ 1e-6", f"{error:.1e}", error <= 1e-6)
     began = time.process_time()
     result = simulate(plan, Scenario(draws=1000, spread=0.15))

@@ -11,15 +11,15 @@ from unittest.mock import patch
 
 import casadi as ca
 import numpy as np
-from cases import FREE_WEAK, Change, free_problem, straight_problem
-from measuring import Spread, in_turns, short, timed
-from section import Section
 
 from ssm_planner.planning.ocp.element import element_functions
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
+from tests.benchmarks.cases import FREE_WEAK, Change, free_problem, straight_problem
+from tests.benchmarks.measuring import Spread, in_turns, short, timed
+from tests.benchmarks.section import Section
 
 REPEATS = 10
 

@@ -8,12 +8,6 @@ from collections.abc import Callable
 from typing import Any
 from unittest.mock import patch
 
-from cases import FREE_WEAK, ROOT, Change, free_problem, straight_problem, with_limits
-from measuring import Spread
-from motions import meshed
-from part_same_problem import MOTIONS, OPTI_EXPANDED, ROCKIT_EXPANDED, make, problems
-from section import Section
-
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp import refinement
@@ -23,6 +17,24 @@ from ssm_planner.planning.ocp.transcription import Transcription, forget_solutio
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
+from tests.benchmarks.cases import (
+    FREE_WEAK,
+    ROOT,
+    Change,
+    free_problem,
+    straight_problem,
+    with_limits,
+)
+from tests.benchmarks.measuring import Spread
+from tests.benchmarks.motions import meshed
+from tests.benchmarks.part_same_problem import (
+    MOTIONS,
+    OPTI_EXPANDED,
+    ROCKIT_EXPANDED,
+    make,
+    problems,
+)
+from tests.benchmarks.section import Section
 
 ROUNDS = 7
 PEERS = (OPTI_EXPANDED, ROCKIT_EXPANDED)
@@ -185,7 +197,7 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
     if not asked:
         return [name, *["–"] * 5, *ways]
     (structure, element, data, start), named = asked[0]
-    program, guess = Transcription.of(structure, element), InitialPoint(start.x)
+    program, guess = Transcription.build(structure, element), InitialPoint(start.x)
     solvers = {
         "ipopt": lambda: program.solve(data, guess),
         "fast": lambda: solve_structured(structure, element, data, guess, **named),

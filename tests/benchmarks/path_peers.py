@@ -7,16 +7,10 @@ path; the rest of the mesh is its lead, without friction. Viscous friction has n
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from pinocchio_model import build
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
@@ -25,6 +19,7 @@ from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.typing import Array
+from tests.support.pinocchio_model import build
 
 POINTS = 1000
 UNLIMITED = 1.0

@@ -10,11 +10,8 @@ from __future__ import annotations
 import csv
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from ssm_planner.studies.adaptive import batches
 from ssm_planner.studies.evaluation import Evaluation
@@ -25,8 +22,8 @@ from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
 from ssm_planner.typing import Array
 from tests.benchmarks.faults_studies import problem
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 METHODS = ("sobol", "tpe", "nsga2")
 SEEDS = range(1, 6)
 COUNTS = (16, 32, 64, 128, 256)
@@ -61,7 +58,7 @@ class Surface:
     def rows(self, designs: list[Design], first: int) -> list[Candidate]:
         found = []
         for i, (design, fallen) in enumerate(
-            zip(designs, self.screens.fallen(designs), strict=True), first
+            zip(designs, self.screens.reject(designs), strict=True), first
         ):
             if fallen is not None:
                 found.append(Candidate(i, "infeasible", design, fallen.stage, fallen.reason))
@@ -89,7 +86,7 @@ class Planned:
         """The candidates' rows, numbered from the first."""
         keys = [tuple(design.values()) for design in designs]
         asked = {}
-        for key, design, fallen in zip(keys, designs, self.screens.fallen(designs), strict=True):
+        for key, design, fallen in zip(keys, designs, self.screens.reject(designs), strict=True):
             if key in self._found or key in asked:
                 continue
             if fallen is None:

@@ -7,14 +7,14 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from motions import of_joints
-from opti_free import SMOOTHING
-from opti_straight import ipopt
-from peer_rows import LIMITS, free_rows
 
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
+from tests.benchmarks.motions import of_joints
+from tests.benchmarks.opti_free import SMOOTHING
+from tests.benchmarks.opti_straight import ipopt
+from tests.benchmarks.peer_rows import LIMITS, free_rows
 
 
 @dataclass

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from motions import along_path
-from opti_straight import ipopt
-from peer_rows import LIMITS, straight_rows
 
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
+from tests.benchmarks.motions import along_path
+from tests.benchmarks.opti_straight import ipopt
+from tests.benchmarks.peer_rows import LIMITS, straight_rows
 
 
 @dataclass

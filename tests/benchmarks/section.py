@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from measuring import Spread, short
+from tests.benchmarks.measuring import Spread, short
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parent.parent.parent
+from tests.support.paths import ROOT
+
 PLAN = ROOT / "results/tilt_insert/plan.json"
 FLAGS = (
     "--no-sandbox",
@@ -82,8 +83,11 @@ def visit(browser: Any) -> Iterator[Callable[..., Visit]]:
     """Opens an address at a width and waits until its scripts are ready."""
     pages = []
 
+    # With reduced motion, pages do not play by themselves.
     def open_page(address: str, width: int = 1280, height: int = 800, ready: str = READY) -> Visit:
-        page = browser.new_page(viewport={"width": width, "height": height})
+        page = browser.new_page(
+            viewport={"width": width, "height": height}, reduced_motion="reduce"
+        )
         pages.append(page)
         opened = Visit(page)
         page.on("console", lambda message: listen(opened, message))

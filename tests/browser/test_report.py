@@ -17,9 +17,9 @@ from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.report import write_report
 from ssm_planner.reporting.text import motors_verdict
 from ssm_planner.simulation.simulate import SimulationResult
+from tests.support.page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
-from .conftest import PLAN, ROOT, Visit
-from .page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
+from .conftest import PLAN, READY, ROOT, Visit
 
 Open = Callable[..., Visit]
 SITE = ROOT / "docs/_build/html"
@@ -86,22 +86,20 @@ def test_scrubbing_moves_the_mechanism(visit: Open, report: Path) -> None:
     assert clock(page) == pytest.approx(load_plan(PLAN).trajectory.duration, abs=6e-4)
 
 
-def test_scrubs_smoothly_or_says_why_not(visit: Open, report: Path) -> None:
-    """30 frames per second, drawn in software; a busy machine must lower the resolution and say so."""
+@pytest.mark.parametrize(("spacing", "lowered"), [(16, False), (40, True)])
+def test_slow_drawing_lowers_the_resolution_and_says_so(
+    visit: Open, report: Path, spacing: int, lowered: bool
+) -> None:
+    """The times of the frames are given, so that a busy machine changes nothing."""
     page = visit(report.as_uri()).page
-    assert page.evaluate("SSM.scene.renderer !== null")
-    frames = page.evaluate("""() => new Promise((done) => {
-      const begin = performance.now();
-      let count = 0;
-      const step = () => {
-        SSM.player.set((7 * count) % SSM.player.times.length);
-        count += 1;
-        if (performance.now() - begin < 2000) requestAnimationFrame(step);
-        else done(count / 2);
-      };
-      step();
-    })""")
-    assert frames >= 30 or page.evaluate("!SSM.scene.note.hidden")
+    draw = """(spacing) => {
+      let now = 0;
+      window.requestAnimationFrame = (draw) => { now += spacing; draw(now); };
+      SSM.scene.waiting = false;
+      for (let frame = 0; frame < 30; frame += 1) SSM.player.set(frame);
+      return [!SSM.scene.note.hidden, SSM.scene.ratio < 1];
+    }"""
+    assert page.evaluate(draw, spacing) == [lowered, lowered]
 
 
 def test_hovering_a_plot_moves_the_scrubber(visit: Open, report: Path) -> None:
@@ -232,10 +230,14 @@ def test_the_eye_is_drawn_and_can_be_looked_at(
         opened = visit(page_file.as_uri())
         page, canvas = opened.page, opened.page.locator("#scene canvas")
         page.wait_for_timeout(200)
+        assert page.locator("#scene .inset").is_visible(), (
+            "the eye comes first, with the arm beside it"
+        )
         before = canvas.screenshot()
-        page.get_by_role("button", name="eye", exact=True).click()
+        page.get_by_role("button", name="whole", exact=True).click()
         page.wait_for_timeout(300)
         assert canvas.screenshot() != before
+        assert not page.locator("#scene .inset").is_visible()
         drawn = page.evaluate(
             """(number) => {
           const { base } = SSM.scene.robots[number];
@@ -262,7 +264,7 @@ def test_the_eye_is_drawn_and_can_be_looked_at(
 def test_without_webgl_the_rest_works(launch: Callable[..., Any], report: Path) -> None:
     browser = launch("--disable-3d-apis")
     try:
-        page = browser.new_page()
+        page = browser.new_page(reduced_motion="reduce")
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(report.as_uri())
@@ -281,7 +283,10 @@ def test_whether_the_motors_suffice_is_said_above_and_shown_below(
 ) -> None:
     page = visit(report.as_uri()).page
     _, verdict, reason = motors_verdict(load_plan(PLAN).sizing.to_dict())
-    assert verdict in page.inner_text("header .verdict")
+    sentence, _, condition = verdict.removeprefix("Motors ").partition(" if ")
+    card = page.locator("header .card", has_text="Motors").inner_text().replace("\xa0", " ")
+    assert sentence in card
+    assert condition in card
     page.click("header .unknowns summary")
     assert f"{verdict} {reason}" in page.inner_text("header .verdict")
     tables = page.locator("#sizing table")
@@ -309,7 +314,8 @@ def test_the_fold_says_what_happens_and_whether_it_may(visit: Open, report: Path
     assert "limited by the speed of joints 1, 2 and 4" in page.inner_text(".lead")
     for place in (
         ".lead",
-        ".verdict",
+        ".cards",
+        ".use",
         "#scene",
         "#player .play",
         "#player .strip",
@@ -321,6 +327,60 @@ def test_the_fold_says_what_happens_and_whether_it_may(visit: Open, report: Path
     assert page.locator("#scene").bounding_box()["width"] >= 0.45 * 1280
     assert page.inner_text("#player .clock").startswith("0.000 s")
     assert not page.locator(".unknowns ul").is_visible()
+
+
+def test_the_fold_answers_how_long_checked_how_near_and_how_hot(
+    visit: Open, in_eye: Path, in_eye_report: Path
+) -> None:
+    """The cards and the motors are the plan's, and the eye fills at least 15 % of the scene."""
+    page, plan = visit(in_eye_report.as_uri()).page, load_plan(in_eye)
+    cards = page.locator(".cards")
+    assert cards.bounding_box()["y"] + cards.bounding_box()["height"] <= 800
+    said = cards.inner_text()
+    assert f"{plan.duration:.4f} s" in said
+    assert f"{plan.lower_bound:.4f} s" in said
+    rows = page.locator(".use tbody tr").all_inner_texts()
+    assert len(rows) == len(plan.requirements)
+    for row, required in zip(rows, plan.requirements, strict=True):
+        shares = [float(text) for text in re.findall(r"(\d+) %", row)]
+        assert row.startswith(required.joint)
+        assert shares == [
+            pytest.approx(100 * required.peak_torque / required.motor.max_torque, abs=0.51),
+            pytest.approx(100 * required.rms_torque / required.motor.nominal_torque, abs=0.51),
+            pytest.approx(100 * required.peak_speed / required.motor.max_speed, abs=0.51),
+        ]
+    share = page.evaluate("""() => {
+      const { camera, controls, size: [width, height] } = SSM.scene;
+      const away = camera.position.distanceTo(controls.target);
+      const pixels = height / (2 * Math.tan((camera.fov * Math.PI) / 360) * away);
+      return (Math.PI * (SSM.data().scene.eye.radius * pixels) ** 2) / (width * height);
+    }""")
+    assert share >= 0.15
+
+
+def test_a_link_leads_to_its_instant(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    page.evaluate("SSM.player.at(0.98)")
+    t = page.evaluate("SSM.player.times[SSM.player.index]")
+    address = page.get_by_role("link", name="Link to this instant").get_attribute("href")
+    again = visit(report.as_uri() + address).page
+    assert again.evaluate("SSM.player.times[SSM.player.index]") == pytest.approx(t, abs=1e-3)
+    again.evaluate("location.hash = '#t=0'")
+    again.wait_for_timeout(100)
+    assert again.evaluate("SSM.player.index") == 0
+
+
+def test_the_motion_plays_once_by_itself_unless_motion_is_reduced(
+    browser: Any, visit: Open, report: Path
+) -> None:
+    assert not visit(report.as_uri()).page.evaluate("SSM.player.playing")
+    page = browser.new_page()
+    for address, plays in ((report.as_uri(), True), (f"{report.as_uri()}#t=1.0", False)):
+        page.goto("about:blank")
+        page.goto(address)
+        Visit(page).wait(READY)
+        assert page.evaluate("SSM.player.playing") is plays
+    page.close()
 
 
 def test_every_plot_says_its_values_at_the_cursor(visit: Open, report: Path) -> None:
@@ -342,6 +402,20 @@ def test_every_plot_says_its_values_at_the_cursor(visit: Open, report: Path) -> 
         assert number(text) == pytest.approx(
             np.rad2deg(page.evaluate(f"SSM.channels.qd{i}[{index}]")), rel=1e-3
         )
+
+
+def test_numbers_of_an_axis_keep_their_minus(visit: Open, simulation: Path) -> None:
+    """The vertical axis is at least as wide as its longest number."""
+    page = visit(simulation.as_uri()).page
+    assert (
+        page.evaluate("""() => {
+      const pen = document.createElement("canvas").getContext("2d");
+      pen.font = "12px system-ui, sans-serif";
+      return ["0", "−0.0025", "−0.000025", "−1.234e+10"].filter((text) =>
+        SSM.axis("", SSM.room).size(null, [text]) < pen.measureText(text).width + 10);
+    }""")
+        == []
+    )
 
 
 def test_hatching_stands_on_the_limit(visit: Open, report: Path) -> None:
@@ -404,6 +478,7 @@ def test_the_keyboard_turns_the_mechanism(visit: Open, report: Path) -> None:
 
 def test_the_legend_hides_what_it_names(visit: Open, in_eye_report: Path) -> None:
     page = visit(in_eye_report.as_uri()).page
+    page.click(".scene-legend summary")
     names = page.locator(".scene-legend label").all_inner_texts()
     assert {"axes", "allowed tilt", "α and β", "tip trace", "eye", "start"} <= set(names)
     canvas = page.locator("#scene canvas").first
@@ -417,7 +492,7 @@ def test_the_legend_hides_what_it_names(visit: Open, in_eye_report: Path) -> Non
 
 @pytest.mark.parametrize("name", ["report", "in_eye_report", "comparison", "simulation", "study"])
 def test_axe_finds_nothing_serious(browser: Any, request: pytest.FixtureRequest, name: str) -> None:
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page = browser.new_page(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
     page.goto(request.getfixturevalue(name).as_uri())
     page.wait_for_timeout(300)
     page.evaluate(

@@ -12,9 +12,9 @@ import pytest
 from ssm_planner.problem.problem import Problem
 from ssm_planner.view.page import Study
 from ssm_planner.view.server import ViewServer
+from tests.support.page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
 from .conftest import Visit
-from .page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
 Open = Callable[..., Visit]
 
@@ -84,7 +84,7 @@ def test_plans_the_motion_and_shows_the_report(visit: Open, server: ViewServer) 
         "document.querySelector('.outcome')?.textContent.includes('check passed')", seconds=60
     )
     frame = page.frame_locator("iframe")
-    assert "Certified" in frame.locator(".verdict").inner_text(timeout=20_000)
+    assert "limits kept" in frame.locator(".verdict").inner_text(timeout=20_000)
     assert page.locator(".steps li").count() >= 3
     assert opened.said == []
 
@@ -154,7 +154,7 @@ def test_sliders_at_their_ends_leave_the_page_alive(visit: Open, server: ViewSer
     page.fill("#high", "-100")
     page.click("#own")
     page.fill("#tilt", "-100")
-    opened.wait("document.getElementById('reached').textContent === 'The pose is reached.'")
+    opened.wait("document.getElementById('reached').textContent === 'The pose is reachable.'")
     opened.wait("document.getElementById('reach').className === 'good'")
 
 

@@ -21,8 +21,8 @@ HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
 """Of the time, where not 1."""
-SLICE = {"processes": 35}
-"""Cases of one task, where not 400."""
+SLICE = {"processes": 8}
+"""Cases of one task, where not 100. Every campaign runs one task in each process at least."""
 FULL = {"mutated": 20_400, "tampered": 2_400, "violations": 7_600, "processes": 560}
 """Cases with --full, a little above what is asked for: shares of the kinds are rounded down."""
 WORKERS = 2
@@ -68,7 +68,7 @@ def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
 
     As many as the time allows, or FULL where there is none; at the least one for each process.
     """
-    begin, size, started, cases = time.monotonic(), SLICE.get(name, 400), 0, 0
+    begin, size, started, cases = time.monotonic(), SLICE.get(name, 100), 0, 0
     sums: dict[str, Row] = {}
     running: list[Future[tuple[list[Row], float]]] = []
     pool = ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn"))

@@ -158,12 +158,11 @@ class Kinds:
     """The files that are mutated, and the command or function that reads each kind."""
 
     def __init__(self, folder: Path) -> None:
-        from plans import trapezoids, write_plan
-
         from ssm_planner.formats.export import export
         from ssm_planner.loading import load
         from ssm_planner.publishing import publishing_results
         from ssm_planner.studies.study_file import load_study
+        from tests.support.plans import trapezoids, write_plan
 
         self.folder, self.large, self.before = folder, False, _peak()
         robot = load.load_robot(ROBOT)

@@ -56,7 +56,9 @@ class Stage:
         shutil.copytree(ROOT / "problems", folder / "problems")
         first = folder / "problems/tilt_insert.yaml"
         second = folder / "problems/less.yaml"
-        second.write_text(first.read_text().replace("to: 20 mm", "to: 12 mm"))
+        second.write_text(
+            first.read_text(encoding="utf-8").replace("to: 20 mm", "to: 12 mm"), encoding="utf-8"
+        )
         results = folder / "first", folder / "second"
         stage = cls(
             folder, (first, second), results, {form: folder / form for form in ("csv", "ros2")}, {}
@@ -165,7 +167,7 @@ def _command(stage: Stage, case: Path, kind: str) -> tuple[Path, list[str], dict
     else:
         shutil.copytree(stage.exports[kind], out)
         words = ["export", str(first), "--to", kind, "-o", str(out)]
-    return out, words, hashes(out) | {MANIFEST: (out / MANIFEST).read_text()}
+    return out, words, hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
 
 
 def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
@@ -173,13 +175,13 @@ def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
     found = hashes(out)
     found = {name: sha for name, sha in found.items() if not name.startswith(".")}
     before = {name: sha for name, sha in earlier.items() if name != MANIFEST}
-    if found == before and (out / MANIFEST).read_text() == earlier[MANIFEST]:
+    if found == before and (out / MANIFEST).read_text(encoding="utf-8") == earlier[MANIFEST]:
         return None
     try:
         check_generation(out)
     except TrajectoryError:
         return None  # a mixture, and noticed
-    listed = json.loads((out / MANIFEST).read_text())["files"]
+    listed = json.loads((out / MANIFEST).read_text(encoding="utf-8"))["files"]
     return None if listed == found else f"a mixture that is not noticed: {sorted(found)}"
 
 
@@ -194,14 +196,14 @@ def _said(
         return f"exit status {status}: {said[-300:]}"
     if list(out.parent.glob(".out-*")) or list(out.glob(".*")):
         return f"left behind: {sorted(path.name for path in out.glob('.*'))}"
-    now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text()}
-    if "untouched" in said and now != earlier:
-        return "said that earlier results are untouched"
+    now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
+    if "unchanged" in said and now != earlier:
+        return "said that earlier results are unchanged"
     check_generation(out)
     if (
         status == STATUS[number]
-        and "untouched" not in said
-        and "written whole" not in said
+        and "unchanged" not in said
+        and "completed before" not in said
         and begun
     ):
         return f"does not say what is left: {said[-300:]}"
@@ -223,10 +225,9 @@ def _marked(mark: str) -> list[str]:
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if (
-                wanted in (folder / "environ").read_bytes()
-                and ") Z " not in (folder / "stat").read_text()
-            ):
+            if wanted in (folder / "environ").read_bytes() and ") Z " not in (
+                folder / "stat"
+            ).read_text(encoding="utf-8"):
                 found.append(folder.name)
         except OSError:
             continue
@@ -248,7 +249,7 @@ def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
             _, said = process.communicate(timeout=PATIENCE)
             stream.write(said)
         text = said.decode("utf-8", "replace")
-        now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text()}
+        now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
         fault = None
         if process.returncode == 0:
             fault = (
@@ -332,7 +333,10 @@ def hostile_folders(stage: Stage, count: int, rng: random.Random) -> Row:
         here = case / "a/b"
         here.mkdir(parents=True)
         problem = stage.folder / "problems/hostile.yaml"
-        problem.write_text(stage.problems[0].read_text() + f"name: {json.dumps(name)}\n")
+        problem.write_text(
+            stage.problems[0].read_text(encoding="utf-8") + f"name: {json.dumps(name)}\n",
+            encoding="utf-8",
+        )
         process = start(here, "plan", str(problem), streams={"stderr": subprocess.PIPE})
         _, said = process.communicate(timeout=PATIENCE)
         outside = [

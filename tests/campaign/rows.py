@@ -7,7 +7,6 @@ import functools
 import importlib
 import io
 import signal
-import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -16,14 +15,13 @@ from types import FrameType
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-sys.path.insert(0, str(Path(__file__).parent.parent))  # plans, seeded
+from tests.support.paths import ROOT
 
 LONGEST = 10
 """s of the processor: what takes longer hangs."""
 PATIENCE = 6
 """Times as much on the clock, for what only waits; the machine may be busy otherwise."""
 EXAMPLES = 5
-ROOT = Path(__file__).parent.parent.parent
 ROBOT = ROOT / "problems/robots/vitreoretinal.yaml"
 
 

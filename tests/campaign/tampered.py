@@ -31,9 +31,8 @@ def run(count: int, seed: int) -> list[Row]:
 
 
 def _plans(folder: Path, count: int, rng: random.Random) -> Row:
-    from plans import of_task, trapezoids, write_plan
-
     from ssm_planner.loading.load import load_robot
+    from tests.support.plans import of_task, trapezoids, write_plan
 
     robot = load_robot(ROBOT)
     limits = of_task({"tilt": (-2.4, -1.42), "depth": (-0.001, 0.03)}, tip_speed=0.5)
@@ -116,7 +115,7 @@ def _shown(path: Path, place: str, page: bool) -> str | None:
     from ssm_planner.formats.export import verified
     from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.report import report_page, verdict
-    from ssm_planner.reporting.text import verdicts
+    from ssm_planner.reporting.text import answers
 
     try:
         plan = load_plan(path)
@@ -126,7 +125,7 @@ def _shown(path: Path, place: str, page: bool) -> str | None:
         return f"{place}: the plan passes"
     if verdict(plan)[1][1] != "Not certified":
         return f"{place}: the report says {verdict(plan)[1]}"
-    if any("PASSED" in line for line in verdicts(plan)):
+    if any("PASSED" in line for line in answers(plan)):
         return f"{place}: the summary says PASSED"
     try:
         if verified(plan, force=False)[1]:
@@ -139,10 +138,9 @@ def _shown(path: Path, place: str, page: bool) -> str | None:
 
 
 def _exports(folder: Path, count: int, seed: int) -> list[Row]:
-    from plans import trapezoids, write_plan
-
     from ssm_planner.formats.export import export
     from ssm_planner.loading.load import load_robot
+    from tests.support.plans import trapezoids, write_plan
 
     robot = load_robot(ROBOT)
     plan = write_plan(folder / "plan.json", robot, trapezoids(robot))

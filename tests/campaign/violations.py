@@ -29,9 +29,8 @@ class Violations:
     """A motion near its limits, in every form that is read."""
 
     def __init__(self, folder: Path, seed: int) -> None:
-        from plans import trapezoids
-
         from ssm_planner.loading.load import load_robot
+        from tests.support.plans import trapezoids
 
         self.folder, self.rng = folder, np.random.default_rng(seed)
         self.robot = load_robot(ROBOT)
@@ -179,10 +178,9 @@ class Violations:
 
     def bags(self, count: int) -> None:
         """The same points as a rosbag2."""
-        from plans import read_back
-
         from ssm_planner.formats.joint_trajectory import Message
         from ssm_planner.formats.ros2 import write_bag
+        from tests.support.plans import read_back
 
         plan = read_back(self.folder / "plan.json", self.robot, self.trajectory)
         empty: list[Any]
@@ -198,9 +196,8 @@ class Violations:
 
     def epos4(self, count: int) -> None:
         """Streams: any number changed, told by its hash; offsets changed together with the hash, told by the motion."""
-        from plans import read_back
-
         from ssm_planner.formats.export import export
+        from tests.support.plans import read_back
 
         plan = read_back(self.folder / "plan.json", self.robot, self.trajectory)
         for number, rate in enumerate((1000.0, 500.0, 200.0, 100.0, 50.0, 20.0)):

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from ssm_planner.cli import check as command
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check
+from tests.support.cli import run
+from tests.support.paths import PROBLEMS
+from tests.support.plans import smooth, write_plan
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import smooth, write_plan
-
-PROBLEMS = Path(__file__).parent.parent.parent / "problems"
 APPROACH, ROBOT = PROBLEMS / "eye_approach.yaml", PROBLEMS / "robots/vitreoretinal.yaml"
 TASK_ONLY = {
     "roll rate",
@@ -30,12 +26,6 @@ TASK_ONLY = {
     "retina clearance",
     "lens clearance",
 }
-
-
-def run(*words: str | Path) -> int:
-    parser = argparse.ArgumentParser()
-    command.check_arguments(parser)
-    return command.run_check(parser.parse_args([str(word) for word in words]))
 
 
 @pytest.fixture
@@ -65,7 +55,7 @@ def test_a_problem_brings_its_robot_and_its_limits(
     csv: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     problem = load_problem(APPROACH)
-    status = run(csv, "--problem", APPROACH, "--json")
+    status = run("check", csv, "--problem", APPROACH, "--json")
     found = limits_of(capsys)
     assert set(found) >= TASK_ONLY
     exact = check(smooth(problem.robot), problem.robot, problem.task_limits)
@@ -77,7 +67,7 @@ def test_a_problem_brings_its_robot_and_its_limits(
 
 
 def test_a_robot_alone_limits_no_task(csv: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(csv, "--robot", ROBOT, "--json") == 0
+    assert run("check", csv, "--robot", ROBOT, "--json") == 0
     assert not TASK_ONLY & set(limits_of(capsys))
 
 
@@ -87,12 +77,12 @@ def test_a_plan_brings_its_own_limits_unless_a_problem_is_given(
     plan = write_plan(
         tmp_path / "plan.json", robot, smooth(robot), load_problem(APPROACH).task_limits
     )
-    run(plan, "--json")
+    run("check", plan, "--json")
     mine = limits_of(capsys)
     assert set(mine) >= TASK_ONLY
-    run(plan, "--problem", PROBLEMS / "tilt_insert.yaml", "--json")
+    run("check", plan, "--problem", PROBLEMS / "tilt_insert.yaml", "--json")
     assert not TASK_ONLY & set(limits_of(capsys))
-    run(plan, "--tip-speed", "1 mm/s", "--json")
+    run("check", plan, "--tip-speed", "1 mm/s", "--json")
     other = limits_of(capsys)
     assert other["tip speed"]["limit"] == pytest.approx(1e-3)
     assert other["retina clearance"] == mine["retina clearance"]
@@ -103,7 +93,7 @@ def test_a_tip_in_the_retina_is_told_in_words(
 ) -> None:
     deep = smooth(robot, (np.array([0.0, 0.0, 0.0, -0.025]),))
     plan = write_plan(tmp_path / "plan.json", robot, deep, load_problem(APPROACH).task_limits)
-    assert run(plan) == 1
+    assert run("check", plan) == 1
     line = next(
         line for line in capsys.readouterr().out.splitlines() if line.startswith("retina clearance")
     )
@@ -113,4 +103,4 @@ def test_a_tip_in_the_retina_is_told_in_words(
 
 def test_without_robot_or_problem_the_way_out_is_named(csv: Path) -> None:
     with pytest.raises(TrajectoryError, match=r"--robot ROBOT.yaml or --problem PROBLEM.yaml"):
-        run(csv)
+        run("check", csv)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import runpy
 from collections.abc import Callable
 from pathlib import Path
@@ -16,8 +17,8 @@ from ssm_planner.cli import main
 from ssm_planner.cli.files import EXAMPLES, KINDS, REFERENCES, file_keys, template
 from ssm_planner.loading import load
 from ssm_planner.studies.study_file import load_study
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 LOADERS: dict[str, Callable[[Path], Any]] = {
     "problem": load.load_problem,
     "robot": load.load_robot,
@@ -39,10 +40,22 @@ def test_a_new_file_loads_as_it_stands(
     assert str(file) in capsys.readouterr().out
     made = LOADERS[kind](file)
     assert made.name == "mine"
-    assert max(map(len, file.read_text().splitlines())) <= 120
+    assert max(map(len, file.read_text(encoding="utf-8").splitlines())) <= 120
     if kind in EXAMPLES:
-        shipped = yaml.safe_load((ROOT / f"problems/{EXAMPLES[kind]}.yaml").read_text())
-        assert _by_stem(yaml.safe_load(file.read_text())) == _by_stem({**shipped, "name": "mine"})
+        shipped = yaml.safe_load(
+            (ROOT / f"problems/{EXAMPLES[kind]}.yaml").read_text(encoding="utf-8")
+        )
+        assert _by_stem(yaml.safe_load(file.read_text(encoding="utf-8"))) == _by_stem(
+            {**shipped, "name": "mine"}
+        )
+
+
+@pytest.mark.parametrize("kind", LOADERS)
+def test_a_comment_names_no_unit_beside_a_value_that_has_one(kind: str) -> None:
+    """Keys are described in SI in Python, but the values of a file have units of their own."""
+    for key in file_keys(kind):
+        if key.unit:
+            assert not re.search(r", (rad|m|s|kg|N|V|A|K)\b[^ ,]*(\.|$)", key.description), key
 
 
 def _by_stem(value: Any, reference: bool = False) -> Any:
@@ -54,6 +67,7 @@ def _by_stem(value: Any, reference: bool = False) -> Any:
 
 
 @pytest.mark.parametrize("kind", LOADERS)
+@pytest.mark.slow
 def test_a_new_file_names_every_key_of_its_first_two_levels(kind: str) -> None:
     text = template(kind, "mine")
     keys = {key.path for key in file_keys(kind) if key.path.count(".") == 0}
@@ -62,13 +76,14 @@ def test_a_new_file_names_every_key_of_its_first_two_levels(kind: str) -> None:
 
 def test_a_new_file_replaces_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "mine.yaml"
-    file.write_text("precious")
+    file.write_text("precious", encoding="utf-8")
     assert main(["new", "robot", str(file)]) == 2
-    assert "nothing of yours is overwritten" in capsys.readouterr().err
-    assert file.read_text() == "precious"
+    assert "the file exists and is not overwritten" in capsys.readouterr().err
+    assert file.read_text(encoding="utf-8") == "precious"
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_the_schema_describes_every_key(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema", kind]) == 0
     schema = json.loads(capsys.readouterr().out)
@@ -91,6 +106,7 @@ def test_the_schema_describes_every_key(kind: str, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize("kind", LOADERS)
+@pytest.mark.slow
 def test_the_schema_accepts_a_new_file_and_refuses_an_unknown_key(kind: str) -> None:
     validator = jsonschema.Draft202012Validator
     from ssm_planner.cli.files import schema
@@ -101,6 +117,7 @@ def test_the_schema_accepts_a_new_file_and_refuses_an_unknown_key(kind: str) -> 
     assert [*known.iter_errors({**data, "nonsense": 1})]
 
 
+@pytest.mark.slow
 def test_the_page_of_keys_is_current_and_describes_every_key() -> None:
     script = runpy.run_path(str(ROOT / "docs/make_reference.py"))
     assert script["TARGET"].read_text(encoding="utf-8") == script["page"](), "run `make api`"

@@ -19,8 +19,8 @@ from ssm_planner.kinematics.of_robot import fk, ik
 from ssm_planner.kinematics.task import pose_from_task
 from ssm_planner.loading.load import load_robot
 from ssm_planner.problem.robot import Robot
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 ROBOT = ROOT / "problems/robots/vitreoretinal.yaml"
 
 
@@ -43,6 +43,7 @@ def robot() -> Robot:
     return load_robot(ROBOT)
 
 
+@pytest.mark.slow
 def test_workspace_of_the_robot(workspace, tmp_path):
     result = workspace(ROBOT, "-o", tmp_path)
     assert math.degrees(result["alpha"]) == pytest.approx(30.0)

@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 
 from ssm_planner.cli import main
+from tests.support.paths import RESULTS
 
-PLAN = str(Path(__file__).parents[2] / "results" / "tilt_insert" / "plan.json")
+PLAN = str(RESULTS / "tilt_insert" / "plan.json")
 
 
+@pytest.mark.slow
 def test_json_and_files(capsys, tmp_path):
     assert (
         main(
@@ -81,7 +83,7 @@ def test_options_combine(capsys):
         (["--speed", "fast"], ["--speed", "10%"]),
         (["--speed", "0%"], ["speed", "above 0"]),
         (["--payload", "3"], ["--payload", "without a unit"]),
-        (["--instants", "0"], ["--instants", "1 and more"]),
+        (["--instants", "0"], ["--instants", "1 or more"]),
         (["--controller", "none.yaml"], ["none.yaml", "no such file"]),
     ],
 )

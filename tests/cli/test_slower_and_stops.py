@@ -12,8 +12,9 @@ import pytest
 from ssm_planner.cli import main
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.verification.check import check
+from tests.support.paths import RESULTS
 
-SHIPPED = Path(__file__).parents[2] / "results" / "tilt_insert" / "plan.json"
+SHIPPED = RESULTS / "tilt_insert" / "plan.json"
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +96,10 @@ def test_the_family_of_stops_is_exported(plan: Plan, tmp_path: Path, to: str) ->
         stop = rows[rows[:, 0] == begin]
         assert stop[0, 1] == 0.0
         assert np.all(np.diff(stop[:, 1]) > 0)
-        planned = plan.motion.sample(begin).q[0] * scale
-        np.testing.assert_allclose(stop[0, 2:], planned, atol=0.51 if to == "epos4" else 2e-6)
+        state = plan.motion.sample(begin)
+        # half an increment, and the distance moved within the rounding of the printed time
+        allowed = 0.5 + 5.1e-7 * np.abs(state.qd[0] * scale) if to == "epos4" else 2e-6
+        assert np.all(np.abs(stop[0, 2:] - state.q[0] * scale) <= allowed)
 
 
 def test_stops_are_of_csv_and_epos4_alone(

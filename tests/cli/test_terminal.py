@@ -6,18 +6,23 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from ssm_planner.cli import COMMANDS, main
+from ssm_planner.cli import COMMANDS, _kept_apart, _parser, main
 from ssm_planner.cli.shared import output_file, progress_reporter
-from ssm_planner.cli.terminal import printed, wrapped
-from ssm_planner.reporting.text import Table
+from ssm_planner.cli.terminal import printed, shortened, wrapped
+from ssm_planner.display import columns
+from ssm_planner.plans import load_plan
+from ssm_planner.reporting.text import BINDING, Table, answers, closest_limit, summary_lines
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 PLAN = str(ROOT / "results/tilt_insert")
 
 
@@ -52,7 +57,7 @@ def test_what_was_probably_meant(
     [
         (["plan", "nothing.yaml", "--json"], "nothing.yaml"),
         (["check", "--json"], "required"),
-        (["nonsense", "--json"], "no command"),
+        (["nonsense", "--json"], "unknown command"),
         (["ik", "vitreoretinal", "--tilt", "-100", "--json"], "unit"),
     ],
 )
@@ -67,21 +72,38 @@ def test_json_is_printed_for_bad_input_too(
     assert error["message"] in captured.err
 
 
+def test_a_wrong_file_is_named_as_what_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plan", "problems/robots/vitreoretinal.yaml"]) == 2
+    assert "a robot file instead of a problem file" in capsys.readouterr().err
+    assert main(["check", str(tmp_path / "nothing")]) == 2
+    assert "no such file or folder" in capsys.readouterr().err
+
+
+@pytest.mark.slow
 def test_where_a_fault_is_stands_in_the_object(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "mine.yaml"
     assert main(["new", "problem", str(file)]) == 0
     capsys.readouterr()
-    file.write_text(file.read_text().replace("to: 20 mm", "to: 20"))
+    file.write_text(
+        file.read_text(encoding="utf-8").replace("to: 20 mm", "to: 20"), encoding="utf-8"
+    )
     assert main(["plan", str(file), "--json"]) == 2
     error = json.loads(capsys.readouterr().out)["error"]
-    line = next(i for i, text in enumerate(file.read_text().splitlines(), 1) if "to: 20" in text)
+    line = next(
+        i
+        for i, text in enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
+        if "to: 20" in text
+    )
     assert (error["file"], error["line"], error["value"]) == (str(file), line, "20")
 
 
 @pytest.mark.parametrize("width", [60, 80, 100])
 @pytest.mark.parametrize("command", [["check", PLAN], ["size", PLAN, "--what-if"]])
+@pytest.mark.slow
 def test_nothing_is_wider_than_the_terminal(
     command: list[str],
     width: int,
@@ -101,7 +123,54 @@ def test_every_help_fits(
     for name in COMMANDS:
         with pytest.raises(SystemExit):
             main([name, "--help"])
-        assert max(map(len, capsys.readouterr().out.splitlines())) <= 100, name
+        said = capsys.readouterr().out
+        assert max(map(len, said.splitlines())) <= 100, name
+        words = shlex.split(said.partition("Example: ssm-planner ")[2])
+        example = [_kept_apart(word) for word in words]
+        assert _parser(example).parse_args(example).run.__name__ == f"run_{name}"
+
+
+def test_a_path_with_spaces_is_never_broken() -> None:
+    line = f"file     /{'a long folder/' * 12}report.html"
+    assert wrapped(line, 80) == [line]
+
+
+@pytest.mark.parametrize("problem", ["tilt_insert", "eye_approach"])
+def test_a_plan_ends_with_its_answers_on_one_screen(
+    problem: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    folder = ROOT / "results" / problem
+    plan = load_plan(folder)
+    short = shortened(summary_lines(plan, folder))
+    assert len(short) <= 25
+    assert max(map(len, short[:-1])) <= 80, "a path is one word"
+    assert [line.split()[0] for line in short[-5:]] == [
+        "time",
+        "check",
+        "closest",
+        "motors",
+        "file",
+    ]
+    assert str(folder / "report.html") in short[-1]
+    assert plan.certificate is not None
+    closest = closest_limit(plan.certificate.limits)
+    assert closest is not None
+    assert f"closest  {closest.name}" in short[-3]
+    beyond = [each for each in plan.certificate.limits if each.margin < closest.margin]
+    assert all(each.margin <= BINDING for each in beyond)
+    everything = summary_lines(plan, folder, verbose=True)
+    assert everything[-5:] == [*answers(plan, folder)]
+    assert any(line.startswith("limit ") for line in everything)
+
+
+@given(st.lists(st.text("ab ", max_size=200), max_size=60))
+def test_a_short_text_keeps_its_end(lines: list[str]) -> None:
+    whole = [part for line in lines for part in wrapped(line, columns())]
+    short = shortened(lines)
+    assert len(short) <= 25
+    assert short[-6:] == whole[-6:]
+    assert short == whole or "-v" in short[-7]
 
 
 def test_words_stay_whole_and_under_their_label() -> None:
@@ -207,7 +276,7 @@ def test_a_shell_completes_commands_and_options(tmp_path: Path) -> None:
             env=environment,
             check=True,
         )
-        return {word.strip() for word in found.read_text().split("\n")}
+        return {word.strip() for word in found.read_text(encoding="utf-8").split("\n")}
 
     assert completed("ssm-planner si") == {"simulate", "size"}
     assert "--power-loss" in completed("ssm-planner simulate x --")

@@ -25,7 +25,9 @@ COMMON = "name: {kind} drive\nkind: {kind}\nsource: assumed\ninput_inertia: 1e-6
 
 
 def drive(folder: Path, kind: str, more: str = "", inertia: str = "kg*m^2") -> Drive:
-    (folder / "drive.yaml").write_text(COMMON.format(kind=kind, inertia=inertia) + more)
+    (folder / "drive.yaml").write_text(
+        COMMON.format(kind=kind, inertia=inertia) + more, encoding="utf-8"
+    )
     return load_drive(folder / "drive.yaml")
 
 
@@ -93,10 +95,11 @@ def test_no_such_drive_locks_itself_or_moves_a_joint_of_the_other_kind() -> None
     robot = load_robot("raven_like")
     cable, slide = robot.joints[0].drive, robot.joints[3].drive
     assert cable is not None
-    with pytest.raises(ProblemError, match="a cable drive does not lock itself"):
+    with pytest.raises(ProblemError, match="a cable drive is not self-locking"):
         replace(cable, self_locking=True)
     with pytest.raises(
-        ProblemError, match=r"this joint turns \(allowed: worm, direct, gear, belt, cable\)"
+        ProblemError,
+        match=r"does not fit a revolute joint \(allowed: worm, direct, gear, belt, cable\)",
     ):
         replace(robot.joints[0], drive=slide)
 

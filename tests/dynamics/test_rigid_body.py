@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +12,7 @@ from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from pinocchio_model import build
+from tests.support.pinocchio_model import build
 
 RNG = np.random.default_rng(7)
 

@@ -162,7 +162,7 @@ def test_an_arc_of_the_second_link_ends_on_the_third_axis():
         ("shape: rod", "shape: tube", "shape"),
         ("width: 40 mm", "width: 500 mm", "beyond the remote centre"),
         ("end: [0 mm, 0 mm, -200 mm]", "end: [0 mm, 0 mm, -150 mm]", "no length"),
-        ("100 g", "-100 g", "not a mass"),
+        ("100 g", "-100 g", "a mass cannot be negative"),
         ("density: 2700 kg/m^3", "density: 2700 kg", r"bodies\[0\]\.parts"),
     ],
 )

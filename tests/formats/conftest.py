@@ -1,15 +1,12 @@
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import of_task, read_back, smooth, trapezoids
+from tests.support.plans import of_task, read_back, smooth, trapezoids
 
 LIMITS = of_task({"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)})
 

@@ -27,6 +27,7 @@ from ssm_planner.loading.load import load_robot
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples
+from tests.support.paths import PROBLEMS
 
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(
@@ -206,7 +207,7 @@ def test_c_equals_python_for_other_drives(robot: Robot, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["raven_like", "direct_drive"])
 def test_c_equals_python_for_drives_with_efficiencies(name: str, tmp_path: Path) -> None:
-    robot = load_robot(Path(__file__).parents[2] / f"problems/robots/{name}.yaml")
+    robot = load_robot(PROBLEMS / f"robots/{name}.yaml")
     s = states(5000, 3)
     torque = run_all(compiled(tmp_path, robot, "-O1"), s)[3]
     assert np.abs(torque).min(axis=1).max() > 0
@@ -449,7 +450,8 @@ def test_the_exported_files_compile_also_when_marked(
         command = [COMPILER, *STRICT, "-c", f"ssm_robot{suffix}.c", f"ssm_trajectory{suffix}.c"]
         subprocess.run(command, cwd=folder, check=True)
         included = re.findall(
-            r"#include .*", "".join(path.read_text() for path in sorted(folder.glob("*.[ch]")))
+            r"#include .*",
+            "".join(path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.[ch]"))),
         )
         robot, trajectory = (
             f'#include "{name}{suffix}.h"' for name in ("ssm_robot", "ssm_trajectory")

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.csv import trajectory_table, write_csv
 from ssm_planner.formats.export import export
@@ -50,11 +52,33 @@ def test_chosen_columns(plan: Plan, tmp_path: Path) -> None:
     assert np.linalg.norm(tip, axis=1) == pytest.approx(np.abs(rows["task_depth_m"]), abs=1e-12)
 
 
+@pytest.mark.parametrize("rate", [None, 400.0])
+def test_columns_of_the_motors_are_those_of_the_motor_law(
+    plan: Plan, tmp_path: Path, rate: float | None
+) -> None:
+    """After each row, but before the end of the motion; starts from rest are told from other rows."""
+    export(plan, "csv", tmp_path, rate=rate, columns=["q", "angle", "speed", "torque"])
+    rows, robot = table(tmp_path / "trajectory.csv"), plan.robot
+    samples = plan.motion.sample(rows["time_s"])
+    after, before = (directions(robot, samples, side) for side in (1, -1))
+    way, away = (np.vstack([a[:-1], b[-1:]]) for a, b in zip(after, before, strict=True))
+    assert away[:-1].any()
+    assert not away[:-1].all()
+    away[-1] = 0.0  # a motion that ends starts nothing
+    motor = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away)
+    for i, joint in enumerate(robot.joints):
+        for name, unit in (("angle", "rad"), ("speed", "rad_per_s"), ("torque", "Nm")):
+            column = f"motor{i + 1}_{name}_{unit}"
+            assert (column in rows) == (joint.drive is not None)
+            if column in rows:
+                assert rows[column] == pytest.approx(getattr(motor, name)[:, i], abs=1e-12)
+
+
 def test_columns_and_rates_that_are_not_known(plan: Plan, tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match=r"columns colour are not known \(allowed: q, qd"):
+    with pytest.raises(ExportError, match=r"unknown columns colour \(allowed: q, qd"):
         export(plan, "csv", tmp_path / "x", columns=["q", "colour"])
     for rate in (0.0, -5.0, 1e9, float("nan")):
-        with pytest.raises(ExportError, match="a rate of"):
+        with pytest.raises(ExportError, match=r"rate .* is out of range"):
             export(plan, "csv", tmp_path / "x", rate=rate)
 
 
@@ -73,7 +97,7 @@ def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
     path = write_csv(tmp_path / "trajectory.csv", plan.trajectory, plan.robot)
     header, rows = trajectory_table(plan.trajectory, plan.robot)
     assert list(table(path)) == header
-    assert len(rows) == int(plan.trajectory.duration * 1000) + 2
+    assert len(rows) == len(table(path)["time_s"]) == int(plan.trajectory.duration * 1000) + 2
 
 
 def test_the_rate_of_the_table_is_an_option_and_a_long_motion_has_fewer_rows(
@@ -106,6 +130,4 @@ def test_the_counts_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
     files, _ = export(plan, "csv", tmp_path, columns=["q", "counts"], counts_per_turn=4096)
     assert "trajectory.csv" in files
     _, manifest = export(plan, "csv", tmp_path / "x", columns=["counts"])
-    assert any(
-        "encoder behind its increments is a placeholder" in note for note in manifest["notes"]
-    )
+    assert any("its increments use a placeholder value" in note for note in manifest["notes"])

@@ -3,7 +3,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,10 +21,9 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation.simulate import Scenario, _Stage
-
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import certified, read_back, trapezoids
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification.ends import end_velocities
+from tests.support.plans import certified, read_back, trapezoids
 
 COUNTS = 4096
 DRIVEN = ("roll", "tilt", "insertion")
@@ -154,8 +152,7 @@ def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
         assert manifest["axes"][name]["increments_per_motor_turn"] == COUNTS
         assert manifest["axes"][name]["encoder"].startswith("PLACEHOLDER: not known")
         assert any(
-            f"joint {name}: the encoder behind its increments is a placeholder" in x
-            for x in manifest["notes"]
+            f"joint {name}: its increments use a placeholder value" in x for x in manifest["notes"]
         )
     bare = with_encoders(plan, None)
     with pytest.raises(
@@ -191,7 +188,7 @@ def test_modes_of_velocity_and_torque(plan: Plan, tmp_path: Path) -> None:
         assert objects(tmp_path / mode, "roll")[0x6060, 0] == code
         with pytest.raises(TrajectoryError, match="hold no positions"):
             read_trajectory(tmp_path / mode, plan.robot)
-    with pytest.raises(ExportError, match=r"mode 'ppm' .allowed: csp, csv, cst"):
+    with pytest.raises(ExportError, match=r"unknown mode 'ppm' .allowed: csp, csv, cst"):
         export(plan, "epos4", tmp_path / "x", counts_per_turn=COUNTS, mode="ppm")
 
 
@@ -300,7 +297,7 @@ def test_homing_pdo_mapping_and_sync(mode: str, plan: Plan, tmp_path: Path) -> N
 
 def test_a_joint_without_drive_is_named(plan: Plan, tmp_path: Path) -> None:
     _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
-    assert any("joint spin has no drive and is not streamed" in note for note in manifest["notes"])
+    assert any("joint spin has no drive and no stream" in note for note in manifest["notes"])
     assert any("placeholder" in note for note in manifest["notes"])
 
 
@@ -331,11 +328,13 @@ def bench(folder: Path, channel: str, rated: dict[str, float]) -> Iterator[tuple
         "canopen", reason="the package canopen (extra test) plays the client"
     )
     from canopen.profiles.p402 import BaseNode402
-    from simulated_drive import SimulatedDrive, dictionary
+
+    from tests.support.simulated_drive import SimulatedDrive, dictionary
 
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     network = canopen.Network()
-    network.connect(interface="virtual", channel=channel)
+    # the host's clock stamps each message, so that a busy machine changes no period
+    network.connect(interface="virtual", channel=channel, preserve_timestamps=True)
     drives, clients = {}, {}
     try:
         for number, joint in enumerate(DRIVEN, start=1):
@@ -379,10 +378,11 @@ COLUMNS = {
 
 
 def play(folder: Path, clients: dict, period: float) -> None:
-    """Send the streams, a SYNC each period; ends early when a drive is no longer enabled."""
+    """Send the streams with one SYNC each period. Ends early when a drive goes to fault."""
+    import can
+
     streams = {joint: stream(folder, joint) for joint in clients}
     network = next(iter(clients.values())).network
-    begin = time.monotonic()
     for k in range(len(streams["roll"]["time_s"])):
         for joint, node in clients.items():
             for pdo in node.rpdo.values():
@@ -392,10 +392,10 @@ def play(folder: Path, clients: dict, period: float) -> None:
                         variable.raw = int(streams[joint][column][k])
                 if any(columns):
                     pdo.transmit()
-        network.sync.transmit()
+        sync = can.Message(arbitration_id=0x80, is_extended_id=False, timestamp=k * period)
+        network.bus.send(sync)
         if any(node.state == "FAULT" for node in clients.values()):
             return
-        time.sleep(max(0.0, begin + (k + 1) * period - time.monotonic()))
 
 
 def settled(condition) -> bool:
@@ -423,7 +423,7 @@ def told_to_simulation(plan: Plan) -> np.ndarray:
 
 
 def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
-    """Enabled in CSP by the canopen library's own client and streamed in real time: every drive has got the plan."""
+    """Drives that canopen's client enables in CSP and streams to receive every set point."""
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
     with bench(tmp_path, "played", rated_torques(plan.robot)) as (drives, clients):
         assert all(node.state == "OPERATION ENABLED" for node in clients.values())
@@ -453,8 +453,8 @@ def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
 
 
 def test_a_mismatched_period_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None:
-    """Set up for 10 ms and sent every 4 ms: the drive goes to fault, and the client sees it."""
-    from simulated_drive import PERIOD_FAULT
+    """A drive that expects a SYNC each 10 ms and gets one each 4 ms goes to fault."""
+    from tests.support.simulated_drive import PERIOD_FAULT
 
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=100.0)
     with bench(tmp_path, "period", rated_torques(plan.robot)) as (drives, clients):
@@ -470,7 +470,7 @@ def test_a_mismatched_period_is_refused_and_seen(plan: Plan, tmp_path: Path) -> 
 
 def test_a_limit_overrun_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None:
     """A target beyond the software position limit: fault, and nothing of it is carried out."""
-    from simulated_drive import LIMIT_FAULT
+    from tests.support.simulated_drive import LIMIT_FAULT
 
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
     path = tmp_path / "insertion.csv"
@@ -492,10 +492,44 @@ def test_the_manifest_names_the_stream_of_every_axis(
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
     assert set(manifest["axes"]) == {joint.name for joint in robot.joints}
+    for file in (None, "other.csv", "../insertion.csv"):
+        changed = json.loads(json.dumps(manifest))
+        changed["axes"]["insertion"]["file"] = file
+        (tmp_path / "manifest.json").write_text(json.dumps(changed), encoding="utf-8")
+        with pytest.raises(TrajectoryError, match="lists no file for joint insertion"):
+            read_trajectory(tmp_path, robot)
     manifest["axes"].pop("spin")
     (tmp_path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     with pytest.raises(TrajectoryError, match="does not list the joints"):
         read_trajectory(tmp_path, robot)
+
+
+@pytest.mark.parametrize("moving", ["begins", "ends"])
+def test_only_a_motion_that_ends_moving_has_to_be_continued(
+    plan: Plan, robot: Robot, tmp_path: Path, moving: str
+) -> None:
+    """Its streams end at a setpoint, with the speed that it has there; others end at rest."""
+    whole = plan.motion
+    half = len(whole.breaks) // 3
+    rows = slice(None, half) if moving == "ends" else slice(half, None)
+    breaks = whole.breaks[: half + 1] if moving == "ends" else whole.breaks[half:]
+    part = Trajectory(breaks, whole.coefficients[rows], ())
+    cut = certified(dataclasses.replace(plan, trajectory=part))
+    _, manifest = export(cut, "epos4", tmp_path, force=True, counts_per_turn=COUNTS, rate=125.0)
+    notes = [note for note in manifest["notes"] if "the motion ends moving" in note]
+    assert len(notes) == (moving == "ends")
+    last = stream(tmp_path, "tilt_unverified")["time_s"][-1]
+    speeds = end_velocities(part)[1]
+    assert (manifest["stretch"] > 1) == (moving == "ends")
+    assert manifest["stretch"] * part.duration <= last + 1e-12
+    for i, joint in enumerate(robot.joints):
+        if joint.drive is None:
+            continue
+        speed = stream(tmp_path, f"{joint.name}_unverified")["velocity_offset_mrpm"][-1]
+        expected = speeds[i] / manifest["stretch"] * joint.drive.ratio * 60_000 / (2 * np.pi)
+        assert speed == pytest.approx(joint.motor_direction * expected, abs=0.51)
+        if moving == "ends" and abs(speeds[i]) > 1e-6:
+            assert f"{joint.name} at {speeds[i]:.4g} {joint.unit}/s" in notes[0]
 
 
 def test_a_plan_that_ends_between_setpoints(robot: Robot, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import signal
@@ -10,28 +9,24 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from ssm_planner.cli import check as check_command
-from ssm_planner.cli import export as export_command
-from ssm_planner.errors import ExportError
+from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
 from ssm_planner.formats.export import FORMATS, export
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
+from ssm_planner.publishing import INCOMPLETE
 from ssm_planner.verification.check import check
+from ssm_planner.verification.stops import quickest_stops
+from tests.support.cli import run
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 OPTIONS = {name: {"counts_per_turn": 4096} for name in ("epos4", "pvt")}
-
-
-def run(module, words: list[str]) -> int:
-    parser = argparse.ArgumentParser()
-    name = module.__name__.rpartition(".")[2]
-    getattr(module, f"{name}_arguments")(parser)
-    return getattr(module, f"run_{name}")(parser.parse_args(words))
 
 
 @pytest.mark.parametrize("to", FORMATS)
@@ -51,6 +46,121 @@ def test_every_export_carries_a_manifest(plan: Plan, tmp_path: Path, to: str) ->
     for name, digest in manifest["files"].items():
         assert hashlib.sha256((tmp_path / to / name).read_bytes()).hexdigest() == digest
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("to", ["csv", "epos4"])
+def test_stops_lie_beside_the_plan_one_after_the_other(plan: Plan, tmp_path: Path, to: str) -> None:
+    """Each from the state of the motion to rest, a row each millisecond; increments for drives of an EPOS4 alone."""
+    _, manifest = export(plan, to, tmp_path, stops=6, **OPTIONS.get(to, {}))
+    rows = np.loadtxt(tmp_path / "stops.csv", delimiter=",", skiprows=1)
+    names = (tmp_path / "stops.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    axes = manifest.get("axes", {})
+    scales = [axes.get(j.name, {}).get("increments_per_unit") for j in plan.robot.joints]
+    units = [
+        "inc" if scale else ("m" if joint.kind == "prismatic" else "rad")
+        for joint, scale in zip(plan.robot.joints, scales, strict=True)
+    ]
+    assert units.count("inc") == (3 if to == "epos4" else 0)
+    joints = [f"{j.name}_{unit}" for j, unit in zip(plan.robot.joints, units, strict=True)]
+    assert names == ["from_s", "time_s", *joints]
+    expected = quickest_stops(plan.motion, plan.robot, 6)
+    stops = [stop for stop in expected.motions if stop is not None]
+    starts = np.flatnonzero(rows[:, 1] == 0.0)
+    parts = np.split(rows, starts[1:])
+    assert len(parts) == len(stops) == 4  # at both ends the motion rests
+    for part, stop, begin in zip(parts, stops, expected.time[1:], strict=False):
+        assert part[:, 0] == pytest.approx(begin, abs=1e-6)
+        assert part[-1, 1] == pytest.approx(stop.duration, abs=1e-6)
+        assert np.diff(part[:-1, 1]) == pytest.approx(1e-3)
+        assert part[-1, 1] - part[-2, 1] <= 1e-3 + 1e-6
+        exact = stop.sample(np.minimum(part[:, 1], stop.duration)).q
+        for i, scale in enumerate(scales):
+            column = part[:, 2 + i] / (scale or 1.0)
+            assert column == pytest.approx(exact[:, i], abs=0.51 / abs(scale) if scale else 1e-8)
+            assert scale is None or np.array_equal(part[:, 2 + i], np.round(part[:, 2 + i]))
+    stated = manifest["stops"]
+    assert (stated["file"], stated["instants"]) == ("stops.csv", 6)
+    assert stated["longest_s"] == pytest.approx(expected.duration.max())
+    assert stated["farthest_m"] == pytest.approx(expected.travel.max())
+    assert "stops.csv" in manifest["files"]
+
+
+@pytest.mark.parametrize(("to", "stops"), [("pvt", 5), ("csv", 0), ("epos4", -1)])
+def test_stops_that_cannot_be_exported(plan: Plan, tmp_path: Path, to: str, stops: int) -> None:
+    with pytest.raises(ExportError, match=f"stops = {stops} is not allowed for {to}"):
+        export(plan, to, tmp_path / "x", stops=stops, **OPTIONS.get(to, {}))
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_slower_export_is_the_slower_motion_with_a_certificate_of_its_own(
+    plan: Plan, bad_plan: Plan, robot: Robot, tmp_path: Path, force: bool
+) -> None:
+    """Of a plan that exceeds its limits by 1 % too, whose slower motion passes but is no verified one."""
+    source = bad_plan if force else plan
+    _, manifest = export(source, "csv", tmp_path, force=force, speed=0.5)
+    assert manifest["speed"] == 0.5
+    assert manifest["verified"] is not force
+    assert manifest["certificate"]["passed"] is True
+    assert manifest["plan"]["sha256"] == source.sha256
+    assert manifest["plan"]["file"] == source.path.name
+    assert manifest["plan"]["duration_s"] == pytest.approx(2 * source.motion.duration)
+    reading = read_trajectory(tmp_path, robot)
+    t = np.linspace(0.0, source.motion.duration, 200)
+    here, there = reading.trajectory.sample(2 * t), source.motion.sample(t)
+    assert here.q == pytest.approx(there.q, abs=1e-6)
+    assert here.qd == pytest.approx(there.qd / 2, abs=1e-4)
+    _, whole = export(plan, "csv", tmp_path / "whole")
+    assert "speed" not in whole
+    for speed in (0.0, 1.5):
+        with pytest.raises(ProblemError, match="speed"):
+            export(plan, "csv", tmp_path / "x", speed=speed)
+
+
+def test_rates_at_the_ends_are_slower_too_and_are_read_back(
+    plan: Plan, robot: Robot, tmp_path: Path
+) -> None:
+    ends = {"start_rate": {"tilt": 0.02}, "end_rate": {"depth": -1e-3, "roll": 0.01}}
+    moving = replace(plan, problem=replace(plan.problem, **ends))
+    files, manifest = export(moving, "csv", tmp_path, force=True, speed=0.5)
+    for key, rates in ends.items():
+        assert manifest[key] == pytest.approx({name: rate / 2 for name, rate in rates.items()})
+    reading = read_trajectory(tmp_path, robot)
+    assert (reading.start_rate, reading.end_rate) == (manifest["start_rate"], manifest["end_rate"])
+    for key in ends:
+        for wrong in (3, ["tilt"], {"elbow": 1.0}, {"tilt": "1"}, {"tilt": True}, {"tilt": 1e3}):
+            changed = json.dumps({**manifest, key: wrong})
+            files["manifest"].write_text(changed, encoding="utf-8")
+            with pytest.raises(TrajectoryError, match=f"{key}.* is not a "):
+                read_trajectory(tmp_path, robot)
+        fine = {**manifest, key: {"tilt": -999.0, "spin": 1}}
+        files["manifest"].write_text(json.dumps(fine), encoding="utf-8")
+        assert getattr(read_trajectory(tmp_path, robot), key) == {"tilt": -999.0, "spin": 1.0}
+
+
+def test_a_manifest_that_does_not_fit_its_folder_is_refused(
+    plan: Plan, robot: Robot, tmp_path: Path
+) -> None:
+    files, manifest = export(plan, "csv", tmp_path)
+    (name,) = (name for name in manifest["files"] if name.endswith(".csv"))
+    digest = manifest["files"][name]
+    for changes, message in (
+        ({"format": "another"}, "not the manifest of an export"),
+        ({"files": None}, "list of files with their SHA-256 is missing"),
+        ({INCOMPLETE: True}, "was interrupted"),
+        ({"files": {**manifest["files"], "none.csv": digest}}, "the file is missing"),
+        ({"files": {**manifest["files"], name: digest[::-1]}}, "was modified after"),
+        ({"files": {"/tmp/x": digest}}, "is not the name of a file"),
+        ({"files": {"a/../../x": digest}}, "is not the name of a file"),
+        ({"files": {"a\\b": digest}}, "is not the name of a file"),
+        ({"files": {"": digest}}, "is not the name of a file"),
+        ({"files": {}}, "is not in the list of files"),
+        ({"trajectory": None}, "does not contain a trajectory"),
+    ):
+        files["manifest"].write_text(json.dumps({**manifest, **changes}), encoding="utf-8")
+        with pytest.raises(TrajectoryError, match=message):
+            read_trajectory(tmp_path, robot)
+    files["manifest"].write_text(json.dumps(manifest), encoding="utf-8")
+    assert read_trajectory(tmp_path, robot).trajectory.duration > 0
 
 
 @pytest.mark.parametrize("to", FORMATS)
@@ -97,9 +207,9 @@ def test_a_plan_that_was_never_checked_is_not_exported(plan: Plan, tmp_path: Pat
 
 
 def test_unknown_formats_and_options(plan: Plan, tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match=r"not a form of export .*csv, epos4"):
+    with pytest.raises(ExportError, match=r"unknown export format .*csv, epos4"):
         export(plan, "dxf", tmp_path / "x")
-    with pytest.raises(ExportError, match="mode means nothing to an export to csv"):
+    with pytest.raises(ExportError, match="mode is not an option of the csv export"):
         export(plan, "csv", tmp_path / "x", mode="csp")
     assert not list(tmp_path.iterdir())
 
@@ -234,17 +344,17 @@ def test_the_commands(
     plan: Plan, bad_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "csv"
-    assert run(export_command, [str(plan.path), "--to", "csv", "-o", str(out), "--json"]) == 0
+    assert run("export", plan.path, "--to", "csv", "-o", out, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     assert Path(printed["files"]["trajectory.csv"]).is_file()
     robot = str(ROOT / "problems/robots/vitreoretinal.yaml")
-    assert run(check_command, [str(out), "--robot", robot, "--json"]) == 0
+    assert run("check", out, "--robot", robot, "--json") == 0
     document = json.loads(capsys.readouterr().out)
     assert document["passed"] is True
     assert {"name", "joint", "worst", "limit", "margin", "time"} <= set(document["limits"][0])
-    assert run(check_command, [str(plan.path)]) == 0
+    assert run("check", plan.path) == 0
     assert "check: PASSED" in capsys.readouterr().out
-    assert run(check_command, [str(bad_plan.path)]) == 1
+    assert run("check", bad_plan.path) == 1
     assert "EXCEEDED" in capsys.readouterr().out
     words = [
         str(bad_plan.path),
@@ -256,7 +366,7 @@ def test_the_commands(
         "--counts-per-turn",
         "4096",
     ]
-    assert run(export_command, words) == 0
+    assert run("export", *words) == 0
     assert "UNVERIFIED" in capsys.readouterr().out
 
 
@@ -265,7 +375,7 @@ def test_bad_words_on_the_command_line(
     plan: Plan, words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as caught:
-        run(export_command, [str(plan.path), "--to", "csv", *words])
+        run("export", plan.path, "--to", "csv", *words)
     assert caught.value.code == 2
     assert "Traceback" not in capsys.readouterr().err
 
@@ -273,7 +383,4 @@ def test_bad_words_on_the_command_line(
 @pytest.mark.parametrize("counts", [["many"], ["4096", "roll=1024"], ["roll="]])
 def test_bad_counts_on_the_command_line(plan: Plan, tmp_path: Path, counts: list[str]) -> None:
     with pytest.raises(ExportError, match="--counts-per-turn"):
-        run(
-            export_command,
-            [str(plan.path), "--to", "epos4", "-o", str(tmp_path), "--counts-per-turn", *counts],
-        )
+        run("export", plan.path, "--to", "epos4", "-o", tmp_path, "--counts-per-turn", *counts)

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +18,8 @@ from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification.check import check
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import smooth, write_plan
-
-ROOT = Path(__file__).parent.parent.parent
+from tests.support.paths import ROOT
+from tests.support.plans import smooth, write_plan
 
 
 def test_a_plan_is_read_as_it_was_written(plan: Plan, robot: Robot) -> None:
@@ -61,7 +57,7 @@ def test_the_shipped_plan_is_read(robot: Robot) -> None:
         (
             lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [NaN'),
             TrajectoryError,
-            "holds NaN",
+            "contains NaN",
         ),
         (
             lambda text: text.replace('"breaks_s": [0.0', '"breaks_s": [1e999'),
@@ -156,6 +152,7 @@ def test_helpers_make_passing_plans(robot: Robot) -> None:
     assert check(smooth(robot), robot).passed
 
 
+@pytest.mark.slow
 def test_a_saved_folder_is_the_command_s_and_the_same_every_time(tmp_path: Path) -> None:
     problem = load_problem(ROOT / "problems/tilt_insert.yaml")
     first, second = (plan_problem(problem).save(tmp_path / name) for name in ("first", "second"))
@@ -176,6 +173,7 @@ def test_a_saved_folder_is_the_command_s_and_the_same_every_time(tmp_path: Path)
         assert content == (tmp_path / "command" / name).read_bytes(), name
 
 
+@pytest.mark.slow
 def test_a_loaded_plan_is_the_plan(tmp_path: Path) -> None:
     made = plan_problem(load_problem(ROOT / "problems/tilt_insert.yaml"))
     made.save(tmp_path)
@@ -253,6 +251,7 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
     assert 0 < refused < 199
 
 
+@pytest.mark.slow
 def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(
     tmp_path: Path, robot: Robot
 ) -> None:

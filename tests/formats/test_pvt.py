@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +14,13 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.export import export
-from ssm_planner.formats.pvt import INT24, LARGEST_TIME
+from ssm_planner.formats.pvt import INT24, LARGEST_TIME, _Fit
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.verification.check import check
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import certified
+from tests.support.plans import certified
 
 COUNTS = 4096
 ROUNDING = 1e-9
@@ -152,9 +149,9 @@ def test_tables_that_were_changed(plan: Plan, robot: Robot, tmp_path: Path) -> N
     lines = files["tilt.csv"].read_text(encoding="utf-8").splitlines()
     for row, column, value, message in (
         (3, 2, "{:.0f}", None),
-        (3, 0, "0", "whole number from 1 to 255"),
-        (3, 0, "256", "whole number from 1 to 255"),
-        (3, 0, "1.5", "whole number from 1 to 255"),
+        (3, 0, "0", "an integer from 1 to 255"),
+        (3, 0, "256", "an integer from 1 to 255"),
+        (3, 0, "1.5", "an integer from 1 to 255"),
         (1, 0, "7", "0 in the first row"),
         (3, 1, "nan", "not finite"),
         (0, 1, "place", "no column position_inc"),
@@ -164,7 +161,9 @@ def test_tables_that_were_changed(plan: Plan, robot: Robot, tmp_path: Path) -> N
         changed[row][column] = value.format(1.05 * float(old)) if message is None else value
         files["tilt.csv"].write_text("\n".join(map(",".join, changed)) + "\n", encoding="utf-8")
         files["manifest"].write_text(json.dumps(manifest), encoding="utf-8")
-        with pytest.raises(TrajectoryError, match=r"tilt\.csv: changed since the export"):
+        with pytest.raises(
+            TrajectoryError, match=r"tilt\.csv: the file was modified after the export"
+        ):
             read_trajectory(tmp_path, robot)
         digest = hashlib.sha256(files["tilt.csv"].read_bytes()).hexdigest()
         mended = {**manifest, "files": {**manifest["files"], "tilt.csv": digest}}
@@ -174,3 +173,19 @@ def test_tables_that_were_changed(plan: Plan, robot: Robot, tmp_path: Path) -> N
             continue
         with pytest.raises(TrajectoryError, match=message):
             read_trajectory(tmp_path, robot)
+
+
+def test_rows_keep_to_whole_increments_within_the_range_of_the_joint(plan: Plan) -> None:
+    """Rounding of the bound itself, up to a millionth of an increment, costs no increment."""
+    t = np.linspace(0.0, 0.999 * plan.motion.duration, 9)
+    low, high = plan.robot.joints[3].position
+    assert (low, high) == (-0.03, 0.0)
+    for unit, expected in (
+        (-10_000.0, (0, 300)),
+        (10_000.0 * (1 + 1e-9), (-300, 0)),
+        (10_000.0 * (1 - 1e-9), (-300, 0)),
+        (10_000.0 * (1 - 1e-7), (-299, 0)),
+        (10_015.0, (-300, 0)),
+        (9_999.0, (-299, 0)),
+    ):
+        assert _Fit(plan, 3, t, 1.0, unit).range == expected

@@ -70,6 +70,20 @@ def test_every_moving_link_has_an_inertia_and_the_massless_add_nothing(robot: Ro
     assert total == pytest.approx(sum(body.mass for body in robot.bodies), abs=1e-8)
 
 
+@pytest.mark.parametrize("pitch", [0.3, -1.2, np.pi / 2, -np.pi / 2])
+def test_roll_pitch_and_yaw_make_the_rotation_up_to_a_pitch_of_90_degrees(pitch: float) -> None:
+    x, y, z = np.eye(3)
+    for roll, yaw in ((0.4, -0.7), (-2.0, 2.5), (0.0, 0.0), (3.0, 1.0)):
+        whole = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
+        found = rpy(whole)
+        again = rotation(z, found[2]) @ rotation(y, found[1]) @ rotation(x, found[0])
+        assert again == pytest.approx(whole, abs=1e-12)
+        if abs(pitch) < 1.5:
+            assert found == pytest.approx([roll, pitch, yaw])
+    exact = np.array([[0.0, 0.6, 0.8], [0.0, 0.8, -0.6], [-1.0, 0.0, 0.0]])
+    assert rpy(exact)[2] == 0.0  # only the difference of roll and yaw is defined
+
+
 def pinocchio(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
     pin = pytest.importorskip("pinocchio", reason="package pin, extra test")
     model = pin.buildModelFromUrdf(str(path))

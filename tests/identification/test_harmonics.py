@@ -7,18 +7,32 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.identification.harmonics import fit_harmonics, start_in, travelled
+from ssm_planner.identification.harmonics import (
+    Harmonics,
+    _complex,
+    _fitted,
+    _start,
+    fit_harmonics,
+    travelled,
+)
 from ssm_planner.identification.identify import identify, predict
 from ssm_planner.identification.parameters import map_torque, with_parameters
 from ssm_planner.identification.prediction import nrmsd
 from ssm_planner.identification.recordings import Recording, read_recording, read_recordings
 from ssm_planner.loading.load import load_drive
+from tests.support.paths import PROBLEMS
+from tests.support.recordings import RECORDINGS
 
-DRIVE = Path(__file__).parents[2] / "problems" / "drives" / "rig3_worm.yaml"
-RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
+DRIVE = PROBLEMS / "drives" / "rig3_worm.yaml"
 RATIO = 60.0
 TURN = 2 * np.pi
 SCREW = {1: 2e-4, 2: -1e-4, 3: 0.5e-4}
+
+
+def start_in(harmonics: Harmonics, angle: np.ndarray, tau: np.ndarray) -> float:
+    """Return the angle (rad) at which a recording began, from its motor angle and torque."""
+    fitted = _fitted([(angle, tau)], harmonics.orders, phased=False)
+    return _start(_complex(harmonics), _complex(fitted))
 
 
 def simulated(
@@ -63,7 +77,7 @@ def test_without_angles_amplitudes_are_found_and_the_phase_from_the_beginning():
 def test_a_position_channel_is_read(tmp_path):
     lines = [f"{k};60;{20 + k % 3};{2048 * k}" for k in range(20)]
     header = ";Velocity actual value averaged;Torque actual value averaged;Position actual value\nms;rpm;%;inc\n"
-    (tmp_path / "a.csv").write_text(header + "\n".join(lines))
+    (tmp_path / "a.csv").write_text(header + "\n".join(lines), encoding="utf-8")
     read = read_recording(tmp_path / "a.csv", nominal_torque=0.01, direction=-1)
     np.testing.assert_allclose(read.angle, -np.pi * np.arange(20))
 
@@ -97,7 +111,7 @@ def file_of(path: Path, rpm: float, start: float, seed: int, position: bool) -> 
     lines += [
         ";".join(f"{value:.7g}" for value in row[:count]) for row in zip(*columns, strict=True)
     ]
-    path.write_text("\n".join(lines))
+    path.write_text("\n".join(lines), encoding="utf-8")
 
 
 def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_recorded(tmp_path):
@@ -130,7 +144,6 @@ def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_
     assert any("extrapolated" in remark and "5 rpm" in remark for remark in slow.remarks)
 
 
-@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
 @pytest.mark.parametrize(
     ("rig", "most"),
     [("drive1_lead_screw", 0.155), ("drive2_antibacklash_screw", 0.1185), ("drive3_worm", 0.118)],

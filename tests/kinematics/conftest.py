@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.robot import Geometry
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 RandomMechanism = Callable[..., Mechanism]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from pathlib import Path
 
 import casadi
 import numpy as np
@@ -27,8 +26,9 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.problem import Eye, Lens
 from ssm_planner.problem.robot import frozen
 from ssm_planner.problem.value import unchecked
+from tests.support.paths import PROBLEMS
 
-APPROACH = Path(__file__).parents[2] / "problems/eye_approach.yaml"
+APPROACH = PROBLEMS / "eye_approach.yaml"
 SHARES = np.linspace(0.0, 1.0, 4001)
 
 

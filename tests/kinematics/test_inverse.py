@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from paden_kahan import subproblem_1, subproblem_2, subproblem_3_prime
 from scipy.spatial.transform import Rotation
 
 from ssm_planner.errors import GeometryError
@@ -17,6 +16,7 @@ from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
+from tests.support.paden_kahan import subproblem_1, subproblem_2, subproblem_3_prime
 
 
 def worst_miss(

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from paden_kahan import subproblem_1, subproblem_2, subproblem_3_prime
 
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.rotations import rotation
+from tests.support.paden_kahan import subproblem_1, subproblem_2, subproblem_3_prime
 
 angles = st.floats(-math.pi, math.pi)
 seeds = st.integers(0, 2**32 - 1)

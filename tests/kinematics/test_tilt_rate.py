@@ -12,9 +12,9 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import (
     joint_speed_per_tilt_speed,
     theta2_from_tilt,
-    tilt_from_theta2,
     tilt_rate_bound,
 )
+from tests.support.tilts import tilt_from_theta2
 
 
 @pytest.fixture(scope="module")

@@ -17,10 +17,10 @@ from ssm_planner.kinematics.workspace import (
     design_region,
     extremes,
     theta2_from_tilt,
-    tilt_from_theta2,
     tilt_interval,
     tilt_magnitudes,
 )
+from tests.support.tilts import tilt_from_theta2
 
 axis_angles = st.floats(0.0, math.pi)
 

@@ -10,8 +10,9 @@ import pytest
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_drive, load_motor, load_problem, load_robot
+from tests.support.paths import PROBLEMS
 
-SHIPPED = Path(__file__).parents[2] / "problems"
+SHIPPED = PROBLEMS
 LOADERS = {"robots": load_robot, "drives": load_drive, "motors": load_motor}
 
 

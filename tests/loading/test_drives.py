@@ -34,7 +34,7 @@ def test_any_sufficient_set_gives_the_same_worm(worm: float, wheel: float, lead:
     for names in itertools.combinations(full, 3):
         given_ = {name: full[name] for name in names}
         if set(names) in dependent:
-            with pytest.raises(BadGeometry, match="do not fix"):
+            with pytest.raises(BadGeometry, match="do not determine"):
                 resolve("worm", given_)
         else:
             assert_same(resolve("worm", given_), full)
@@ -75,10 +75,10 @@ def assert_same(result: dict[str, float], full: dict[str, float]) -> None:
 @pytest.mark.parametrize(
     ("family", "given_", "part"),
     [
-        ("worm", {}, "do not fix"),
-        ("worm", {"ratio": 120.0, "worm_diameter": 0.01}, "do not fix the worm"),
-        ("screw", {"lead": 0.002}, "do not fix the screw"),
-        ("screw", {"starts": 1.0, "pitch": 0.002}, "do not fix the screw"),
+        ("worm", {}, "do not determine"),
+        ("worm", {"ratio": 120.0, "worm_diameter": 0.01}, "do not determine the worm"),
+        ("screw", {"lead": 0.002}, "do not determine the screw"),
+        ("screw", {"starts": 1.0, "pitch": 0.002}, "do not determine the screw"),
         (
             "screw",
             {"diameter": 0.012, "effective_diameter": 0.011, "lead": 0.002},
@@ -245,13 +245,13 @@ def test_contradicting_geometry_names_file_line_and_what_would_fit(files: Any) -
 
 def test_insufficient_geometry(files: Any) -> None:
     message = files.rejection(WORM, "  wheel_diameter", "  # wheel_diameter", at="geometry:")
-    assert "do not fix the worm" in message
+    assert "do not determine the worm" in message
     assert "ratio, worm_diameter" in message
 
 
 def test_friction_may_only_be_missing_on_a_rig(files: Any) -> None:
-    text = (files.root / RIG).read_text()
-    (files.root / RIG).write_text(text[: text.index("rig:")])
+    text = (files.root / RIG).read_text(encoding="utf-8")
+    (files.root / RIG).write_text(text[: text.index("rig:")], encoding="utf-8")
     message = files.rejection(RIG, "friction: to_identify", "friction: to_identify")
     assert "only a drive with a rig" in message
 
@@ -272,11 +272,13 @@ class TestSelfLocking:
 
     def test_the_lowest_mu_counts(self, files: Any) -> None:
         message = files.rejection(SCREW, "  law: coulomb", "  mu_lowest: 0.1")
-        assert "does not lock itself" in message
+        assert "is not self-locking" in message
 
     def test_friction_at_rest_does_not_count(self, files: Any) -> None:
         files.edit(SCREW, "mu_static: {value: 0.17", "mu_static: {value: 0.5")
-        assert "does not lock" in files.rejection(SCREW, "mu: {value: 0.17", "mu: {value: 0.11")
+        assert "is not self-locking" in files.rejection(
+            SCREW, "mu: {value: 0.17", "mu: {value: 0.11"
+        )
 
     @pytest.mark.parametrize("offset", [-1e-3, 1e-3])
     def test_the_bound_named_is_the_bound(self, files: Any, offset: float) -> None:
@@ -341,4 +343,4 @@ class TestRigs:
             "../drives/rig3_worm.yaml",
         )
         assert "joints.roll.drive" in message
-        assert "still to be identified" in message
+        assert "has not been identified" in message

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from ssm_planner.problem.serialization import plain, problem_from_plain
+from tests.support.paths import PROBLEMS
 
-SHIPPED = Path(__file__).parents[2] / "problems"
+SHIPPED = PROBLEMS
 NAME = "tilt_insert.yaml"
 END = "objective: time"
 LIMIT = "  tilt: [-139 deg, -81 deg]"
@@ -103,7 +103,7 @@ def test_where_two_semi_axes_are_equal_any_frame_about_the_third_will_do(files: 
         (
             "[9 mm, 0 mm, -8 mm]",
             "[0 mm, 0 mm, -8 mm]",
-            ("eye.centre", "the port is not at its wall", "9 mm to 14 mm"),
+            ("eye.centre", "the port is not on its wall", "9 mm to 14 mm"),
         ),
         (
             "[9 mm, 0 mm, -8 mm]",
@@ -116,7 +116,7 @@ def test_where_two_semi_axes_are_equal_any_frame_about_the_third_will_do(files: 
         (
             "clearance: 1 mm",
             "clearance: 12 mm",
-            ("eye.clearance = 12 mm", "nothing is left", "11.5 mm"),
+            ("eye.clearance = 12 mm", "leaves no room", "11.5 mm"),
         ),
         (
             "clearance: 1 mm",
@@ -134,7 +134,7 @@ def test_where_two_semi_axes_are_equal_any_frame_about_the_third_will_do(files: 
         (
             "[9 mm, 0 mm, -2 mm]",
             "[3 mm, 0 mm, -1 mm]",
-            ("eye.lens.centre", "where the shaft enters", "1.125 times"),
+            ("eye.lens.centre", "blocks the shaft", "1.125 times"),
         ),
         (
             "[4.8 mm, 4.8 mm, 2 mm]",

@@ -21,8 +21,8 @@ from ssm_planner.loading.load import (
     load_problem,
     load_robot,
 )
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 EVERYTHING = """\
 import ssm_planner as ssm
 from pathlib import Path

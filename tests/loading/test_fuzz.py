@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from ssm_planner.errors import SsmPlannerError
 from ssm_planner.loading.load import load_drive, load_problem
+from tests.support.paths import PROBLEMS
 
-SHIPPED = Path(__file__).parents[2] / "problems"
+SHIPPED = PROBLEMS
 FILES = (
     "tilt_insert.yaml",
     "robots/vitreoretinal.yaml",
@@ -104,6 +105,7 @@ def folder() -> Path:
     max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(case=mutated())
+@pytest.mark.slow
 def test_mutated_files_load_or_are_refused(folder: Path, case: tuple[str, str]) -> None:
     name, text = case
     original = (folder / name).read_bytes()
@@ -158,5 +160,6 @@ def swapped(draw: st.DrawFn) -> tuple[str, str]:
     max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(case=swapped())
+@pytest.mark.slow
 def test_swapped_values_load_or_are_refused(folder: Path, case: tuple[str, str]) -> None:
     test_mutated_files_load_or_are_refused.hypothesis.inner_test(folder, case)

@@ -12,8 +12,8 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import json_schema, load_problem
 from ssm_planner.problem.problem import Problem
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 START = {"roll": "0 deg", "tilt": "-85 deg", "spin": "0 deg", "depth": "1 mm"}
 ABOVE = {"tilt": "-110 deg", "depth": "5 mm"}
 ROBOT = str(ROOT / "problems/robots/vitreoretinal.yaml")
@@ -45,15 +45,18 @@ def test_repeated_motions_follow_one_another() -> None:
 
 def test_motions_of_another_problem_with_names_of_its_own(tmp_path: Path) -> None:
     (tmp_path / "part.yaml").write_text(
-        "points: {above: {depth: 2 mm}}\nmotion:\n  - free: {to: above}\n  - tilt: {to: 99 deg}\n"
+        "points: {above: {depth: 2 mm}}\nmotion:\n  - free: {to: above}\n  - tilt: {to: 99 deg}\n",
+        encoding="utf-8",
     )
     text = f"robot: {ROBOT}\nstart: {START}\npoints: {{above: {ABOVE}}}\n".replace("'", "")
     (tmp_path / "whole.yaml").write_text(
-        f"{text}motion:\n  - free: {{to: above}}\n  - include: part.yaml\n"
+        f"{text}motion:\n  - free: {{to: above}}\n  - include: part.yaml\n", encoding="utf-8"
     )
     with pytest.raises(ProblemError, match=r"whole.yaml:6: .*outside the limits of tilt"):
         load_problem(tmp_path / "whole.yaml")
-    (tmp_path / "part.yaml").write_text((tmp_path / "part.yaml").read_text().replace("99", "-99"))
+    (tmp_path / "part.yaml").write_text(
+        (tmp_path / "part.yaml").read_text(encoding="utf-8").replace("99", "-99"), encoding="utf-8"
+    )
     whole = load_problem(tmp_path / "whole.yaml")
     assert [entry.name for entry in whole.motion] == ["free", "free", "tilt"]
     assert whole.motion[1].to.given == {"depth": 0.002}
@@ -86,23 +89,23 @@ def test_the_robot_of_one_problem() -> None:
         (
             {"free": {"to": "abve"}},
             {"points": {"above": ABOVE}},
-            "motion[0].free.to = abve: no point of this name",
+            "motion[0].free.to = abve: unknown name of a point",
         ),
-        ({"free": {"to": "above"}}, {}, "a text where a mapping is needed"),
-        ({"dwell": "1 s"}, {"points": {"above": 3}}, "points.above = 3: not a point"),
-        ({"dwell": "1 s"}, {"points": [1]}, "not a mapping of names"),
+        ({"free": {"to": "above"}}, {}, "a text instead of a mapping"),
+        ({"dwell": "1 s"}, {"points": {"above": 3}}, "points.above = 3: invalid point"),
+        ({"dwell": "1 s"}, {"points": [1]}, "expected a mapping of names"),
         (
             {"repeat": {"times": 0, "motion": [{"dwell": "1 s"}]}},
             {},
-            "motion[0].repeat.times = 0: not how often",
+            "motion[0].repeat.times = 0: invalid number of repetitions",
         ),
         ({"repeat": {"times": 10_000, "motion": 2 * [{"dwell": "1 s"}]}}, {}, "too many motions"),
-        ({"repeat": {"motion": [{"dwell": "1 s"}]}}, {}, "not a repeated motion"),
-        ({"repeat": {"times": 2, "motion": 3}}, {}, "not a list of motions"),
-        ({"include": 3}, {}, "not a problem"),
+        ({"repeat": {"motion": [{"dwell": "1 s"}]}}, {}, "invalid repetition"),
+        ({"repeat": {"times": 2, "motion": 3}}, {}, "expected a list of motions"),
+        ({"include": 3}, {}, "invalid problem"),
         ({"include": "nowhere.yaml"}, {}, "does not exist"),
-        ({"dwell": "1 s"}, {"speed": "130 %"}, "not a share of the speed"),
-        ({"dwell": "1 s"}, {"speed": "fast"}, "a share is needed"),
+        ({"dwell": "1 s"}, {"speed": "130 %"}, "invalid share of the speed"),
+        ({"dwell": "1 s"}, {"speed": "fast"}, "instead of a share"),
         ({"dwell": "1 s"}, {"mounting": ["x alpha"]}, "names alpha"),
         ({"dwell": "1 s"}, {"joints": {"elbow": {}}}, "joints.elbow"),
         ({"dwell": "1 s"}, {"joints": {"roll": {"velocity": "-3 deg/s"}}}, "joints.roll.velocity"),
@@ -117,7 +120,8 @@ def test_what_is_wrong_is_named(motion: Any, keys: dict[str, Any], message: str)
 def test_a_problem_that_includes_itself_is_refused(tmp_path: Path) -> None:
     for name, other in (("a", "b"), ("b", "a")):
         (tmp_path / f"{name}.yaml").write_text(
-            f"robot: {ROBOT}\nstart: {START}\nmotion: [include: {other}.yaml]\n".replace("'", "")
+            f"robot: {ROBOT}\nstart: {START}\nmotion: [include: {other}.yaml]\n".replace("'", ""),
+            encoding="utf-8",
         )
     with pytest.raises(ProblemError, match="includes itself"):
         load_problem(tmp_path / "a.yaml")

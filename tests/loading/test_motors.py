@@ -55,7 +55,7 @@ EC13 = "motors/maxon_ec_13_6w.yaml"
         ),
         (EC13, "max_speed: 50000 rpm", "max_speed: 50000 rad/s", ("did you mean rpm",)),
         (EC13, "max_speed: 50000 rpm", "max_speed: 50000", ("without a unit", "8000 rpm")),
-        (EC13, "max_speed: 50000 rpm", "max_speed:", ("nothing is given",)),
+        (EC13, "max_speed: 50000 rpm", "max_speed:", ("empty value",)),
         (EC13, "  value: 2.19 mN*m", "  value: 2.19 N*m", ("max_torque", "more than 100 times")),
         (
             EC13,

@@ -22,8 +22,8 @@ D = math.radians
 
 
 def problem(folder: Path, table: str = TABLE, entries: str = "  - path: p.csv\n") -> Any:
-    (folder / "p.csv").write_text(table)
-    (folder / "problem.yaml").write_text(PROBLEM + entries)
+    (folder / "p.csv").write_text(table, encoding="utf-8")
+    (folder / "problem.yaml").write_text(PROBLEM + entries, encoding="utf-8")
     return load_problem(folder / "problem.yaml")
 
 
@@ -42,13 +42,17 @@ def test_forms_of_a_table(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "place", "message"),
     [
-        ("tlit [deg]\n-95\n-96\n", ":1: tlit [deg]: ", "not a coordinate known here"),
+        ("tlit [deg]\n-95\n-96\n", ":1: tlit [deg]: ", "unknown coordinate"),
         ("tilt\n-95\n-96\n", ":1: tilt: ", "no unit (allowed: rad, mrad, deg"),
-        ("tilt [mm]\n-95\n-96\n", ":1: tilt [mm]: ", "unit 'mm' is not known here"),
-        ("tilt [deg], tilt_rad\n-95,1\n", ":1: tilt_rad: ", "tilt stands twice"),
-        ("q1 [deg]\n0\n1\n", ":1: ", "no column of q2, q3, q4"),
-        ("x_mm,y_mm,z_mm\n0,0,-5\n1,0,-5\n", ":1: ", "no column of spin"),
-        ("x_mm,y_mm,z_mm,spin_deg,roll_deg\n0,0,-5,0,0\n", ":1: roll: ", "given besides the tip"),
+        ("tilt [mm]\n-95\n-96\n", ":1: tilt [mm]: ", "unknown unit 'mm'"),
+        ("tilt [deg], tilt_rad\n-95,1\n", ":1: tilt_rad: ", "tilt occurs twice"),
+        ("q1 [deg]\n0\n1\n", ":1: ", "missing column q2, q3, q4"),
+        ("x_mm,y_mm,z_mm\n0,0,-5\n1,0,-5\n", ":1: ", "missing column spin"),
+        (
+            "x_mm,y_mm,z_mm,spin_deg,roll_deg\n0,0,-5,0,0\n",
+            ":1: roll: ",
+            "redundant: the tip determines it",
+        ),
         ("time_s\n0\n1\n", ":1: ", "no coordinates"),
         ("tilt [deg]\n-95\nfast\n", ":3: column tilt = fast: ", "not a finite number"),
         ("tilt [deg],depth_mm\n-95,5\n-96\n", ":3: column depth: ", "no value"),
@@ -64,7 +68,7 @@ def test_forms_of_a_table(tmp_path: Path) -> None:
             ":3: column x, y, z = ",
             "outside the limits of depth",
         ),
-        ("tilt [deg]\n-95\n", ": ", "a single point is no path (allowed: at least two)"),
+        ("tilt [deg]\n-95\n", ": ", "a path needs more than one point (allowed: at least two)"),
         ("", ":1: ", "the file is empty"),
     ],
 )
@@ -83,7 +87,7 @@ def test_mistakes_in_a_table(tmp_path: Path, table: str, place: str, message: st
     ("entry", "message"),
     [
         ("path: none.csv", ":4: motion[0].path = none.csv: the file"),
-        ("path: {through: 1}", "where a text is needed"),
+        ("path: {through: 1}", "instead of text"),
         (
             "line: {to: {tilt: -96 deg}, through: [{tilt: -95 deg}]}",
             "motion[0].line.blend: missing",
@@ -117,12 +121,14 @@ points: {there: {tilt: -105 deg}}
     assert again == found
     assert again.motion[0].file == found.motion[0].file
     (tmp_path / "below").mkdir()
-    (tmp_path / "below" / "other.yaml").write_text(PROBLEM + "  - include: ../problem.yaml\n")
+    (tmp_path / "below" / "other.yaml").write_text(
+        PROBLEM + "  - include: ../problem.yaml\n", encoding="utf-8"
+    )
     assert load_problem(tmp_path / "below" / "other.yaml").motion[0] == found.motion[0]
 
 
 def test_curves_in_python() -> None:
-    with pytest.raises(ProblemError, match="not for a curve of this kind"):
+    with pytest.raises(ProblemError, match="not allowed for curve"):
         Follow(Task(tilt=-1.7), curve="arc")
-    with pytest.raises(ProblemError, match="no point is given"):
+    with pytest.raises(ProblemError, match="the point is empty"):
         Follow(Task())

@@ -58,7 +58,7 @@ def test_every_form_of_motion(files: Any) -> None:
     assert problem.motion[3].to.spin == pytest.approx(D(5))
     assert problem.motion[4].duration == pytest.approx(0.2)
     assert problem.tip_speed == pytest.approx(0.025)
-    lines = (files.root / NAME).read_text().splitlines()
+    lines = (files.root / NAME).read_text(encoding="utf-8").splitlines()
     for entry in problem.motion:
         assert entry.name in lines[entry.line - 1]
 
@@ -109,9 +109,9 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
             "start: {roll: 0 deg, tilt: -85 deg, depth: 0 mm}",
             ("start.spin", "missing", "roll, tilt, spin, depth"),
         ),
-        (START, "start: {}", ("start", "no point is given", "joints")),
-        (START, "start: here", ("start = here", "a text where a mapping is needed")),
-        (START, "start:", ("start", "nothing is given")),
+        (START, "start: {}", ("start", "the point is empty", "joints")),
+        (START, "start: here", ("start = here", "a text instead of a mapping")),
+        (START, "start:", ("start", "empty value")),
         (
             START,
             START.replace("-85", "-80"),
@@ -123,7 +123,7 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
         (
             START,
             "start: {joints: [0 deg, 0 deg, 0 deg, 0 mm], tilt: -85 deg}",
-            ("start.tilt", "besides joints"),
+            ("start.tilt", "redundant: joints"),
         ),
         (START, "start: {joints: [0 deg, 0 deg, 0 deg, 0 deg]}", ("an angle, not a length",)),
         (
@@ -150,7 +150,7 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
         (
             START,
             "start: {tip: [0 mm, 0 mm, -5 mm], tilt: -90 deg, spin: 0 deg}",
-            ("start.tilt", "besides tip"),
+            ("start.tilt", "redundant: tip"),
         ),
         (
             TILT,
@@ -163,7 +163,7 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
         (
             TILT,
             "  - tilt: -135 deg",
-            ("motion[0].tilt = -135 deg", "where a mapping is needed", "to"),
+            ("motion[0].tilt = -135 deg", "instead of a mapping", "to"),
         ),
         (TILT, "  - tillt: {to: -135 deg}", ("motion[0].tillt", "did you mean 'tilt'?")),
         (
@@ -171,8 +171,8 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
             "  - {tilt: {to: -135 deg}, roll: {to: 0 deg}}",
             ("motion[0]", "2 motions in one entry (tilt, roll)"),
         ),
-        (TILT, "  - {}", ("motion[0]", "no motion is given")),
-        (TILT, "  - dwell", ("motion[0] = dwell", "a text where a mapping is needed")),
+        (TILT, "  - {}", ("motion[0]", "the entry has no motion")),
+        (TILT, "  - dwell", ("motion[0] = dwell", "a text instead of a mapping")),
         (TILT, "  - dwell: 0 s", ("motion[0].dwell = 0 s", "not greater than zero")),
         (TILT, "  - dwell: -1 s", ("motion[0].dwell = -1 s", "not greater than zero")),
         (TILT, "  - dwell: 1", ("motion[0].dwell = 1", "a time such as 0.2 s")),
@@ -183,7 +183,7 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
             ("motion[0].insert.to = 31 mm", "limits of depth", "0 mm to 30 mm"),
         ),
         (TILT, "  - insert: {to: 20}", ("motion[0].insert.to = 20", "a length such as 20 mm")),
-        (TILT, "  - straight: {to: {}}", ("motion[0].straight.to", "no point is given")),
+        (TILT, "  - straight: {to: {}}", ("motion[0].straight.to", "the point is empty")),
         (
             TILT,
             "  - straight: {to: {joints: [0 deg, 0 deg, 0 deg, 0 mm]}}",
@@ -202,7 +202,7 @@ def test_limits_of_the_robot_hold_without_those_of_the_problem(files: Any) -> No
         (
             LIMIT,
             "  tilt: [-80 deg, -70 deg]",
-            ("limits.tilt = [-80 deg, -70 deg]", "nothing is left", "-139 deg to -81"),
+            ("limits.tilt = [-80 deg, -70 deg]", "no overlap", "-139 deg to -81"),
         ),
         (LIMIT, "  tilt: [-81 deg, -139 deg]", ("limits.tilt", "not below")),
         (LIMIT, "  tilt: -81 deg", ("limits.tilt = -81 deg", "2 values")),

@@ -76,10 +76,9 @@ class TestShippedBodies:
         )
         for part in (
             "bodies[0].inertia",
-            "no body can have",
+            "impossible principal moments",
             "sign of the products",
-            "with cad",
-            "try it",
+            "cad gives possible moments",
         ):
             assert part in message
 
@@ -231,7 +230,7 @@ class TestShippedGeometry:
         ("tilt: [-139 deg, -81 deg]", "depth: [40 mm, 50 mm]", ("limits.depth", "0 mm to 30 mm")),
         ("frame: [y alpha]", "frame: [w 30 deg]", ("bodies[1].frame", "'w 30 deg'", "x 90 deg")),
         ("frame: [y alpha]", "frame: [y 30]", ("without a unit",)),
-        ("frame: [y alpha]", "frame: y 30 deg", ("not a chain",)),
+        ("frame: [y alpha]", "frame: y 30 deg", ("invalid chain",)),
         (
             "../motors/maxon_ecx_torque_22_m.yaml",
             "../motors/nothing.yaml",
@@ -250,12 +249,12 @@ class TestShippedGeometry:
         (
             "../drives/vitreoretinal_joint1_worm.yaml",
             "../drives/vitreoretinal_joint4_screw.yaml",
-            ("turns", "worm"),
+            ("does not fit", "worm"),
         ),
         (
             "../drives/vitreoretinal_joint4_screw.yaml",
             "../drives/vitreoretinal_joint1_worm.yaml",
-            ("slides",),
+            ("does not fit",),
         ),
     ],
 )
@@ -273,9 +272,9 @@ def test_convention_is_required_with_products(files: Any) -> None:
 
 
 def test_wrong_number_of_bodies(files: Any) -> None:
-    text = (files.root / ROBOT).read_text()
+    text = (files.root / ROBOT).read_text(encoding="utf-8")
     start, end = text.index("  - name: spin axis"), text.index("  - name: translation")
-    (files.root / ROBOT).write_text(text[:start] + text[end:])
+    (files.root / ROBOT).write_text(text[:start] + text[end:], encoding="utf-8")
     message = files.rejection(ROBOT, "bodies:", "bodies:")
     assert "3 entries" in message
     assert "at least 4" in message
@@ -319,7 +318,7 @@ def test_axes_and_angles_exclude_each_other(files: Any) -> None:
         "  axes: {joint1: [1, 0, 0], joint2: [0, 1, 0], joint3: [0, 0, 1]}\n  insertion: negative",
         at="  alpha:",
     )
-    assert "axes are given as well" in message
+    assert "redundant: axes are given" in message
 
 
 def test_rotor_heavier_than_the_input_side(files: Any) -> None:
@@ -332,7 +331,7 @@ def test_rotor_heavier_than_the_input_side(files: Any) -> None:
         ROBOT, "../motors/maxon_ecx_speed_13_m.yaml", "../motors/maxon_ecx_speed_13_m.yaml"
     )
     assert "joints.insertion.motor" in message
-    assert "more inertia than the whole input side" in message
+    assert "more inertia than the input side" in message
 
 
 def test_drive_and_motor_written_inline(files: Any) -> None:

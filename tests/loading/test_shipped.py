@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +10,10 @@ import pytest
 
 from ssm_planner.loading.files import read
 from ssm_planner.loading.load import file_keys, json_schema, load_drive, load_motor, load_robot
+from tests.support.cli import python
+from tests.support.paths import PROBLEMS
 
-SHIPPED = Path(__file__).parents[2] / "problems"
+SHIPPED = PROBLEMS
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("drives/*.yaml")), ids=lambda path: path.stem)
@@ -63,6 +63,7 @@ def test_the_robot_is_the_published_one() -> None:
     assert [body.mass for body in robot.bodies] == [0.72278480, 0.37375585, 0, 0.09964338]
 
 
+@pytest.mark.slow
 def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
     for kind, folder in (
         ("problem", "."),
@@ -76,6 +77,7 @@ def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
             assert _keys(read(path).value) <= known, path
 
 
+@pytest.mark.slow
 def test_every_key_of_the_shipped_files_is_listed() -> None:
     folders = {
         "problem": ".",
@@ -100,12 +102,13 @@ def test_every_key_of_the_shipped_files_is_listed() -> None:
             assert _keys(read(path).value) - free <= listed, path
 
 
+@pytest.mark.slow
 def test_a_listed_key_has_unit_bound_default_and_meaning() -> None:
     motor, controller, robot, problem = (
         {key.path: key for key in file_keys(kind)}
         for kind in ("motor", "controller", "robot", "problem")
     )
-    assert motor["nominal_torque"][1:] == ("mN*m", "above 0", "required", "Continuous torque, N·m.")
+    assert motor["nominal_torque"][1:] == ("mN*m", "above 0", "required", "Continuous torque.")
     assert motor["rotor_inertia"][1:4] == ("g*cm^2", "above 0", "")
     assert controller["loop_period"][1:4] == ("s", "above 0", "0.0004 s")
     assert controller["counts_per_turn"].allowed == "a whole number above 0"
@@ -118,30 +121,17 @@ def test_a_listed_key_has_unit_bound_default_and_meaning() -> None:
     assert problem["limits.tilt"].allowed == "[lower, upper]"
 
 
-def test_a_problem_loads_quickly_and_without_the_heavy_libraries() -> None:
+def test_a_problem_loads_without_the_heavy_libraries() -> None:
     code = f"""
-import sys, time
-start = time.process_time()
+import sys
 from ssm_planner.loading.load import load_problem
 heavy = {{"scipy.optimize", "matplotlib", "toppra", "casadi"}}
 assert not ({{"pint"}} | heavy) & set(sys.modules)
 load_problem({str(SHIPPED / "tilt_insert.yaml")!r})
 assert not heavy & set(sys.modules)
-print(time.process_time() - start)
 """
-    times = []
-    for _ in range(3):
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True,
-            text=True,
-            check=True,
-            cwd=SHIPPED.parent,
-        )
-        times.append(float(done.stdout))
-        if times[-1] < 0.35:
-            break
-    assert min(times) < 1.0  # 0.3 s on a quiet machine
+    done = python("-c", code)
+    assert done.returncode == 0, done.stderr
 
 
 def _properties(schema: Any) -> set[str]:

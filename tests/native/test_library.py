@@ -19,15 +19,19 @@ needs_compiler = pytest.mark.skipif(not COMPILED, reason="no C compiler here")
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A copy of the sources, of which libraries are made."""
+    """A copy of the sources, of which one library is made without optimisation."""
     for source in [*compiling.FOLDER.glob("*.c"), *compiling.FOLDER.glob("*.h")]:
         shutil.copy(source, tmp_path)
     monkeypatch.setattr(compiling, "FOLDER", tmp_path)
+    quick = tuple("-O0" if flag == "-O3" else flag for flag in compiling.FLAGS)
+    monkeypatch.setattr(compiling, "FLAGS", quick)
+    monkeypatch.setattr(compiling, "VARIANTS", {"portable": ()})
     library._loaded.cache_clear()
     yield tmp_path
     library._loaded.cache_clear()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_of_the_sources_as_they_are(folder: Path) -> None:
     assert library.load() is None
@@ -51,10 +55,12 @@ def test_of_the_sources_as_they_are(folder: Path) -> None:
 def test_what_does_not_compile_is_no_library_and_no_fault(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    (folder / "wrong.c").write_text("this is no C\n")
+    for source in folder.glob("*.c"):
+        source.unlink()
+    (folder / "wrong.c").write_text("this is no C\n", encoding="utf-8")
     assert compiling.build() == []
     assert not list(folder.glob("libraries/*"))
-    assert "without its compiled part" in capfd.readouterr().err
+    assert "without its compiled library" in capfd.readouterr().err
 
 
 def test_without_a_compiler(
@@ -96,16 +102,16 @@ def test_warnings(tmp_path: Path) -> None:
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_every_variant_gives_the_same_bits() -> None:
     compiling.build()
-    probe = f"""
+    probe = """
 import sys, hashlib, numpy as np
-sys.path.insert(0, {str(Path(__file__).parent.parent)!r})
 from ssm_planner.native import compiling, library
 native = library._open(sys.argv[1])
 library.load = lambda: native
-from planning.test_reachability import fastest, random_case
-found = [fastest(*random_case(seed)) for seed in range(40)]
+from tests.planning.retiming.test_reachability import fastest_profile, random_case
+found = [fastest_profile(*random_case(seed)) for seed in range(40)]
 print(native is not None, hashlib.sha256(b"".join(b"" if each is None else each.tobytes() for each in found)).hexdigest())
 """
     variants = ["portable"] + ["avx2"] * bool(library._open("portable").ssm_has_avx2())

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from paper_cases import RECORDINGS, ROOT, Made
 
 from ssm_planner.cli import main
 from ssm_planner.display import number, percent, signed
@@ -20,14 +19,17 @@ from ssm_planner.paper.published import Inputs, read_inputs
 from ssm_planner.paper.section import Section, wrapped
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.reporting.figures.style import save_figure
+from tests.support.cli import python
+from tests.support.paper_cases import Made
+from tests.support.paths import ROOT
+from tests.support.recordings import REAL, RECORDINGS
 
 COMMITTED = ROOT / "results" / "paper"
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+−-]?\d+)?")
-needs_recordings = pytest.mark.skipif(
-    not RECORDINGS.is_dir(), reason="the recordings are not beside the project"
-)
+needs_recordings = pytest.mark.skipif(not REAL, reason="the recordings are not beside the project")
 
 
+@pytest.mark.slow
 def test_every_picture_is_there_as_png_and_pdf(made: Made) -> None:
     shown = re.findall(r"\[!\[[^\]]+\]\((\w+)\.png\)\]\((\w+)\.pdf\)", made.text)
     assert len(shown) >= 8
@@ -113,6 +115,7 @@ def _named_only(figures: dict[str, object], folder: Path) -> None:
             (folder / name).with_suffix(ending).touch()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", [workspace_section, design_section, friction_section])
 def test_pictures_are_the_same_bytes_each_time(
     section: Callable[..., Section], made: Made, tmp_path: Path
@@ -127,11 +130,14 @@ def test_pictures_are_the_same_bytes_each_time(
         assert file.read_bytes() == (tmp_path / "two" / file.name).read_bytes(), file.name
 
 
+@pytest.mark.slow
 @needs_recordings
-def test_the_committed_document_is_this_one(made: Made) -> None:
-    """Up to the last digits, in which solvers differ between machines; instants of peak acceleration differ more."""
-    committed = (COMMITTED / "README.md").read_text(encoding="utf-8")
-    flat = [re.sub(r"\s+", " ", words) for words in (committed, made.text)]
+def test_the_command_writes_the_committed_document(tmp_path: Path) -> None:
+    """Up to the last digits: the command fixes the kernels, but not the functions of the C library."""
+    done = python("-m", "ssm_planner", "reproduce", "-o", tmp_path, "--recordings", RECORDINGS)
+    assert done.returncode == 0, done.stderr
+    documents = (COMMITTED / "README.md", tmp_path / "paper" / "README.md")
+    flat = [re.sub(r"\s+", " ", path.read_text(encoding="utf-8")) for path in documents]
     assert NUMBER.sub("#", flat[0]) == NUMBER.sub("#", flat[1])
     values = [
         np.array([float(found.replace("−", "-")) for found in NUMBER.findall(words)])
@@ -140,9 +146,11 @@ def test_the_committed_document_is_this_one(made: Made) -> None:
     error = np.abs(values[0] - values[1]) / (np.abs(values[0]) + 1e-3)
     assert np.mean(error < 0.02) > 0.97
     assert error.max() < 0.3
-    assert {path.name for path in COMMITTED.iterdir()} == set(made.files)
+    names = [{file.name for file in path.parent.iterdir()} for path in documents]
+    assert names[0] == names[1]
 
 
+@pytest.mark.slow
 def test_without_recordings_their_rows_are_left_out_with_the_reason(
     inputs: Inputs, tmp_path: Path
 ) -> None:
@@ -152,14 +160,13 @@ def test_without_recordings_their_rows_are_left_out_with_the_reason(
     assert "--recordings" in result.left_out
     folder = tmp_path / "drive2_antibacklash_screw" / "start_stop"
     folder.mkdir(parents=True)
-    (folder / "50.csv").write_text("not a recording\n")
+    (folder / "50.csv").write_text("not a recording\n", encoding="utf-8")
     broken = rig_result(read_inputs(inputs.folder, tmp_path), "rig2_antibacklash_screw")
     assert not broken.tested
     assert "50.csv" in broken.left_out
     assert str(tmp_path) not in broken.left_out
 
 
-@needs_recordings
 def test_with_recordings_every_rig_is_predicted(made: Made) -> None:
     assert [len(rig.tested) for rig in made.document.rigs] == [1, 1, 1]
     assert not made.document.left_out
@@ -173,7 +180,7 @@ def test_bad_input_gives_status_2_and_writes_nothing(
     )
     message = capsys.readouterr().err
     assert "--problems" in message
-    assert str(tmp_path / "none") in message
+    assert str(tmp_path)[:60] in message
     assert "Traceback" not in message
     assert not (tmp_path / "out").exists()
 
@@ -182,10 +189,10 @@ def test_a_folder_that_cannot_be_written_gives_status_2(
     made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(paper_document, "compute", lambda *_: made.document)
-    (tmp_path / "paper").write_text("a file")
+    (tmp_path / "paper").write_text("a file", encoding="utf-8")
     assert main(["reproduce", "-o", str(tmp_path), "--problems", str(ROOT / "problems")]) == 2
     assert str(tmp_path / "paper") in capsys.readouterr().err
-    assert (tmp_path / "paper").read_text() == "a file"
+    assert (tmp_path / "paper").read_text(encoding="utf-8") == "a file"
 
 
 def test_an_interrupted_writing_leaves_the_earlier_document(
@@ -193,7 +200,7 @@ def test_an_interrupted_writing_leaves_the_earlier_document(
 ) -> None:
     folder = tmp_path / "paper"
     folder.mkdir()
-    (folder / "README.md").write_text("earlier")
+    (folder / "README.md").write_text("earlier", encoding="utf-8")
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
@@ -201,7 +208,7 @@ def test_an_interrupted_writing_leaves_the_earlier_document(
     monkeypatch.setattr(paper_document, "save_figures", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write(made.document, folder)
-    assert (folder / "README.md").read_text() == "earlier"
+    assert (folder / "README.md").read_text(encoding="utf-8") == "earlier"
     assert [path.name for path in tmp_path.iterdir()] == ["paper"]
 
 

@@ -15,13 +15,13 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.pipeline import run
-from ssm_planner.pipeline.folder import load_plan
+from ssm_planner.loading.load import load_problem
+from ssm_planner.pipeline import certified, run
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning import planner
-from ssm_planner.planning.kept import keeping
-from ssm_planner.planning.planner import sketched_duration
-from ssm_planner.plans import Plan
+from ssm_planner.planning import phase_planner
+from ssm_planner.planning.cache import cache_scope
+from ssm_planner.planning.planner import estimated_duration
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
@@ -63,26 +63,26 @@ def test_a_sketch_that_is_too_long_is_given_up(
     problem = replace(
         tilt_insert, motion=(target, Straight(depth=0.002), Straight(depth=0.02)), objective="time"
     )
-    whole = sketched_duration(problem)
+    whole = estimated_duration(problem)
     assert np.isfinite(whole)
-    assert sketched_duration(problem, 1.001 * whole) == pytest.approx(whole, rel=1e-6)
-    assert sketched_duration(problem, 0.999 * whole) == np.inf
-    assert sketched_duration(replace(problem, duration=2 * whole)) == 2 * whole
+    assert estimated_duration(problem, 1.001 * whole) == pytest.approx(whole, rel=1e-6)
+    assert estimated_duration(problem, 0.999 * whole) == np.inf
+    assert estimated_duration(replace(problem, duration=2 * whole)) == 2 * whole
     solved: list[str] = []
     for name in ("solve_free", "solve_straight"):
-        solve = getattr(planner, name)
+        solve = getattr(phase_planner, name)
         monkeypatch.setattr(
-            planner,
+            phase_planner,
             name,
             lambda *a, name=name, solve=solve, **k: [solved.append(name), solve(*a, **k)][1],
         )
-    assert sketched_duration(replace(problem, duration=0.3 * whole)) == np.inf
+    assert estimated_duration(replace(problem, duration=0.3 * whole)) == np.inf
     assert solved == []
-    with keeping():
-        assert sketched_duration(problem) == whole
+    with cache_scope():
+        assert estimated_duration(problem) == whole
         once = list(solved)
-        assert sketched_duration(problem, 1.001 * whole) == whole
-        assert sketched_duration(problem, 0.999 * whole) == np.inf
+        assert estimated_duration(problem, 1.001 * whole) == whole
+        assert estimated_duration(problem, 0.999 * whole) == np.inf
     assert solved == once
     assert once[:2] == ["solve_straight", "solve_straight"]
 
@@ -297,6 +297,26 @@ def test_nothing_is_certified_yet_when_the_first_motion_is_planned(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(run, "plan_motion", interrupted)
+    monkeypatch.setattr(certified, "plan_motion", interrupted)
     with pytest.raises(KeyboardInterrupt):
         plan(problem, stoppable=True)
+
+
+@pytest.mark.parametrize("depth", [0.0208, 0.0235])
+def test_no_other_joints_are_tried_for_a_target_in_the_retina(depth: float) -> None:
+    """Where the tip is does not depend on the joints that bring it there: neither they nor another limit helps."""
+    eye_approach = load_problem(Path(__file__).parents[2] / "problems/eye_approach.yaml")
+    joints = tuple(
+        replace(joint, position=(-2 * np.pi, 2 * np.pi)) if k < 3 else joint
+        for k, joint in enumerate(eye_approach.robot.joints)
+    )
+    motion = tuple(Free(Task(roll=0.0, tilt=-2.0, depth=depth), name=name) for name in "abc")
+    robot = replace(eye_approach.robot, joints=joints, limits=())
+    limits = (TaskRange("depth", 0.0, 0.03),)
+    problem = replace(eye_approach, robot=robot, motion=motion, limits=limits)
+    steps: list[str] = []
+    made = plan(problem, steps.append, relaxations=depth > 0.022)
+    assert made.reason is not None
+    assert made.reason.constraint == "retina clearance"
+    assert made.reason.relaxation is None
+    assert not any(step.startswith("other joints") for step in steps)

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import re
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from random_problems import random_problem
-
 from ssm_planner.loading.load import load_problem
+from ssm_planner.pipeline.certified import exceeded
 from ssm_planner.pipeline.relaxation import relaxation_for, search
-from ssm_planner.pipeline.run import _exceeded, plan
+from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.limits import (
     LensClearance,
@@ -30,8 +25,10 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.units import shown
 from ssm_planner.verification.certificate import Certificate, LimitCheck
+from tests.support.paths import PROBLEMS
+from tests.support.random_problems import random_problem
 
-PROBLEM = load_problem(Path(__file__).parents[2] / "problems/eye_approach.yaml")
+PROBLEM = load_problem(PROBLEMS / "eye_approach.yaml")
 
 MOVABLE = [
     limit for limit in PROBLEM.all_limits if np.isfinite(limit.low) or np.isfinite(limit.high)
@@ -56,7 +53,7 @@ def certificate(limit: Limit, worst: float, bound: float) -> Certificate:
 def test_an_exceeded_limit_is_moved_so_that_what_was_found_is_allowed(limit: Limit) -> None:
     bound = limit.low if limit.is_floor else limit.high
     worst = bound + (-0.1 if limit.is_floor else 0.1) * (abs(bound) or 1.0)
-    reason = _exceeded(PROBLEM, certificate(limit, worst, bound))
+    reason = exceeded(PROBLEM, certificate(limit, worst, bound))
     found = relaxation_for(PROBLEM, reason)
     if found is None:
         return
@@ -70,7 +67,7 @@ def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
     clearance = next(limit for limit in PROBLEM.all_limits if isinstance(limit, RetinaClearance))
     kept = 0.9 * clearance.clearance
     found = relaxation_for(
-        PROBLEM, _exceeded(PROBLEM, certificate(clearance, kept, clearance.clearance))
+        PROBLEM, exceeded(PROBLEM, certificate(clearance, kept, clearance.clearance))
     )
     assert found is not None
     assert (found.needed, found.present) == (kept, clearance.clearance)
@@ -116,6 +113,7 @@ def test_the_range_that_is_printed_plans_when_it_is_typed_in(tilt_insert: Proble
     assert lower == pytest.approx(np.radians(-56.19), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_motor_too_weak_for_now_and_for_all_time_is_relaxed_in_both(tilt_insert: Problem) -> None:
     joints = tilt_insert.robot.joints
     assert joints[0].motor is not None
@@ -154,10 +152,11 @@ def test_a_start_too_fast_is_slowed_down(tilt_insert: Problem) -> None:
     assert plan(replace(problem, start_rate={"tilt": np.radians(float(found[1]))})).passed
 
 
+@pytest.mark.slow
 def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
     joints = tilt_insert.robot.joints
     assert joints[0].motor is not None
-    motor = replace(joints[0].motor, nominal_torque=18e-3, max_torque=40e-3)
+    motor = replace(joints[0].motor, nominal_torque=10e-3, max_torque=40e-3)
     robot = replace(tilt_insert.robot, joints=(replace(joints[0], motor=motor), *joints[1:]))
     problem = replace(tilt_insert, robot=robot, objective="time", motion=tilt_insert.motion[:1])
     reason = plan(problem).reason

@@ -27,7 +27,7 @@ def alone(tilt_insert: ssm.Problem) -> list[tuple[bytes, bytes]]:
     tilt, _ = tilt_insert.motion
     for target in TARGETS:
         forget_solutions()
-        Transcription.of.cache_clear()
+        Transcription.build.cache_clear()
         problem = replace(
             tilt_insert, motion=(tilt, ssm.Straight(depth=target.depth)), planner="fast"
         )

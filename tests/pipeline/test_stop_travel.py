@@ -18,8 +18,7 @@ from ssm_planner.problem.limits import StopTravel
 from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.verification.check import check
-
-ROOT = Path(__file__).parents[2]
+from tests.support.paths import ROOT
 
 
 def limited(name: str, largest: float) -> Problem:
@@ -29,10 +28,10 @@ def limited(name: str, largest: float) -> Problem:
 @pytest.mark.parametrize(
     ("name", "largest"),
     [
-        ("tilt_insert", 0.5e-3),
-        ("eye_approach", 0.5e-3),
+        pytest.param("tilt_insert", 0.5e-3, marks=pytest.mark.slow),
+        pytest.param("eye_approach", 0.5e-3, marks=pytest.mark.slow),
         ("waypoints", 1e-3),
-        ("laser_scan", 0.2e-3),
+        pytest.param("laser_scan", 0.2e-3, marks=pytest.mark.slow),
     ],
 )
 def test_stops_from_everywhere_keep_to_the_limit(name: str, largest: float, tmp_path: Path) -> None:
@@ -49,6 +48,7 @@ def test_stops_from_everywhere_keep_to_the_limit(name: str, largest: float, tmp_
     assert again.problem.stop_travel == StopTravel(largest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["fast", "toppra"])
 def test_other_planners_keep_it_too(planner: Planner) -> None:
     found = plan(replace(limited("tilt_insert", 0.5e-3), planner=planner))
@@ -91,6 +91,7 @@ def test_the_planner_s_estimate_is_that_of_joints_that_brake_evenly() -> None:
     assert travel[0] == pytest.approx(0.01**2 / (2 * robot.joints[3].acceleration))
 
 
+@pytest.mark.slow
 def test_a_start_too_fast_to_stop_is_named_and_a_relaxation_tried() -> None:
     problem = replace(limited("tilt_insert", 0.2e-3), start_rate={"depth": 0.01})
     problem = replace(problem, motion=problem.motion[1:])
@@ -106,7 +107,7 @@ def test_a_start_too_fast_to_stop_is_named_and_a_relaxation_tried() -> None:
 
 def test_what_leaves_no_way_to_stop_is_refused() -> None:
     problem = limited("tilt_insert", 0.5e-3)
-    with pytest.raises(ProblemError, match="leaves no path to stop on"):
+    with pytest.raises(ProblemError, match="leaves no path for a stop"):
         replace(problem, end_rate={"depth": 0.01})
     first, *others = problem.robot.joints
     jerky = replace(problem.robot, joints=(replace(first, jerk=100.0), *others))

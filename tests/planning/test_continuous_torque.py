@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import groupby
 from typing import Any
 
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.pipeline import run
+from ssm_planner.pipeline import certified
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.problem.problem import Problem
@@ -41,25 +42,26 @@ def rms(problem: Problem, trajectory: Trajectory, joint: str) -> float:
     )
 
 
+@pytest.mark.slow
 def test_a_motor_that_friction_heats_too_much_is_named_with_what_it_needs(
     tilt_insert: Problem,
 ) -> None:
-    """Half of what the fastest motion takes: the load does not get lighter, so a smaller peak does not help."""
+    """Two fifths of what the fastest motion takes: the load does not get lighter, so going slower does not help."""
     tilt = dataclasses.replace(tilt_insert, motion=tilt_insert.motion[:1])
     fastest = plan(tilt)
     needed = rms(tilt, fastest.trajectory, "roll")
-    weak = with_nominal(tilt, 0, needed / 2)
+    weak = with_nominal(tilt, 0, 0.4 * needed)
     result = plan(weak)
     assert not result.passed
     reason = result.reason
     assert (reason.constraint, reason.joint, reason.where) == ("continuous torque", "roll", None)
     assert reason.required == pytest.approx(needed, rel=1e-4)
-    assert reason.available == needed / 2
+    assert reason.available == 0.4 * needed
     assert "the motor of joint roll would run at an RMS torque of" in reason.message
-    assert f"it may do {1e3 * needed / 2:.6g} mN·m for all time" in reason.message
+    assert f"its continuous torque is {1e3 * 0.4 * needed:.6g} mN·m" in reason.message
     first, pause, *_ = reason.relaxation.split("; or ")
     assert first.startswith("continuous torque of joint roll of")
-    assert first.endswith(f"tried, takes {fastest.duration:.4g} s")
+    assert float(first.split("takes ")[1].split(" s")[0]) >= round(fastest.duration, 3)
     assert pause.startswith("a dwell of")
     assert f"relaxation: {reason.relaxation}" in summary_lines(result)
     assert plan(with_nominal(tilt, 0, reason.required * (1 + 1e-6))).passed
@@ -111,23 +113,58 @@ def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> No
     ]
 
 
+@pytest.mark.slow
 def test_ipopt_confirms_no_motion_that_is_too_warm(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those that trade time for heat are planned by the structured solver alone until one is cool enough."""
+    """Motions that trade time for heat are planned by the structured solver alone until one is cool enough."""
     planners: list[str] = []
 
     def planned(problem: Problem, *arguments: Any, **named: Any) -> PlannerResult:
         planners.append(problem.planner)
         return plan_motion(problem, *arguments, **named)
 
-    monkeypatch.setattr(run, "plan_motion", planned)
+    monkeypatch.setattr(certified, "plan_motion", planned)
     tilt = dataclasses.replace(tilt_insert, motion=tilt_insert.motion[:1], objective="time")
-    assert not plan(
+    assert plan(
         with_motor(tilt, 0, nominal_torque=18e-3, max_torque=40e-3), relaxations=False
     ).passed
-    assert planners[0] == "optimal"
-    assert set(planners[1:]) == {"fast"}
+    assert [planner for planner, _ in groupby(planners)] == ["optimal", "fast", "optimal"]
+
+
+@pytest.mark.parametrize("planner", ["fast", "optimal"])
+@pytest.mark.slow
+def test_a_motor_that_slow_motion_alone_hardly_heats_slows_down_beyond_its_least_heat(
+    tilt_insert: Problem, planner: Any
+) -> None:
+    """Slowly enough the RMS torque comes near to friction and load alone; the motion of least heat runs warmer than that."""
+    tilt = dataclasses.replace(
+        tilt_insert, motion=tilt_insert.motion[:1], objective="time", planner=planner
+    )
+    slow = plan(dataclasses.replace(tilt, duty=None, objective="effort", duration=20.0))
+    least = rms(dataclasses.replace(tilt, duty=0.0), slow.trajectory, "roll")
+    limit = 1.02 * least
+    result = plan(with_nominal(tilt, 0, limit), relaxations=False)
+    assert result.passed
+    assert 0.99 * limit < rms(tilt, result.trajectory, "roll") <= limit * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("planner", ["fast", "optimal"])
+def test_where_the_hot_motor_rests_the_whole_takes_as_long_as_its_heat(
+    tilt_insert: Problem, planner: Any
+) -> None:
+    """A second motor that is hot for one multiplier alone changes no more than the weights."""
+    problem = dataclasses.replace(
+        with_motor(tilt_insert, 0, nominal_torque=18e-3, max_torque=40e-3), planner=planner
+    )
+    problem = with_motor(problem, 1, nominal_torque=6e-3)
+    result = plan(problem, relaxations=False)
+    assert result.passed
+    heats = [
+        (rms(problem, result.trajectory, name) / torque) ** 2
+        for name, torque in (("roll", 18e-3), ("tilt", 6e-3))
+    ]
+    assert max(heats) == pytest.approx(1.0, abs=2e-3)
 
 
 def test_a_pause_before_the_motion_repeats_cools(tilt_insert: Problem) -> None:

@@ -12,9 +12,9 @@ import pytest
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.problem.problem import Problem
+from tests.support.paths import ROOT
 
 Load = Callable[[str], Problem]
-ROOT = Path(__file__).parents[2]
 BASE = """robot: robots/vitreoretinal.yaml
 start: {roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}
 """
@@ -64,7 +64,7 @@ def test_a_shipped_problem_is_planned(name: str) -> None:
     assert result.gap < 0.3
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/planning.md"])
+@pytest.mark.parametrize("document", ["docs/problem_file.md", "docs/motions.md"])
 def test_what_a_document_shows_is_read(document: str, load: Load) -> None:
     found = blocks(document)
     assert len(found) >= 2
@@ -72,8 +72,8 @@ def test_what_a_document_shows_is_read(document: str, load: Load) -> None:
         assert load(text).motion
 
 
-def test_the_example_of_the_readme_is_planned(load: Load) -> None:
-    problem = load(blocks("README.md")[1])
+def test_the_second_example_of_the_problem_page_is_planned(load: Load) -> None:
+    problem = load(blocks("docs/problem_file.md")[1])
     assert problem.eye is not None
     result = plan(problem)
     assert result.passed

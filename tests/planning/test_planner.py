@@ -9,10 +9,10 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning import planner
+from ssm_planner.planning import postprocess
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.outlook import feasible_phases
-from ssm_planner.planning.planner import PlannedPhase
+from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Problem
@@ -131,10 +131,10 @@ def test_a_pace_of_toppra_that_exceeds_a_limit_is_not_taken(
         motion, pace = planned.motion, 1.01
         coefficients = motion.coefficients * pace ** np.arange(6)[:, None]
         faster = dataclasses.replace(motion, breaks=motion.breaks / pace, coefficients=coefficients)
-        return dataclasses.replace(planned, motion=faster, paced=True)
+        return dataclasses.replace(planned, motion=faster, retimed=True)
 
-    monkeypatch.setattr(planner, "LONGER_THAN_TOPPRA", 0.5)
-    monkeypatch.setattr(planner._PhasePlanner, "_as_fast_as_toppra", too_fast)
+    monkeypatch.setattr(postprocess, "LONGER_THAN_TOPPRA", 0.5)
+    monkeypatch.setattr(postprocess, "_as_fast_as_toppra", too_fast)
     found = plan(problem)
     assert found.passed
     assert found.duration == own

@@ -5,17 +5,11 @@ More of them, with second looks at those not solved: tests/benchmarks/fuzz_plans
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from random_problems import faults, random_problem
 
 from ssm_planner.pipeline.run import plan
 from ssm_planner.problem.problem import Problem
+from tests.support.random_problems import faults, random_problem
 
 
 @pytest.mark.parametrize("seed", range(1000, 1036))
@@ -24,6 +18,7 @@ def test_a_certificate_or_a_named_reason(tilt_insert: Problem, seed: int) -> Non
     assert faults(problem, plan(problem)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [*range(2000, 2004), 30022, 30083, 30436, 30582])
 def test_of_several_motions_too(tilt_insert: Problem, seed: int) -> None:
     problem = random_problem(tilt_insert, seed)

@@ -14,7 +14,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
-from ssm_planner.planning.outlook import feasible_phases
+from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import (
     LensClearance,
@@ -188,6 +188,7 @@ def test_on_a_straight_line_a_lens_in_the_way_is_a_reason(laser_scan: Problem) -
     assert "% of the way" in result.reason.where
 
 
+@pytest.mark.slow
 def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
     """Twice as many elements gain less than 0.2 %."""
     problem = moving(laser_scan, "free", SWING, FAR, eye=in_the_way(laser_scan))
@@ -200,16 +201,17 @@ def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
 
 
 @pytest.mark.parametrize("strength", [2.19e-3, 4e-3, 6.72e-3])
+@pytest.mark.slow
 def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(
     laser_scan: Problem, strength: float
 ) -> None:
-    """What a row was lowered too much for the space between collocation points is given back."""
+    """The default mesh and finer ones give the same duration."""
     problem = moving(
         with_insertion_motor(laser_scan, strength), "free", SWING, FAR, eye=in_the_way(laser_scan)
     )
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     points = feasible_phases(problem, mechanism)[0][0].points
-    durations = [solve_free(problem, mechanism, points, count=n).duration for n in (32, 40, 57)]
+    durations = [solve_free(problem, mechanism, points, count=n).duration for n in (40, 57, 80)]
     assert max(durations) / min(durations) - 1 < 2e-3
 
 
@@ -232,6 +234,7 @@ def ball_at(problem: Problem, roll: float, tilt: float, depth: float, radius: fl
         (-128, 17e-3, (-25, 8), (12e-3, 1e-3)),
     ],
 )
+@pytest.mark.slow
 def test_a_tool_is_drawn_back_over_a_lens_in_its_way(
     laser_scan: Problem,
     tilt: float,

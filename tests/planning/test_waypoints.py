@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssm_planner.interior.solve import available
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning import planner
-from ssm_planner.planning.lower_bound import fastest_times
+from ssm_planner.planning import phase_planner
+from ssm_planner.planning.lower_bound import minimum_times
 from ssm_planner.planning.ocp.free import ELEMENTS, solve_free
 from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.planner import plan_motion
@@ -90,7 +91,7 @@ def test_a_point_on_the_way_is_passed_at_speed(
 def test_a_joint_that_turns_back_at_a_point_is_at_rest_there_and_the_others_go_on(
     tilt_insert: Problem,
 ) -> None:
-    planned = plan_motion(through(tilt_insert, ASIDE, LAST), turning=False)
+    planned = plan_motion(through(tilt_insert, ASIDE, LAST), may_reverse=False)
     assert planned.trajectory is not None
     _, speed = passing(planned.trajectory, ASIDE)
     assert speed[[1, 3]] == pytest.approx(0.0, abs=1e-12)
@@ -112,7 +113,7 @@ def test_a_joint_with_time_to_spare_turns_back_beyond_the_point(
     problem = dataclasses.replace(
         through(tilt_insert, point, last, first=first), robot=robot, objective="time"
     )
-    rested, result = plan_motion(problem, turning=False).phases[0], plan(problem)
+    rested, result = plan_motion(problem, may_reverse=False).phases[0], plan(problem)
     assert result.passed
     _, speed = passing(result.motion, point)
     assert speed[1] < -0.1
@@ -130,16 +131,17 @@ def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
     """Two ways of two joints alone: the least sum of the slower one's times, over a grid of both speeds at the point, s."""
     first, second = np.meshgrid(*(np.linspace(-v, v, 801) for v in velocity), indexing="ij")
     there = (
-        fastest_times(way, v, a, (np.zeros(()), speed))
+        minimum_times(way, v, a, (np.zeros(()), speed))
         for way, v, a, speed in zip(ways[0], velocity, acceleration, (first, second), strict=True)
     )
     onward = (
-        fastest_times(way, v, a, (speed, np.zeros(())))
+        minimum_times(way, v, a, (speed, np.zeros(())))
         for way, v, a, speed in zip(ways[1], velocity, acceleration, (first, second), strict=True)
     )
     return float((np.maximum(*there) + np.maximum(*onward)).min())
 
 
+@pytest.mark.skipif(not available(), reason="the package is built without its compiled part")
 def test_both_solvers_may_do_on_fewer_elements_where_one_of_them_fails(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,7 +159,7 @@ def test_both_solvers_may_do_on_fewer_elements_where_one_of_them_fails(
             )
         return solve_free(*arguments, method=method, count=count, **named)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(planner, "solve_free", solve)
+    monkeypatch.setattr(phase_planner, "solve_free", solve)
     found = plan(problem)
     assert found.passed
     assert found.phases[0].confirmation_iterations is not None
@@ -191,6 +193,7 @@ def test_another_order_takes_another_time(tilt_insert: Problem) -> None:
     assert back.duration > 1.2 * forth.duration
 
 
+@pytest.mark.slow
 def test_the_mesh_is_fine_enough(tilt_insert: Problem, weaker: Weaker) -> None:
     """Twice as many elements gain less than 0.2 %, where motors bind."""
     problem = through(tilt_insert, ASIDE, LAST)

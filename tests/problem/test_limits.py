@@ -36,8 +36,8 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.serialization import plain, robot_from_plain, task_limits_from_plain
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 bounds = st.floats(1e-3, 1e3)
 ordered = st.tuples(st.floats(-10, 10), st.floats(1e-3, 10)).map(
     lambda ends: (ends[0], ends[0] + ends[1])
@@ -261,7 +261,7 @@ def test_a_problem_refuses_limits_of_joints_among_its_own_and_one_given_twice(
 ) -> None:
     for wrong, told in (
         ((MotorTorque("roll", 1.0),), "not a limit of the task"),
-        ((TipSpeed(1.0), TipSpeed(2.0)), "given twice"),
+        ((TipSpeed(1.0), TipSpeed(2.0)), "occurs twice"),
         ((TaskRange("roll", -1, 1), TaskRange("roll", -2, 2)), "roll range"),
     ):
         with pytest.raises(ProblemError, match=told):
@@ -300,6 +300,7 @@ def test_names_are_those_of_results() -> None:
 
 
 @pytest.mark.parametrize("kind", ["straight", "free"])
+@pytest.mark.slow
 def test_a_new_limit_on_a_speed_of_the_tool_takes_two_places_of_code(
     kind: str, tmp_path: Path
 ) -> None:

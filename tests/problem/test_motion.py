@@ -80,7 +80,9 @@ def test_messages_name_the_key_or_the_line() -> None:
         ProblemError, match=r"^line 4: motion\[0\]\.tilt\.to = -200 deg: outside the limits of tilt"
     ):
         Problem.from_yaml(TEXT.replace("-135 deg", "-200 deg"))
-    with pytest.raises(ProblemError, match=r"^planner = toppra: TOPP-RA cannot take a duration"):
+    with pytest.raises(
+        ProblemError, match=r"^planner = toppra: TOPP-RA does not support a duration"
+    ):
         Problem.from_dict({**DATA, "planner": "toppra", "objective": "effort", "duration": "9 s"})
     with pytest.raises(ProblemError, match="a mapping"):
         Problem.from_yaml("- robot")

@@ -11,8 +11,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_robot
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain, robot_from_plain
-
-ROOT = Path(__file__).parent.parent.parent
+from tests.support.paths import ROOT
 
 
 def same(a: object, b: object) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_controller, load_robot
@@ -20,9 +21,11 @@ from ssm_planner.simulation.cascade import (
     encoder,
     gains_of,
     loop_step,
+    phase_margin,
 )
+from tests.support.paths import PROBLEMS
 
-ROBOT = Path(__file__).parents[2] / "problems" / "robots" / "vitreoretinal.yaml"
+ROBOT = PROBLEMS / "robots" / "vitreoretinal.yaml"
 MOTOR = Electrics(torque_constant=0.0148, resistance=0.763, voltage=21.6, max_current=5.0, lag=1e-4)
 
 
@@ -51,6 +54,84 @@ def test_the_current_keeps_to_the_supply_against_the_back_emf():
     assert np.all(found[fast, 1] < 0)
     # at rest nothing but the power stage binds: 5 A through 0.763 ohm need 3.8 V
     np.testing.assert_allclose(ranges(MOTOR, [0.0])[0], [-5.0, 5.0])
+
+
+def test_without_a_resistance_the_supply_binds_at_the_no_load_speed_alone():
+    """Beyond it, no current in its direction; without a supply voltage none of it matters."""
+    no_load = MOTOR.voltage / MOTOR.torque_constant
+    speeds = [-1.01 * no_load, -0.99 * no_load, 0.0, 0.99 * no_load, 1.01 * no_load]
+    found = ranges(replace(MOTOR, resistance=0.0), speeds)
+    np.testing.assert_allclose(found[:, 0], [0.0, -5.0, -5.0, -5.0, -5.0])
+    np.testing.assert_allclose(found[:, 1], [5.0, 5.0, 5.0, 5.0, 0.0])
+    for resistance in (0.0, 1.0):
+        free = replace(MOTOR, resistance=resistance, voltage=np.inf)
+        np.testing.assert_allclose(ranges(free, speeds), np.tile([-5.0, 5.0], (5, 1)))
+
+
+def test_winding_and_supply_come_from_the_controller_and_then_from_the_motor(robot):
+    joint = robot.joints[0]
+    motor = replace(
+        joint.motor, terminal_resistance=None, nominal_voltage=24.0, torque_constant=0.02
+    )
+    joint = replace(joint, motor=motor)
+    plain = electrics_of(joint, Controller(output_share=0.9))
+    assert (plain.resistance, plain.voltage) == (0.0, pytest.approx(21.6))
+    assert plain.max_current == pytest.approx(motor.max_torque / 0.02)
+    axis = AxisController(max_current=0.7)
+    given = Controller(supply=10.0, output_share=0.5, joints={joint.name: axis}, current_lag=2e-4)
+    found = electrics_of(joint, given)
+    assert (found.voltage, found.max_current, found.lag) == (5.0, 0.7, 2e-4)
+    dead = replace(joint, motor=replace(motor, nominal_voltage=None))
+    assert electrics_of(dead, Controller()).voltage == np.inf
+    for lacking in (
+        replace(joint, motor=None),
+        replace(joint, motor=replace(motor, torque_constant=None)),
+    ):
+        with pytest.raises(ProblemError, match="torque_constant"):
+            electrics_of(lacking, Controller())
+
+
+def test_gains_need_an_inertia_or_p_and_d(robot):
+    joint = robot.joints[0]
+    light = replace(joint, drive=replace(joint.drive, input_inertia=0.0))
+    electrics = electrics_of(joint, Controller())
+    for axis, enough in (
+        (AxisController(), False),
+        (AxisController(p=1.0), False),
+        (AxisController(d=1.0), False),
+        (AxisController(p=1.0, d=0.1), True),
+    ):
+        controller = Controller(joints={joint.name: axis})
+        if enough:
+            found = gains_of(light, controller, electrics)
+            assert (found.p, found.i, found.d) == (1.0, 0.0, 0.1)
+            continue
+        with pytest.raises(ProblemError, match="no input inertia"):
+            gains_of(light, controller, electrics)
+    with pytest.raises(ProblemError, match="has no drive"):
+        gains_of(robot.joints[2], Controller(), electrics)
+
+
+@pytest.mark.parametrize(("period", "lag"), [(4e-4, 1e-4), (1e-3, 5e-4)])
+@pytest.mark.parametrize("share", [0.3, 1.0, 2.0])
+def test_the_phase_margin_is_that_of_the_stated_loop_at_its_crossing(period, lag, share):
+    """P, I and D on an inertia, T_f = D / (10 P), the lag of the current, and half a period of delay."""
+    bandwidth = share * bandwidth_of(period, lag)
+    omega = 2 * np.pi * bandwidth
+    p, d, i = omega**2, 2 * 0.7 * omega, 0.1 * omega**3
+
+    def loop(w):
+        s = 1j * w
+        pid = p + i / s + d * s / (1 + d / (10 * p) * s)
+        return pid / s**2 / (1 + lag * s) * np.exp(-s * period / 2)
+
+    crossing = brentq(lambda w: abs(loop(w)) - 1, omega, 20 * omega)
+    # from the phase of the three poles at 0, without jumps
+    way = np.unwrap(np.angle(loop(np.geomspace(1e-6 * omega, crossing, 4000))))
+    margin = 180 + np.degrees(way[-1] - way[0]) - 270
+    assert phase_margin(bandwidth, period, lag) == pytest.approx(margin, abs=0.3)
+    if share == 1.0:
+        assert margin == pytest.approx(30.0, abs=0.3)
 
 
 def test_a_loop_is_the_stated_pid():

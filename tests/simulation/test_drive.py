@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -22,10 +21,8 @@ from ssm_planner.dynamics.transmission import (
 )
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Friction
-from ssm_planner.simulation.drive import NOT_UNIQUE, Servo, servo_for
-
-sys.path.insert(0, str(Path(__file__).parent))
-from adaptive_drive import (
+from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia, stalled
+from tests.support.adaptive_drive import (
     breaks_away,
     friction_power,
     simulate_drive,
@@ -33,8 +30,10 @@ from adaptive_drive import (
     slip_acceleration,
     with_load,
 )
+from tests.support.paths import PROBLEMS
+from tests.support.velocity_control import Servo, servo_for
 
-DRIVES = Path(__file__).parents[2] / "problems" / "drives"
+DRIVES = PROBLEMS / "drives"
 FRICTION = {
     "rig1_lead_screw": Friction(0.27, 0.3, 1e-3, 3e-5, 3e-2, 1e-3),
     "rig2_antibacklash_screw": Friction(0.2, 0.23, 2e-3, 3e-5, 2e-2),
@@ -226,3 +225,56 @@ def test_breakaway_is_exactly_at_its_torque():
         0,
         1,
     ]
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_step_of_a_drive_balances_its_energy_whether_it_slides_stops_or_stands(name):
+    """Work of motor and load, kinetic energy and loss, for steps that are as long as a stop takes, and longer."""
+    drive, scale, _ = rig(name)
+    w, rest, tau, load = (ca.SX.sym(each) for each in ("w", "rest", "tau", "load"))
+    h = 4e-4
+    moved = drive_step(drive, w, rest, tau, load, h=h)
+    held = stalled(drive, moved, ca.SX(1), w=w, load=load, tau=tau, h=h)
+    free = stalled(drive, moved, ca.SX(0), w=w, load=load, tau=tau, h=h)
+    function = ca.Function(
+        "step", [w, rest, tau, load], [ca.vertcat(*vars(x).values()) for x in (moved, held, free)]
+    )
+    twice = drive_step(drive, w, rest, tau, load, h=2 * h)
+    longer = ca.Function("longer", [w, rest, tau, load], [ca.vertcat(*vars(twice).values())])
+    inertia = drive.input_inertia + (drive.output_inertia + drive.second_nut_mass) / drive.ratio**2
+    assert moving_inertia(drive) == pytest.approx(inertia)
+    rng, seen = np.random.default_rng(2), set()
+    strong = 2 * abs(float(breakaway_torque(drive, scale, 1.0)))
+    for _ in range(400):
+        speed = float(rng.choice([0.0, rng.normal(), 20 * rng.normal()]))
+        torque, pull, since = strong * rng.normal(), scale * rng.normal(), rng.uniform(0, 2)
+        steps = [x.full().ravel() for x in function(speed, since, torque, pull)]
+        (after, mean, resting, loss), blocked, released = steps
+        assert released == pytest.approx(steps[0])
+        assert blocked[[0, 1, 2]] == pytest.approx([0.0, speed / 2, resting + h])
+        for end, way, dissipated in ((after, mean, loss), (0.0, speed / 2, blocked[3])):
+            work = h * way * (torque - pull / drive.ratio)
+            gained = inertia / 2 * (end**2 - speed**2)
+            assert work - gained - dissipated == pytest.approx(0.0, abs=1e-9 * (abs(work) + 1e-9))
+        assert loss >= -1e-15
+        assert resting == pytest.approx(since + h if after == 0 else 0.0)
+        if speed == 0.0 and after == 0.0:
+            kind = "stands"
+            assert (mean, loss) == (0.0, 0.0)
+            # friction at rest lies between that of motion and the static one
+            mu = [drive.friction.mu, drive.friction.mu_static + drive.friction.mu_stribeck]
+            allowed = [float(breakaway_torque(drive, pull, s, m)) for s in (-1.0, 1.0) for m in mu]
+            assert min(allowed) - 1e-12 <= torque <= max(allowed) + 1e-12
+        elif after == 0.0:
+            kind = "stops"
+            # it brakes evenly and stands for the rest of the step: a longer step leads as far
+            assert 0 < mean / speed <= 0.5
+            again, further, *_ = np.ravel(longer(speed, since, torque, pull))
+            assert again == 0.0
+            assert 2 * further == pytest.approx(mean)
+        else:
+            kind = "slides"
+            assert mean == pytest.approx((speed + after) / 2)
+            assert speed * after >= 0
+        seen.add(kind)
+    assert seen == {"stands", "stops", "slides"}

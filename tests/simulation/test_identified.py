@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from ssm_planner.identification.fit import MapFit, fit_map
 from ssm_planner.identification.parameters import map_torque, with_parameters
@@ -22,8 +23,9 @@ from ssm_planner.simulation.plant import FRICTION
 from ssm_planner.simulation.recorder import write_recording
 from ssm_planner.simulation.simulate import PowerLosses, Scenario, _Stage
 from ssm_planner.trajectory import Span, Trajectory
+from tests.support.paths import RESULTS
 
-PLAN = Path(__file__).parents[2] / "results" / "tilt_insert" / "plan.json"
+PLAN = RESULTS / "tilt_insert" / "plan.json"
 SPEEDS = 1e-3 * np.array([1.0, 2.0, 4.0, 7.0, 10.0, 14.0, 18.0, 20.0])
 RAMP, STEADY, SETTLED = 0.25, 0.5, 0.1
 """s; the controller has settled so long after the ramp."""
@@ -121,6 +123,7 @@ def coverage(draws: int, folder: Path, seed: int = 3) -> dict[str, float]:
     return {name: float(np.mean(found)) for name, found in hits.items()}
 
 
+@pytest.mark.slow
 def test_identification_finds_the_friction_of_simulated_recordings(tmp_path: Path) -> None:
     found = coverage(12, tmp_path)
     # of 60 intervals of 95 % that come in fives, fewer than 51 are hardly ever right; run this file for more draws

@@ -1,18 +1,12 @@
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.trajectory import Trajectory
-
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from sizing_cases import equipped, random_trajectory
+from tests.support.sizing_cases import equipped, random_trajectory
 
 
 @pytest.fixture(scope="session")

@@ -7,15 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from sizing_cases import equipped
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_drive, load_motor
 from ssm_planner.problem.drive import Ratings
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain, robot_from_plain
+from tests.support.paths import PROBLEMS
+from tests.support.sizing_cases import equipped
 
-SHIPPED = Path(__file__).parents[2] / "problems"
+SHIPPED = PROBLEMS
 MOTOR = SHIPPED / "motors/maxon_ec_max_22_25w.yaml"
 SCREW = SHIPPED / "drives/vitreoretinal_joint4_screw.yaml"
 WORM = SHIPPED / "drives/vitreoretinal_joint1_worm.yaml"
@@ -57,12 +58,12 @@ def written(path: Path, folder: Path, *edits: tuple[str, str], append: str = "")
         (
             [("terminal_resistance: 0.955 ohm", "terminal_resistance: 955 ohm")],
             "terminal_resistance",
-            "% of what",
+            "% of the rise",
         ),
         (
             [("max_winding_temperature: 155 degC", "max_winding_temperature: 155 K")],
             "max_winding_temperature",
-            "is the unit right, degC",
+            "check the unit (degC)",
         ),
         (
             [("time_constant_winding: 1.99 s", "time_constant_winding: 1990 s")],
@@ -78,7 +79,7 @@ def written(path: Path, folder: Path, *edits: tuple[str, str], append: str = "")
         (
             [("nominal_torque: 23 mN*m", "nominal_torque: 23 N*m")],
             "nominal_torque",
-            "is the unit right, mN*m",
+            "check the unit (mN*m)",
         ),
         (
             [("nominal_torque: 23 mN*m", "nominal_torque: -23 mN*m")],
@@ -103,7 +104,7 @@ def written(path: Path, folder: Path, *edits: tuple[str, str], append: str = "")
                 ("nominal_current: 2.71 A\n", ""),
             ],
             "nominal_torque",
-            "W, implausible",
+            "W, which is implausible",
         ),
         (
             [
@@ -124,7 +125,9 @@ def test_slips_in_a_motor_file(
         load_motor(path)
     message = str(caught.value)
     line = next(
-        n for n, text in enumerate(path.read_text().splitlines(), 1) if text.startswith(f"{key}:")
+        n
+        for n, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if text.startswith(f"{key}:")
     )
     assert message.startswith(f"{path}:{line}: {key}")
     assert reason in message
@@ -189,25 +192,29 @@ def test_ratings_and_ranges_are_read(tmp_path: Path) -> None:
             "ratings.peak_output",
             "a torque, not a force",
         ),
-        (("duty: 0.5", "duty: 50"), "ratings.duty", "more than all"),
+        (("duty: 0.5", "duty: 50"), "ratings.duty", "more than 100 %"),
         (
             ("root_diameter: 2.4 mm", "root_diameter: 240 mm"),
             "ratings.root_diameter",
-            "thicker than long",
+            "the diameter exceeds the length",
         ),
         (
             ("free_length: 60 mm", "free_length: 0 mm"),
             "ratings.free_length",
             "not greater than zero",
         ),
-        (("ends: fixed-supported", "ends: welded"), "ratings.ends", "not one of the values"),
-        (("mu: [0.14, 0.2]", "mu: [0.18, 0.2]"), "friction_ranges.mu", "does not hold the value"),
-        (("mu: [0.14, 0.2]", "mu: [0.1, 0.2]"), "friction_ranges.mu", "does not lock itself"),
+        (("ends: fixed-supported", "ends: welded"), "ratings.ends", "unknown value"),
+        (
+            ("mu: [0.14, 0.2]", "mu: [0.18, 0.2]"),
+            "friction_ranges.mu",
+            "does not contain the value",
+        ),
+        (("mu: [0.14, 0.2]", "mu: [0.1, 0.2]"), "friction_ranges.mu", "is not self-locking"),
         (("mu: [0.14, 0.2]", "mu: 0.2"), "friction_ranges.mu", ""),
         (
             ("b_v: [4e-6 N*m*s/rad,", "b_v: [-4e-6 N*m*s/rad,"),
             "friction_ranges.b_v",
-            "not negative",
+            "cannot be negative",
         ),
         (("  source: lubricant between 10 and 40 degC\n", ""), "friction_ranges.source", "missing"),
         (("  b_v: [4e", "  b_vv: [4e"), "friction_ranges.b_vv", "did you mean 'b_v'"),

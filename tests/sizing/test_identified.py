@@ -1,10 +1,9 @@
-"""Drives identified from the rigs' recordings, handed on to sizing: peaks against 20 000 draws computed apart."""
+"""Drives identified from the rigs' figures, handed on to sizing: peaks against 20 000 draws computed apart."""
 
 from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,13 +21,12 @@ from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.size import size
 from ssm_planner.typing import Array
 
-RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
 RIGS = {
-    "rig1_lead_screw": ("drive1_lead_screw", "insertion"),
-    "rig2_antibacklash_screw": ("drive2_antibacklash_screw", "insertion"),
-    "rig3_worm": ("drive3_worm", "tilt"),
+    "rig1_lead_screw": "insertion",
+    "rig2_antibacklash_screw": "insertion",
+    "rig3_worm": "tilt",
 }
-"""Recordings of each rig, and a joint that its kind of drive can move."""
+"""A joint that the drive of each rig can move."""
 STROKES = {
     "insertion": Stroke("insertion", -0.015, 0.01, 0.02, 0.1),
     "tilt": Stroke("tilt", 0.0, 1.5, 1.13, 3.49),
@@ -60,7 +58,8 @@ def reference_peaks(load: JointLoad, drive: Drive, posterior: Posterior) -> Arra
         }
         values |= {"preload": drive.preload} | dict(zip(posterior.names, row, strict=True))
         peaks[n] = np.abs(torque(drive, values, way, qd, qdd, rigid, start)).max()
-    biggest = load.torque(drive)[np.argmax(np.abs(load.torque(drive)))]
+    nominal = replace(load, drive=drive).torque()
+    biggest = nominal[np.argmax(np.abs(nominal))]
     ripple = posterior.ripple(1 if biggest >= 0 else -1)
     return peaks if ripple is None else peaks + beyond(ripple, peaks, rng)
 
@@ -103,12 +102,11 @@ def beyond(ripple: Ripple, peaks: Array, rng: np.random.Generator) -> Array:
     return departures * np.maximum(peaks / np.median(ripple.torque), 1.0)
 
 
-@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
-    folder, joint = RIGS[rig]
-    files = sorted((RECORDINGS / folder / "steady_state").glob("*.csv"))
-    drive = identify(shipped_names("drives")[rig], files).drive
+    joint = RIGS[rig]
+    drive = identify(shipped_names("drives")[rig]).drive
     posterior = drive.friction.posterior
     assert posterior is not None
     i = JOINTS.index(joint)

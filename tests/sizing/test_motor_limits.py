@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sizing_cases import COMPLETE
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.sizing.motor_limits import (
@@ -20,6 +19,7 @@ from ssm_planner.sizing.motor_limits import (
     resistance,
     torque_constant,
 )
+from tests.support.sizing_cases import COMPLETE
 
 
 @given(st.floats(0, 1400), st.floats(260, 430), st.floats(6, 48), st.floats(1, 30))

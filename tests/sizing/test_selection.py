@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sizing_cases import COMPLETE, random_trajectory, with_covariance
 
 from ssm_planner.cli import main
 from ssm_planner.dynamics.rigid_body import RigidBody
@@ -18,6 +17,8 @@ from ssm_planner.loading.load import load_robot
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.selection import energy_to_bus, load_inertias, select
+from tests.support.paths import PROBLEMS
+from tests.support.sizing_cases import COMPLETE, random_trajectory, with_covariance
 
 MOTORS, WORMS, SCREWS = (Path(f"{name}.csv") for name in ("motors_24v", "worms", "screws"))
 ANSWERS = {1: True, 0: None, -1: False}
@@ -62,6 +63,7 @@ def gears(duty, covariance=False):
         (Conditions(confidence=0.9), True),
     ],
 )
+@pytest.mark.slow
 def test_every_pair_has_the_verdict_and_the_margins_of_size(duty, motors, conditions, covariance):
     answers = set()
     for joint in select(duty, motors, gears(duty, covariance), conditions, payload=0.5):
@@ -123,7 +125,8 @@ def test_a_gear_replaces_geometry_and_ratings_and_keeps_the_friction(tmp_path):
     file = tmp_path / "gears.csv"
     file.write_text(
         "name,geometry.ratio,geometry.worm_diameter,geometry.lead [mm],ratings.input_speed,mass [g]\n"
-        "small,60,8 mm,1.25664,4000 rpm,12\n"
+        "small,60,8 mm,1.25664,4000 rpm,12\n",
+        encoding="utf-8",
     )
     (part,) = gears_of(file, own)
     assert part.of.ratio == pytest.approx(60)
@@ -139,19 +142,20 @@ def test_a_gear_replaces_geometry_and_ratings_and_keeps_the_friction(tmp_path):
     [
         ("2.64 mN*m", "2.64 rpm", r"motors\.csv:2: nominal_torque = 2.64 rpm"),
         ("0.13 g*cm^2", "0.13 kg*m^2", r"motors\.csv:2: rotor_inertia = .*implausible"),
-        ("ECXZ13M1VF40N1IL1D561A", "ECXZ13M3KN48K1ST1D497A", r"motors\.csv:3: .*stands twice"),
+        ("ECXZ13M1VF40N1IL1D561A", "ECXZ13M3KN48K1ST1D497A", r"motors\.csv:3: .*occurs twice"),
     ],
 )
 def test_a_fault_in_a_row_is_named_with_its_line(tmp_path, old, new, message):
     file = tmp_path / "motors.csv"
-    shipped = Path(__file__).parents[2] / "problems" / "catalogues" / "motors_24v.csv"
+    shipped = PROBLEMS / "catalogues" / "motors_24v.csv"
     file.write_text(shipped.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ProblemError, match=message):
         motors_of(file)
 
 
+@pytest.mark.slow
 def test_the_command_says_what_is_left_and_what_rules_out_the_others(tmp_path, capsys):
-    motion = Path(__file__).parents[2] / "problems" / "motorisation" / "paper.yaml"
+    motion = PROBLEMS / "motorisation" / "paper.yaml"
     words = [
         "size",
         str(motion),
@@ -165,7 +169,7 @@ def test_the_command_says_what_is_left_and_what_rules_out_the_others(tmp_path, c
     text = capsys.readouterr().out
     assert "roll: 48 motors × 30 gears" in text
     assert "insertion: 48 motors × 15 gears" in text
-    document = json.loads((tmp_path / "selection.json").read_text())
+    document = json.loads((tmp_path / "selection.json").read_text(encoding="utf-8"))
     for joint in document["selection"]:
         assert np.shape(joint["adequate"]) == (len(joint["gears"]), 48)
         assert len(joint["best"]) <= 10

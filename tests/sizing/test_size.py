@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sizing_cases import COMPLETE, equipped, random_trajectory
 
 from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.errors import ProblemError
@@ -20,6 +19,7 @@ from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import Sizing, size
+from tests.support.sizing_cases import COMPLETE, equipped, random_trajectory
 
 KNOWN = Conditions(supply_voltage=24.0, current_limit=20.0)
 OPTIONAL = (
@@ -194,7 +194,7 @@ def test_heat_capacity_gives_exactly_the_limit(complete: DutyCycle) -> None:
 
     load = complete.loads()[0]
     heat = assess(load, COMPLETE, KNOWN).heat
-    few = thinned(load, load.drive)
+    few = thinned(load)
     cycle = Cycle.from_torque(few.t, few.torque())
     scaled = cycle.scaled(heat.capacity / np.sqrt(cycle.mean(cycle.square)))
     found = steady_state(ThermalModel.from_motor(COMPLETE, KNOWN.ambient), scaled)
@@ -292,7 +292,7 @@ def test_a_motor_that_the_joint_may_have_instead_is_judged_beside_it(
     beside = size(DutyCycle.of_trajectory(trajectory, replace(robot, joints=joints)))
     assert beside.to_dict()["alternatives"][0]["adequate"] is False
     assert beside.adequate is found.adequate
-    with pytest.raises(ProblemError, match="instead of which motor"):
+    with pytest.raises(ProblemError, match="alternatives need a motor"):
         replace(robot.joints[3], motor=None)
 
 

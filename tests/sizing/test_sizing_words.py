@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from sizing_cases import COMPLETE, equipped
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
@@ -15,6 +15,7 @@ from ssm_planner.reporting.text import missing_figures, motors_verdict
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.size import size, size_motion
 from ssm_planner.trajectory import Trajectory
+from tests.support.sizing_cases import COMPLETE, equipped
 
 CONFIRMED = replace(COMPLETE, placeholders=())
 
@@ -71,12 +72,12 @@ CHANGES: dict[str, tuple[Callable[[Motor], Motor | None], str, list[str]]] = {
     "no heat": (
         lambda motor: replace(motor, time_constant_winding=None),
         "open",
-        ["not checked", "heat"],
+        ["Not checked", "heat"],
     ),
     "placeholder": (
         lambda motor: replace(motor, placeholders=("max_torque",)),
         "open",
-        ["no verdict on the real ones of tilt"],
+        ["Stand-in figures: tilt max torque (may be"],
     ),
     "no motor": (lambda motor: None, "open", ["no motor given for tilt"]),
 }
@@ -90,8 +91,32 @@ def test_what_is_wrong_or_unknown_is_named(
     state, word, reason = said(with_motor(known, "tilt", changed(CONFIRMED)), trajectory)
     assert state == expected
     assert all(part in reason for part in parts), reason
-    assert "roll" not in reason
+    assert "roll" not in reason.partition("tightest check. ")[2]
     assert state != "bad" or "not" in word
+
+
+def test_a_conditional_verdict_holds_up_to_the_error_that_it_permits(
+    known: Robot, trajectory: Trajectory
+) -> None:
+    """With its stand-in figure lower by almost that share the motors suffice, by more they do not."""
+    stand_in = replace(CONFIRMED, placeholders=("nominal_torque",))
+    sizing = size_motion(trajectory, with_motor(known, "tilt", stand_in)).to_dict()
+    state, word, reason = motors_verdict(sizing)
+    assert (state, sizing["adequate"]) == ("open", True)
+    assert re.fullmatch(r"Motors suffice with [\d.]+ % margin if 1 stand-in figure holds", word)
+    (spare,) = re.findall(r"tilt nominal torque \(may be ([\d.]+) % lower\)", reason)
+    for change, passed in ((-0.1, True), (0.1, False)):
+        factor = 1 - (float(spare) + change) / 100
+        weaker = replace(CONFIRMED, nominal_torque=factor * CONFIRMED.nominal_torque)
+        (tilt,) = (
+            motor
+            for motor in size_motion(trajectory, with_motor(known, "tilt", weaker)).to_dict()[
+                "motors"
+            ]
+            if motor["joint"] == "tilt"
+        )
+        (check,) = (check for check in tilt["checks"] if check["name"] == "continuous_torque")
+        assert (check["passed"] is True) is passed
 
 
 def test_a_weak_gear_is_named(known: Robot, trajectory: Trajectory) -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sizing_cases import COMPLETE, equipped, random_trajectory
 
 from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.errors import ProblemError
@@ -16,6 +15,7 @@ from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import largest_payload, shortest_duration, size
 from ssm_planner.trajectory import Trajectory
+from tests.support.sizing_cases import COMPLETE, equipped, random_trajectory
 
 KNOWN = Conditions(supply_voltage=24.0, current_limit=20.0)
 
@@ -76,6 +76,7 @@ def strong(robot: Robot) -> DutyCycle:
     return DutyCycle.of_trajectory(random_trajectory(3), equipped(robot, motor))
 
 
+@pytest.mark.slow
 def test_largest_payload(strong: DutyCycle) -> None:
     found = largest_payload(strong, {}, KNOWN)
     assert found.status == "found"

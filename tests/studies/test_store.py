@@ -89,7 +89,7 @@ def test_the_table_is_a_csv_of_choices_and_figures(tmp_path):
         Candidate(1, "failed", {"geometry.alpha": "31 deg"}, reason="why"),
     ]
     write_table(rows, tmp_path / "table.csv")
-    assert (tmp_path / "table.csv").read_text().splitlines() == [
+    assert (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines() == [
         "number,state,stage,reason,geometry.alpha,duration",
         "0,done,,,30 deg,1.5",
         "1,failed,,why,31 deg,",

@@ -10,7 +10,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import Executor, Future
 from dataclasses import replace
 from pathlib import Path
@@ -23,17 +22,18 @@ from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
 from ssm_planner.studies import run as driver
-from ssm_planner.studies.evaluation import Evaluation, evaluated, problems_of
-from ssm_planner.studies.page import explained, write_study_page
-from ssm_planner.studies.run import StudyError, StudyResult
+from ssm_planner.studies.evaluation import Evaluation, evaluate_batch, problems_of
+from ssm_planner.studies.page import correlation_ratio, write_study_page
+from ssm_planner.studies.run import STORE, StudyError, StudyResult
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.screens import Screens
 from ssm_planner.studies.store import Candidate, Store, pareto
 from ssm_planner.studies.study import Search, Varied
 from ssm_planner.studies.study_file import load_study, study_from
 from ssm_planner.studies.workers import WorkerDied
+from tests.support.paths import PROBLEMS, ROOT
 
-CATALOGUE = Path(__file__).parents[2] / "problems" / "catalogues" / "motors_24v.csv"
+CATALOGUE = PROBLEMS / "catalogues" / "motors_24v.csv"
 GEOMETRY = {
     "geometry.alpha": {"from": "26 deg", "to": "40 deg"},
     "geometry.home_tilt": {"from": "-120 deg", "to": "-106 deg"},
@@ -117,13 +117,14 @@ def test_a_screen_drops_nothing_that_can_be_planned():
         }
     )
     designs = list(of.designs())
-    fallen = Screens(of).fallen(designs)
+    fallen = Screens(of).reject(designs)
     assert {each.stage for each in fallen if each is not None} >= {"reach"}
     for design, each in zip(designs, fallen, strict=True):
         if each is not None and each.stage != "reach":
             assert Evaluation(of)(0, design).state == "infeasible"
 
 
+@pytest.mark.slow
 def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_path):
     of = study()
     run_study(of, tmp_path / "one", workers=1)
@@ -131,23 +132,31 @@ def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_
     assert table.count(b"\n") == 9
     run_study(of, tmp_path / "two", workers=2)
     assert (tmp_path / "two" / "table.csv").read_bytes() == table
-    # the driver is killed in the middle, then the same call goes on
+    # the driver kills itself when three results are stored, then the same call goes on
     code = (
-        "import sys; sys.path.insert(0, sys.argv[2]); from pathlib import Path\n"
-        "from ssm_planner.studies.study_file import load_study; from ssm_planner.studies.run import study\n"
-        "study(sys.argv[3], sys.argv[1], workers=2)"
+        "import os, signal, sys\n"
+        "from ssm_planner.studies import run\n"
+        "class Store(run.Store):\n"
+        "    stored = 0\n"
+        "    def put(self, rows):\n"
+        "        for row in rows:\n"
+        "            super().put([row])\n"
+        "            Store.stored += 1\n"
+        "            if Store.stored == 3:\n"
+        "                os.kill(os.getpid(), signal.SIGKILL)\n"
+        "run.Store = Store\n"
+        "run.study(sys.argv[2], sys.argv[1], workers=2)"
     )
     import yaml
 
     file = tmp_path / "study.yaml"
-    file.write_text(yaml.safe_dump(FILE))
-    root = str(Path(__file__).parents[2])
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, tmp_path / "killed", root, file], cwd=tmp_path
-    )
-    time.sleep(2.5)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
+    file.write_text(yaml.safe_dump(FILE), encoding="utf-8")
+    command = [sys.executable, "-c", code, tmp_path / "killed", file]
+    assert subprocess.run(command, cwd=ROOT, check=False).returncode == -signal.SIGKILL
+    with Store(tmp_path / "killed" / STORE) as store:
+        states = [row.state for row in store.rows() if row.number >= 0]
+    assert "waiting" in states
+    assert set(states) > {"waiting"}
     result = run_study(load_study(file), tmp_path / "killed", workers=2)
     assert result.finished
     assert (tmp_path / "killed" / "table.csv").read_bytes() == table
@@ -156,6 +165,7 @@ def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_
     assert (tmp_path / "killed" / "table.csv").read_bytes() == table
 
 
+@pytest.mark.slow
 def test_killed_workers_change_nothing(tmp_path):
     from ssm_planner.studies.workers import Workers
 
@@ -191,6 +201,7 @@ class Here(Executor):
         return future
 
 
+@pytest.mark.slow
 def test_a_lost_engine_is_named_and_nothing_is_done_twice(tmp_path):
     of = study()
     whole = Here()
@@ -354,7 +365,8 @@ def test_a_motor_whose_rotor_is_no_inertia_falls_out_with_the_reason(inertia):
 def test_a_worm_of_a_catalogue_replaces_the_gear_and_keeps_the_rest(tmp_path):
     (tmp_path / "worms.csv").write_text(
         "name,geometry.ratio,geometry.worm_diameter [mm],geometry.wheel_diameter [mm],input_inertia,source\n"
-        "P30-60,60,10,30,6.5e-7 kg*m^2,made up\nP30-120,120,10,30,6.5e-7 kg*m^2,made up\n"
+        "P30-60,60,10,30,6.5e-7 kg*m^2,made up\nP30-120,120,10,30,6.5e-7 kg*m^2,made up\n",
+        encoding="utf-8",
     )
     of = study(vary={"joints.tilt.drive.worm": {"catalogue": str(tmp_path / "worms.csv")}})
     ratios = {}
@@ -458,14 +470,14 @@ def test_bad_input_is_named(change, words):
         ),
         ("tilt_insert", "x" * 5000, r"study\.yaml:2: motions\[0\]"),
         ("motors.csv", "none.csv", r"study\.yaml:4: .*none\.csv does not exist"),
-        ("name,", "name," + "x" * 200_000 + ",", r"motors\.csv:1: not a table: field larger"),
+        ("name,", "name," + "x" * 200_000 + ",", r"motors\.csv:1: invalid table: field larger"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_named_with_its_line(tmp_path, old, new, message):
     vary = "vary:\n  joints.roll.motor: {catalogue: motors.csv}\nminimise: [duration]\nsearch: {points: 4}\n"
     files = {
         "study.yaml": f"robot: vitreoretinal\nmotions: [tilt_insert]\n{vary}",
-        "motors.csv": CATALOGUE.read_text(),
+        "motors.csv": CATALOGUE.read_text(encoding="utf-8"),
     }
     for name, text in files.items():
         (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
@@ -473,10 +485,11 @@ def test_a_file_that_cannot_be_used_is_named_with_its_line(tmp_path, old, new, m
         load_study(tmp_path / "study.yaml")
 
 
+@pytest.mark.slow
 def test_the_page_shows_front_reasons_and_what_moves_the_objectives(tmp_path):
     of = study(minimise=["duration"])
     result = run_study(of, tmp_path, workers=2)
-    text = (tmp_path / "study.html").read_text()
+    text = (tmp_path / "study.html").read_text(encoding="utf-8")
     namespace = "http://www.w3.org/2000/svg"
     assert "http" not in text.replace("http-equiv", "").replace(namespace, "")
     assert all(f'<td class="number">{row.number}</td>' in text for row in result.front)
@@ -493,14 +506,14 @@ def test_explained_variance_is_that_of_a_known_law():
     rng = np.random.default_rng(4)
     x, y = rng.random((2, 20000))
     value = 3 * x + 4 * y  # variances 9/12 and 16/12
-    assert explained(x, value) == pytest.approx(9 / 25, abs=0.01)
-    assert explained(y, value) == pytest.approx(16 / 25, abs=0.01)
-    assert explained(rng.random(20000), value) < 0.002
-    assert explained(np.floor(3 * x), np.floor(3 * x)) == pytest.approx(1)
+    assert correlation_ratio(x, value) == pytest.approx(9 / 25, abs=0.01)
+    assert correlation_ratio(y, value) == pytest.approx(16 / 25, abs=0.01)
+    assert correlation_ratio(rng.random(20000), value) < 0.002
+    assert correlation_ratio(np.floor(3 * x), np.floor(3 * x)) == pytest.approx(1)
 
 
 @pytest.mark.slow
-def test_a_page_of_many_candidates_is_made_in_time(tmp_path):
+def test_a_page_of_many_candidates_stays_small(tmp_path):
     of = study()
     rng = np.random.default_rng(1)
     designs = [of.design(place) for place in rng.random((20_000, 2))]
@@ -508,11 +521,10 @@ def test_a_page_of_many_candidates_is_made_in_time(tmp_path):
     figures = [{"duration": a, "peak_torque": b} for a, b in values.tolist()]
     found = enumerate(zip(designs, figures, strict=True))
     rows = [Candidate(i, "done", design, figures=each) for i, (design, each) in found]
-    begin = time.process_time()
     write_study_page(
         of, (rows[0], *rows), pareto(rows, of.minimise), tmp_path / "page.html", finished=True
     )
-    assert time.process_time() - begin < 2.0
+    assert (tmp_path / "page.html").stat().st_size < 4_000_000
 
 
 PARTS = {
@@ -521,6 +533,7 @@ PARTS = {
 }
 
 
+@pytest.mark.slow
 def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin():
     """Against the one-by-one verdict of every motor on the demands of the plan: no lighter one has the margin."""
     from ssm_planner.sizing.size import size_motion
@@ -559,12 +572,12 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
     # Ipopt's programs are what takes memory
     monkeypatch.setattr("ssm_planner.studies.evaluation.quickly", lambda problem: problem)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", math.inf)
-    ((kept,), _) = evaluated(pickled, asked)
-    assert Transcription.of.cache_info().currsize > 0
+    ((kept,), _) = evaluate_batch(pickled, asked)
+    assert Transcription.build.cache_info().currsize > 0
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", 0)
     monkeypatch.setattr("ssm_planner.studies.evaluation.GROWTH", -math.inf)
-    ((forgotten,), _) = evaluated(pickled, asked)
-    assert Transcription.of.cache_info().currsize == 0
+    ((forgotten,), _) = evaluate_batch(pickled, asked)
+    assert Transcription.build.cache_info().currsize == 0
     assert kept == forgotten
 
 
@@ -572,11 +585,13 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
 def test_what_a_catalogue_states_of_gears_and_motors_counts_in_the_rank(tmp_path, rank):
     """Two screws and two motors that differ in what is stated of them alone: the first by rank is taken, of each."""
     light = "name,geometry.diameter [mm],geometry.lead [mm],mass [g],length [mm]\n"
-    (tmp_path / "screws.csv").write_text(f"{light}heavy,4.8,1.4,90,80\nlight,4.8,1.4,20,30\n")
+    (tmp_path / "screws.csv").write_text(
+        f"{light}heavy,4.8,1.4,90,80\nlight,4.8,1.4,20,30\n", encoding="utf-8"
+    )
     motor = ["33 mN*m,99 mN*m,20000 rpm", "40 g,20 mm"]
     columns = "name,nominal_torque,max_torque,max_speed,mass,length,source\n"
     rows = [f"long,{motor[0]},41 g,30 mm,made up", f"short,{motor[0]},{motor[1]},made up"]
-    (tmp_path / "motors.csv").write_text(columns + "\n".join(rows) + "\n")
+    (tmp_path / "motors.csv").write_text(columns + "\n".join(rows) + "\n", encoding="utf-8")
     parts = {"screw": tmp_path / "screws.csv", "motor": tmp_path / "motors.csv"}
     paths = {
         name: f"joints.insertion.{'drive.screw' if name == 'screw' else 'motor'}" for name in parts

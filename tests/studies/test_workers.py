@@ -11,7 +11,7 @@ from concurrent.futures import wait
 
 import pytest
 
-from ssm_planner.studies.workers import WorkerDied, Workers, _started
+from ssm_planner.studies.workers import WorkerDied, Workers, _start_worker
 
 
 def test_tasks_come_back_in_their_futures():
@@ -59,7 +59,7 @@ def test_kills_lose_nothing():
 
 
 def test_a_hung_task_is_ended():
-    with Workers(1, attempts=1, patience=1.5) as workers:
+    with Workers(1, attempts=1, timeout=1.5) as workers:
         hung, good = workers.submit(time.sleep, 60), workers.submit(abs, -1)
         assert isinstance(hung.exception(), WorkerDied)
         assert good.result() == 1
@@ -76,12 +76,12 @@ def test_workers_are_gone_after_shutdown():
 
 
 def test_a_worker_that_starts_while_all_is_ended_does_not_outlive_it(monkeypatch):
-    started = _started
+    started = _start_worker
 
     def start_late():
         workers.shutdown(wait=False, cancel_futures=True)
         return started()
 
-    monkeypatch.setattr("ssm_planner.studies.workers._started", start_late)
+    monkeypatch.setattr("ssm_planner.studies.workers._start_worker", start_late)
     workers = Workers(1, attempts=1)
     assert isinstance(workers.submit(time.sleep, 60).exception(timeout=20), WorkerDied)

@@ -23,12 +23,9 @@ from ssm_planner.trajectory import Samples, Span, Trajectory, hermite
 from ssm_planner.verification import prefilter, sampled_extremes
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import SHARE, of_task, smooth, trapezoids, write_plan
-from seeded import tip_velocity
-
-ROOT = Path(__file__).parent.parent.parent
+from tests.support.paths import ROOT
+from tests.support.plans import SHARE, of_task, smooth, trapezoids, write_plan
+from tests.support.seeded import tip_velocity
 
 
 def limit_of(certificate: Certificate, name: str, joint: str | None = None) -> LimitCheck:
@@ -401,6 +398,7 @@ def test_short_moves_among_many_pieces_at_rest_are_judged_as_by_a_full_look(
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
 def test_a_motion_of_an_hour_costs_what_its_pieces_cost(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:

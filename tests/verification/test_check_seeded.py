@@ -5,17 +5,12 @@ The whole of it, a thousand of each, is in tests/benchmarks/bench_check.py.
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from seeded import EXCESS, KINDS, seeded
+from tests.support.seeded import EXCESS, KINDS, seeded
 
 COUNT = 12
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -19,8 +17,6 @@ from ssm_planner.errors import GeometryError
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.verification import bernstein
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 numbers = st.floats(-10, 10, allow_nan=False).map(lambda x: round(x, 3))
 polynomials = st.lists(st.lists(numbers, min_size=1, max_size=6), min_size=1, max_size=5)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,11 +18,9 @@ from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.verification import prefilter
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
+from tests.support.paths import ROOT
+from tests.support.plans import smooth, trapezoids
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import smooth, trapezoids
-
-ROOT = Path(__file__).parent.parent.parent
 HOME = np.array([[0.3, 0.5, 0.1, -0.005]])
 ZERO = np.zeros((1, 4))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +20,9 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification.check import check
 from ssm_planner.verification.ends import end_velocities
+from tests.support.paths import ROOT
+from tests.support.plans import read_back, trapezoids
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from plans import read_back, trapezoids
-
-ROOT = Path(__file__).parent.parent.parent
 ROBOT = str(ROOT / "problems/robots/vitreoretinal.yaml")
 SHIPPED = ROOT / "results/tilt_insert/trajectory.csv"
 ENDS = {"start velocity", "end velocity"}

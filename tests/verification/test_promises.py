@@ -70,6 +70,7 @@ def exceeded(motion: Trajectory, robot: Any, limits: TaskLimits) -> set[str]:
     return {found.name for found in check(motion, robot, limits).violations}
 
 
+@pytest.mark.slow
 def test_healthy_plans_hold_their_promises(planned: Callable[..., Plan]) -> None:
     for made, names in (
         (planned(*cornered(3e-4)), ["path departure", "corner rounding"]),
@@ -150,7 +151,7 @@ def test_check_refuses_changed_plans_and_passes_others(
     planned: Callable[..., Plan], tmp_path: Path, capsys: Any
 ) -> None:
     made, file = planned(*cornered(3e-4)), tmp_path / "plan.json"
-    file.write_text(made.to_json())
+    file.write_text(made.to_json(), encoding="utf-8")
     assert main(["check", str(file)]) == 0
     assert "corner rounding" in capsys.readouterr().out
     document = json.loads(made.to_json())
@@ -163,13 +164,13 @@ def test_check_refuses_changed_plans_and_passes_others(
             entries[1]["target"]["task"]["depth"] = 0.0091
         else:
             changed["trajectory"] = planned(*cornered(6e-4)).motion.to_dict()
-        file.write_text(json.dumps(changed))
+        file.write_text(json.dumps(changed), encoding="utf-8")
         assert load_plan(file).doubt is not None
         assert main(["check", str(file), "--json"]) == 1
         found = json.loads(capsys.readouterr().out)["limits"]
         assert min(found, key=lambda each: each["margin"])["name"] in PROMISES
     document["trajectory"]["phases"] = []
-    file.write_text(json.dumps(document))
+    file.write_text(json.dumps(document), encoding="utf-8")
     assert main(["check", str(file)]) == 2
 
 

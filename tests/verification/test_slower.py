@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +13,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.plans import load_plan
 from ssm_planner.verification.check import check
 from ssm_planner.verification.slower import check_slower, check_speeds
-
-RESULTS = Path(__file__).parents[2] / "results"
+from tests.support.paths import RESULTS
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +51,7 @@ def scan(plan, robot, factors):
 
 
 @pytest.mark.parametrize("law", ["coulomb", "stribeck"])
+@pytest.mark.slow
 def test_the_worst_speed_is_that_of_a_scan_of_a_thousand(plan, law):
     robot = plan.robot if law == "coulomb" else with_stribeck(plan, 0.8, 40.0)
     factors = np.geomspace(0.01, 1.0, 1000)

@@ -1,0 +1,155 @@
+"""Anyone's path timed again: never slower than in a file that kept the limits, and along the same curve."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.cli import main
+from ssm_planner.errors import ProblemError, SsmPlannerError
+from ssm_planner.formats.export import export
+from ssm_planner.pipeline.retime import retime
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.retiming.paths import smooth_runs
+from ssm_planner.plans import Plan
+from ssm_planner.problem.motion import Follow, Joints
+from ssm_planner.problem.problem import Problem
+from ssm_planner.trajectory import Trajectory
+from tests.support.paths import PROBLEMS
+
+ROBOT = PROBLEMS / "robots/vitreoretinal.yaml"
+
+
+def retimed(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
+    capsys.readouterr()
+    assert main(["retime", str(path), "--robot", str(ROBOT), "-o", str(out), "--json"]) == 0
+    found: dict[str, object] = json.loads(capsys.readouterr().out)
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "speed"), [("csv", 0.2), ("ros2", 0.5)])
+def test_a_slowed_export_is_as_fast_again(
+    tilt_insert: Problem,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    kind: str,
+    speed: float,
+) -> None:
+    made = plan(replace(tilt_insert, objective="time"))
+    made.save(tmp_path / "plan")
+    export(tmp_path / "plan", kind, tmp_path / kind, speed=speed)
+    found = retimed(
+        tmp_path / kind / ("bag" if kind == "ros2" else "trajectory.csv"), tmp_path / "out", capsys
+    )
+    assert found["passed"]
+    assert found["duration_in_file"] == pytest.approx(made.duration / speed, rel=1e-3)
+    assert found["duration"] == pytest.approx(made.duration, rel=1e-3)
+    assert found["runs"] == 2
+    again = Plan.from_json((tmp_path / "out/plan.json").read_bytes(), tmp_path / "out/plan.json")
+    assert again.passed
+    assert (
+        again.to_dict()["problem"]
+        == json.loads((tmp_path / "out/plan.json").read_text(encoding="utf-8"))["problem"]
+    )
+    # every point of the new motion lies on the old path
+    old = made.motion.sample(np.linspace(0.0, made.duration, 20_000)).q
+    new = again.motion.sample(np.linspace(0.0, again.duration, 50)).q
+    scale = [joint.velocity for joint in made.robot.joints]
+    distance = np.linalg.norm((new[:, None] - old) / scale, axis=2).min(axis=1)
+    assert distance.max() < 1e-3
+
+
+def test_points_alone_are_a_curve_with_rests_at_its_corners(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    angle = np.linspace(0, np.pi, 40)
+    curve = np.column_stack(
+        [0.2 * np.sin(angle), 0.6 + 0.1 * np.cos(angle), 0 * angle, -0.01 + 0.003 * np.sin(angle)]
+    )
+    points = np.concatenate(
+        [curve, curve[-1] + np.linspace(0, 1, 10)[1:, None] * [0.2, 0.0, 0.3, 0.0]]
+    )
+    rows = np.column_stack([np.arange(len(points)) * 1.0, points])
+    np.savetxt(
+        tmp_path / "points.csv",
+        rows,
+        delimiter=",",
+        comments="",
+        header="time_s,q1_rad,q2_rad,q3_rad,q4_m",
+        fmt="%.12f",
+    )
+    found = retimed(tmp_path / "points.csv", tmp_path / "out", capsys)
+    assert found["passed"]
+    assert found["runs"] == 2
+    assert max(found["off_lines"][:3]) < 2e-3
+    assert found["duration"] < 3
+
+
+def test_paths_are_cut_at_corners_and_reversals_alone() -> None:
+    angle = np.linspace(0, 2 * np.pi, 100)
+    circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, 0 * angle])
+    assert len(smooth_runs(circle, np.ones(4))) == 1
+    there_and_back = np.concatenate([circle, circle[-2::-1]])
+    assert [len(run) for run in smooth_runs(there_and_back, np.ones(4))] == [100, 100]
+    assert [len(run) for run in smooth_runs(np.repeat(there_and_back, 3, axis=0), np.ones(4))] == [
+        100,
+        100,
+    ]
+    assert smooth_runs(np.ones((5, 4)), np.ones(4)) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "pass either a robot or a problem"),
+        (["--robot", str(ROBOT)], "goes nowhere"),
+        (["--robot", str(ROBOT), "--problem", "tilt_insert"], "pass either a robot or a problem"),
+    ],
+)
+def test_bad_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    (tmp_path / "still.csv").write_text(
+        "time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0.5,0,-0.01\n1,0,0.5,0,-0.01\n", encoding="utf-8"
+    )
+    assert main(["retime", str(tmp_path / "still.csv"), *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_path_takes_neither_jerk_limits_nor_durations(tilt_insert: Problem) -> None:
+    path = Follow(Joints((0.0, 0.5, 0.0, -0.01)), curve="samples")
+    with pytest.raises(
+        ProblemError, match="only TOPP-RA can time it, and does not support a duration"
+    ):
+        replace(tilt_insert, motion=(path,), duration=5.0)
+    joints = tuple(replace(joint, jerk=100.0) for joint in tilt_insert.robot.joints)
+    with pytest.raises(ProblemError, match="does not support a jerk limit of joint roll"):
+        replace(tilt_insert, motion=(path,), robot=replace(tilt_insert.robot, joints=joints))
+
+
+def test_arrays_are_retimed_like_a_file(tmp_path: Path) -> None:
+    """The public function times points, a trajectory and a file with the same path alike."""
+    t = np.linspace(0.0, 2.0, 21)
+    q = np.array([-0.9, 1.1, 0.3, 0.0]) + np.outer(t**2 * (3 - t), [0.1, -0.2, 0.05, -0.001])
+    table = tmp_path / "path.csv"
+    rows = np.column_stack([t, q])
+    np.savetxt(table, rows, delimiter=",", header="time_s,q1_rad,q2_rad,q3_rad,q4_m", comments="")
+    plans = [retime(path, ROBOT) for path in (q, table)]
+    smooth = retime(Trajectory.from_samples(t, q), ROBOT)
+    assert all(one.passed for one in (*plans, smooth))
+    assert plans[0].duration == pytest.approx(plans[1].duration, rel=1e-9)
+    assert smooth.duration == pytest.approx(plans[0].duration, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [np.zeros((3, 4)), np.zeros((3, 3)), np.full((2, 4), np.nan), [[0] * 4, [1] * 3], [["a"] * 4]],
+)
+def test_an_array_that_is_no_path_is_refused(path: np.ndarray) -> None:
+    with pytest.raises(SsmPlannerError, match="path"):
+        retime(path, ROBOT)

@@ -1,0 +1,416 @@
+"""Recordings of an executed motion against its plan: made from the plan with known delay, noise and faults."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.cli import compare as command
+from ssm_planner.comparison.clock import align
+from ssm_planner.comparison.compare import compare
+from ssm_planner.comparison.measured import assign, read_measured
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.errors import RecordingError
+from ssm_planner.plans import Plan, load_plan
+from ssm_planner.problem.robot import Robot
+from tests.support.executions import FAULTS, Executions, kinds, write
+from tests.support.executions import RPM as RAD_PER_RPM
+from tests.support.paths import RESULTS
+from tests.support.plans import read_back, trapezoids
+
+RPM = 60 / (2 * np.pi)
+COUNTS = 4096
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> Plan:
+    return read_back(
+        tmp_path_factory.mktemp("plan") / "plan.json", robot, trapezoids(robot, share=0.9)
+    )
+
+
+@dataclasses.dataclass
+class Executed:
+    """What the recorder of one axis saw."""
+
+    time: np.ndarray
+    rpm: np.ndarray
+    percent: np.ndarray
+    counts: np.ndarray
+
+    def write(self, path: Path, position: bool = False) -> Path:
+        """As an EPOS recorder export."""
+        names, units = (
+            [";Velocity actual value averaged;Torque actual value averaged"],
+            ["ms;rpm;%"],
+        )
+        columns = [self.time * 1e3, np.round(self.rpm), np.round(self.percent, 1)]
+        if position:
+            names[0] += ";Position actual value"
+            units[0] += ";inc"
+            columns.append(np.round(self.counts))
+        lines = [
+            "Date:;2024-01-01 10:00:00",
+            f"Recorded samples:;{len(self.time)}",
+            "Sampling period:;2.000",
+            *names,
+            *units,
+        ]
+        lines += [";".join(f"{x:.10g}" for x in row) for row in np.column_stack(columns)]
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return path
+
+
+def executed(
+    plan: Plan, name: str, delay: float = 0.3, direction: int = 1, noise: float = 0.0
+) -> Executed:
+    """The plan as carried out after a delay, sampled every 2 ms, with noise as a share of the largest value."""
+    i = [joint.name for joint in plan.robot.joints].index(name)
+    joint = plan.robot.joints[i]
+    t = np.arange(0.0, delay + plan.trajectory.duration + 0.4, 0.002)
+    inside = (t >= delay) & (t <= delay + plan.trajectory.duration)
+    samples = plan.trajectory.sample(np.clip(t - delay, 0.0, plan.trajectory.duration))
+    way, away = directions(plan.robot, samples, 1)
+    motor = motor_motion(plan.robot, RigidBody.from_robot(plan.robot), samples, way, away)
+    w, tau = np.where(inside, motor.speed[:, i], 0.0), np.where(inside, motor.torque[:, i], 0.0)
+    rng = np.random.default_rng(i)
+    w += noise * np.abs(w).max() * rng.normal(size=len(t))
+    tau += noise * np.abs(tau).max() * rng.normal(size=len(t))
+    counts = samples.q[:, i] * joint.drive.ratio * COUNTS / (2 * np.pi)
+    return Executed(
+        t,
+        direction * w * RPM,
+        direction * tau / joint.motor.nominal_torque * 100,
+        direction * counts,
+    )
+
+
+@pytest.mark.parametrize("name", ["roll", "tilt", "insertion"])
+def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
+    path = executed(plan, name, delay=0.31, noise=0.005).write(
+        tmp_path / f"{name}.csv", position=True
+    )
+    measured = read_measured(path, plan.robot, name, COUNTS)
+    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
+    assert found.alignment.delay == pytest.approx(0.31, abs=0.002)
+    assert found.alignment.correlation > 0.99
+    assert found.covered == pytest.approx(1.0, abs=0.01)
+    assert found.differences["speed"].nrmsd < 0.01
+    assert found.differences["torque"].nrmsd < 0.05
+    assert found.differences["position"].nrmsd < 0.002
+    assert found.held
+    planned = {limit.name: limit.margin for limit in plan.certificate.limits if limit.joint == name}
+    for limit in found.limits:
+        assert limit.planned_margin == planned[limit.name]
+        assert limit.margin == pytest.approx(planned[limit.name], abs=0.03)
+
+
+def test_the_errors_are_those_that_were_put_in(plan: Plan, tmp_path: Path) -> None:
+    """NRMSD of a constant torque error e is e / (max − min of the measured)."""
+    recorded = executed(plan, "roll", delay=0.0)
+    inside = recorded.time <= plan.trajectory.duration
+    recorded = Executed(*(x[inside] for x in dataclasses.astuple(recorded)))
+    recorded.percent = recorded.percent + 3.0
+    measured = read_measured(recorded.write(tmp_path / "roll.csv"), plan.robot, "roll")
+    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
+    error = 0.03 * plan.robot.joints[0].motor.nominal_torque
+    torque = found.differences["torque"]
+    assert torque.rms == pytest.approx(error, rel=0.03)
+    assert torque.nrmsd == pytest.approx(torque.rms / np.ptp(measured.tau), rel=1e-12)
+
+
+def test_the_motor_s_direction_comes_from_the_robot_file(plan: Plan, tmp_path: Path) -> None:
+    path = executed(plan, "tilt", direction=-1).write(tmp_path / "tilt.csv", position=True)
+    joint = dataclasses.replace(plan.robot.joints[1], motor_direction=-1)
+    robot = dataclasses.replace(
+        plan.robot, joints=(plan.robot.joints[0], joint, *plan.robot.joints[2:])
+    )
+    (found,) = compare(
+        plan.trajectory, robot, plan.certificate, [read_measured(path, robot, "tilt", COUNTS)]
+    )
+    assert found.differences["position"].nrmsd < 0.002
+    with pytest.raises(RecordingError, match="reversed it is; motor_direction"):
+        compare(
+            plan.trajectory,
+            plan.robot,
+            plan.certificate,
+            [read_measured(path, plan.robot, "tilt", COUNTS)],
+        )
+
+
+def test_another_joint_s_recording_is_refused(plan: Plan, tmp_path: Path) -> None:
+    path = executed(plan, "insertion").write(tmp_path / "x.csv")
+    with pytest.raises(RecordingError, match="its speed is not the planned one of joint roll"):
+        compare(
+            plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")]
+        )
+
+
+def test_without_a_position_channel_the_speed_is_integrated(plan: Plan, tmp_path: Path) -> None:
+    path = executed(plan, "roll").write(tmp_path / "roll.csv")
+    (found,) = compare(
+        plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")]
+    )
+    assert found.differences["position"].nrmsd < 0.01
+    assert any("integral" in note for note in found.notes)
+
+
+def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
+    recorded = executed(plan, "roll", delay=0.2)
+    some = (recorded.time > 0.35) & (recorded.time < 1.2)
+    part = Executed(*(x[some] for x in dataclasses.astuple(recorded)))
+    measured = read_measured(part.write(tmp_path / "roll.csv"), plan.robot, "roll")
+    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
+    assert found.covered < 0.7
+    assert any("% of the motion" in finding.text for finding in found.findings)
+    assert found.verdict == "cannot tell"
+    assert found.differences["speed"].nrmsd < 0.01
+
+
+def test_a_limit_that_was_exceeded_in_reality(
+    plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Torque up to 130 % of the largest for some samples: found, named, and exit status 1."""
+    good = executed(plan, "insertion").write(tmp_path / "insertion.csv")
+    recorded = executed(plan, "roll")
+    motor = plan.robot.joints[0].motor
+    recorded.percent[300:310] = 130 * motor.max_torque / motor.nominal_torque
+    bad = recorded.write(tmp_path / "roll.csv")
+    parser = argparse.ArgumentParser()
+    command.compare_arguments(parser)
+    assert command.run_compare(parser.parse_args([str(plan.path), str(good), "--json"])) == 0
+    assert json.loads(capsys.readouterr().out)["held"] is True
+    assert (
+        command.run_compare(parser.parse_args([str(plan.path), str(good), str(bad), "--json"])) == 1
+    )
+    document = json.loads(capsys.readouterr().out)
+    assert document["held"] is False
+    exceeded = [
+        (axis["joint"], limit["name"])
+        for axis in document["axes"]
+        for limit in axis["limits"]
+        if not limit["held"]
+    ]
+    assert exceeded == [("roll", "motor torque")]
+    assert {"delay", "correlation", "covered", "nrmsd", "limits", "held", "notes"} <= set(
+        document["axes"][0]
+    )
+    assert set(document["axes"][0]["nrmsd"]) == {"position", "speed", "torque"}
+    assert command.run_compare(parser.parse_args([str(plan.path), f"roll={bad}"])) == 1
+    assert "NOT held in reality" in capsys.readouterr().out
+
+
+def test_which_joint_a_file_is_of(robot: Robot) -> None:
+    words = ["roll=a.csv", "run3_tilt.csv", "axis4.csv"]
+    assert [joint for joint, _ in assign(words, robot)] == ["roll", "tilt", "insertion"]
+    for bad, message in (
+        (["something.csv"], "of which joint"),
+        (["roll_tilt.csv"], "of which joint"),
+        (["elbow=a.csv"], "of which joint"),
+        (["roll=a.csv", "roll.csv"], "a second recording of joint roll"),
+    ):
+        with pytest.raises(RecordingError, match=message):
+            assign(bad, robot)
+
+
+def test_joints_without_a_drive_and_counts_that_are_not_known(plan: Plan, tmp_path: Path) -> None:
+    path = executed(plan, "roll").write(tmp_path / "roll.csv", position=True)
+    with pytest.raises(RecordingError, match="has no drive"):
+        read_measured(path, plan.robot, "spin")
+    with pytest.raises(RecordingError, match="give --counts-per-turn"):
+        read_measured(path, plan.robot, "roll")
+
+
+@pytest.mark.parametrize("delay", [-0.4, 0.0, 0.123, 0.777, 2.5])
+def test_alignment_finds_any_delay(delay: float) -> None:
+    t = np.linspace(0, 1.5, 3001)
+    speed = np.sin(np.pi * t / 1.5) ** 2 * (1 + 0.5 * np.sin(9 * t))
+    time = np.arange(0, 5, 0.003)
+    measured = np.interp(time - delay, t, speed, left=0, right=0)
+    measured += 0.02 * np.random.default_rng(1).normal(size=len(time))
+    found = align(t, speed, time, measured)
+    assert found.delay == pytest.approx(delay, abs=0.003)
+    assert found.correlation > 0.97
+
+
+def test_a_motor_that_should_stand_and_does() -> None:
+    t = np.linspace(0, 1, 100)
+    found = align(t, np.zeros(100), t, np.zeros(100))
+    assert found.correlation == 1.0
+    assert align(t, np.zeros(100), t, np.ones(100)).correlation == 0.0
+
+
+def test_a_recording_of_another_motion_is_refused_by_its_speed(plan: Plan, tmp_path: Path) -> None:
+    """Five strokes to and fro, as a rig makes them."""
+    other = executed(plan, "roll")
+    stroke = np.sin(10 * np.pi * other.time / other.time[-1])
+    recording = dataclasses.replace(other, rpm=300 * stroke, percent=20 * np.sign(stroke))
+    measured = read_measured(recording.write(tmp_path / "roll.csv"), plan.robot, "roll")
+    with pytest.raises(RecordingError, match="its speed is not the planned one"):
+        compare(plan.trajectory, plan.robot, plan.certificate, [measured])
+
+
+def test_a_channel_that_does_not_change_has_no_nrmsd(plan: Plan, tmp_path: Path) -> None:
+    measured = read_measured(
+        executed(plan, "roll").write(tmp_path / "roll.csv"), plan.robot, "roll"
+    )
+    constant = dataclasses.replace(measured, tau=np.zeros_like(measured.tau))
+    (found,) = compare(plan.trajectory, plan.robot, None, [constant])
+    assert found.differences["torque"].nrmsd is None
+    assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["nrmsd"]["torque"] is None
+    assert all(limit.planned_margin is None for limit in found.limits)
+
+
+SHIPPED = RESULTS / "tilt_insert" / "plan.json"
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Executions:
+    return Executions(load_plan(SHIPPED))
+
+
+def sagging(it: Executions) -> list:
+    run = it.run()
+    high = np.abs(run.tau["roll"]) > 20e-3
+    run.tau["roll"] = np.clip(run.tau["roll"], -20e-3, 20e-3)
+    run.w["roll"][high] *= 0.8
+    it.follow(run, "roll")
+    return it.measured(run, np.random.default_rng(1))
+
+
+def two_late(it: Executions) -> list:
+    run = it.run()
+    for name, late in (("tilt", 50), ("insertion", 200)):
+        run.time[name] = run.time[name] + late * 1e-3
+    return it.measured(run, np.random.default_rng(2))
+
+
+def more_torque(it: Executions) -> list:
+    run = it.run()
+    for name in it.names:
+        run.tau[name] = 1.4 * run.tau[name]
+    return it.measured(run, np.random.default_rng(3))
+
+
+def noisy(it: Executions) -> list:
+    return it.measured(it.run(), np.random.default_rng(4), rpm=2.0)
+
+
+def stalled_tilt(it: Executions) -> list:
+    run = it.run()
+    blocked = (run.time["tilt"] > 0.8) & (run.w["tilt"] != 0)
+    run.w["tilt"][run.time["tilt"] > 0.8] = 0.0
+    run.tau["tilt"][blocked] = -78e-3
+    it.follow(run, "tilt")
+    return it.measured(run, np.random.default_rng(5))
+
+
+def some_missing(it: Executions) -> list:
+    rng, run = np.random.default_rng(6), it.run()
+    for name in it.names:
+        run.keep(name, rng.random(len(run.time[name])) > 0.05)
+    return it.measured(run, rng)
+
+
+def a_gap(it: Executions) -> list:
+    run = it.run()
+    run.keep("roll", (run.time["roll"] < 1.0) | (run.time["roll"] > 1.4))
+    return it.measured(run, np.random.default_rng(7))
+
+
+def wrong_clock(it: Executions) -> list:
+    run = it.run()
+    for name in it.names:
+        run.time[name] = 1.01 * run.time[name]
+    return it.measured(run, np.random.default_rng(8))
+
+
+@pytest.mark.parametrize(
+    ("execution", "verdict", "finding"),
+    [
+        (sagging, "not held", "the torque is cut off"),
+        (
+            two_late,
+            "not held",
+            "out of step, behind the first by: roll 0 ms, tilt 50 ms, insertion 200 ms",
+        ),
+        (more_torque, "not held", "torque is 1.40 times the predicted"),
+        (noisy, "held", ""),
+        (stalled_tilt, "not held", "(torque up to 78"),
+        (some_missing, "held", "% of the samples are missing"),
+        (a_gap, "cannot tell", "no samples for 0.4"),
+        (wrong_clock, "cannot tell", "the recordings' clock is off by +1 %"),
+    ],
+)
+def test_executions_of_the_shipped_plan_are_called_what_they_are(
+    shipped: Executions,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    execution,
+    verdict: str,
+    finding: str,
+) -> None:
+    files = write(shipped, execution(shipped), tmp_path)
+    words = [
+        str(SHIPPED),
+        *(f"{joint}={path}" for joint, path in files.items()),
+        "--counts-per-turn",
+        "4096",
+    ]
+    parser = argparse.ArgumentParser()
+    command.compare_arguments(parser)
+    assert command.run_compare(parser.parse_args([*words, "--json"])) == (
+        0 if verdict == "held" else 1
+    )
+    document = json.loads(capsys.readouterr().out)
+    assert (document["verdict"], document["held"]) == (verdict, verdict == "held")
+    texts = [each["text"] for part in (document, *document["axes"]) for each in part["findings"]]
+    assert finding in " ".join(texts)
+    command.run_compare(parser.parse_args(words))
+    assert {"held": "held in", "not held": "NOT held", "cannot tell": "CANNOT TELL"}[
+        verdict
+    ] in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_seeded_faults_are_called_rightly(shipped: Executions, kind: str) -> None:
+    """Two seeds of each here, fifty in the benchmark."""
+    for seed in (0, 1):
+        recordings, verdict, finding = shipped.faulty(kind, seed)
+        found = compare(
+            shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, recordings
+        )
+        assert (found.verdict, finding in kinds(found)) == (verdict, True), kinds(found)
+
+
+def test_a_healthy_run_raises_no_alarm(shipped: Executions) -> None:
+    for seed in range(8):
+        found = compare(
+            shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, shipped.healthy(seed)
+        )
+        assert found.held, kinds(found)
+        assert abs(found.clock.rate - 1) == 0.0
+
+
+def test_noise_hides_no_limit_it_does_not_reach(shipped: Executions) -> None:
+    """A limit is broken by more than the noise and by nothing less: the same excess under little and much noise."""
+    joint = shipped.joints["roll"]
+    for rpm, held in ((0.5, False), (200.0, True)):
+        run = shipped.run()
+        fast = np.abs(run.w["roll"]) > 0.999 * joint.velocity * joint.drive.ratio
+        run.w["roll"][fast] *= 1.03
+        found = compare(
+            shipped.plan.motion,
+            shipped.plan.robot,
+            None,
+            shipped.measured(run, np.random.default_rng(1), rpm=rpm),
+        )[0]
+        velocity = next(limit for limit in found.limits if limit.name == "velocity")
+        assert (velocity.verdict != "not held") == held
+        assert velocity.noise * joint.drive.ratio > rpm * RAD_PER_RPM / 10

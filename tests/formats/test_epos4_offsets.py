@@ -1,0 +1,108 @@
+"""Offsets of a stream held against its positions: what the motion gives passes, what it cannot give does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.formats import epos4_offsets as module
+from ssm_planner.formats.epos4_offsets import Offsets, offset_checks
+from ssm_planner.plans import Plan
+from ssm_planner.problem.robot import Robot
+from ssm_planner.verification.certificate import LimitCheck
+
+NONE = np.zeros(4)
+DRIVEN = (0, 1, 3)
+
+
+def stream(plan: Plan, t: np.ndarray) -> tuple[np.ndarray, dict[int, Offsets]]:
+    """Positions and the exact offsets of the plan's motors at times t."""
+    samples, robot = plan.motion.sample(t), plan.robot
+    way, away = directions(robot, samples, 1)
+    torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
+    offsets = {i: Offsets(samples.qd[:, i], torque[:, i], 1e-6, 1e-6) for i in DRIVEN}
+    return samples.q, offsets
+
+
+def checks_of(
+    plan: Plan, t: np.ndarray, q: np.ndarray, offsets: dict[int, Offsets]
+) -> dict[tuple[str, str | None], LimitCheck]:
+    return {(c.name, c.joint): c for c in offset_checks(plan.robot, t, q, NONE, offsets)}
+
+
+@pytest.mark.parametrize("which", ["plan", "smooth_plan"])
+@pytest.mark.parametrize("even", [True, False])
+def test_offsets_of_the_motion_itself_pass_and_changed_ones_do_not(
+    which: str, even: bool, request: pytest.FixtureRequest
+) -> None:
+    plan: Plan = request.getfixturevalue(which)
+    count = int(plan.motion.duration / 2e-3)
+    t = np.linspace(0.0, plan.motion.duration, count)
+    if not even:
+        t[1:-1] += np.random.default_rng(3).uniform(-6e-4, 6e-4, count - 2)
+    q, offsets = stream(plan, t)
+    found = checks_of(plan, t, q, offsets)
+    assert all(check.passed for check in found.values())
+    assert len(found) == 9
+    velocity, torque, motor = (sorted({name for name, _ in found}, key=len)[k] for k in (2, 1, 0))
+    assert motor == "motor torque"
+    assert "torque" in torque
+    assert "torque" not in velocity
+    for i in DRIVEN:
+        joint = plan.robot.joints[i]
+        exact = offsets[i]
+        k = count // 3
+        at = np.arange(count) == k
+        step = joint.acceleration * 4e-3
+        faster = replace(exact, velocity=exact.velocity + step * at)
+        check = checks_of(plan, t, q, {**offsets, i: faster})[velocity, joint.name]
+        assert not check.passed
+        assert check.time in t[k - 1 : k + 1]
+        stronger = replace(exact, torque=exact.torque + 0.6 * np.ptp(exact.torque) * at)
+        check = checks_of(plan, t, q, {**offsets, i: stronger})[torque, joint.name]
+        assert not check.passed
+        assert check.time == t[k]
+        weaker = replace(exact, torque=exact.torque - 0.6 * np.ptp(exact.torque) * at)
+        assert not checks_of(plan, t, q, {**offsets, i: weaker})[torque, joint.name].passed
+        check = found[motor, joint.name]
+        assert check.worst == pytest.approx(np.abs(exact.torque).max() - 1e-6)
+        assert check.time == t[np.argmax(np.abs(exact.torque))]
+
+
+def test_a_velocity_may_differ_from_the_slopes_beside_it_by_what_the_acceleration_gives(
+    robot: Robot,
+) -> None:
+    joint, h = robot.joints[0], 0.01
+    t = h * np.arange(5.0)
+    for share, passed in ((0.999, True), (1.001, False)):
+        for k in range(5):
+            velocity = np.zeros(5)
+            velocity[k] = -share * (joint.acceleration * h / 2 + 2 * 1e-5 / h + 1e-4)
+            offset = Offsets(velocity, np.zeros(5), 1e-4, 0.0)
+            check = module._velocity_check(joint, t, np.zeros(4), offset, rounding=1e-5)
+            assert check.passed is passed
+            assert check.worst == pytest.approx(abs(velocity[k]))
+            assert check.time == t[max(k - 1, 0)]
+
+
+def test_accelerations_near_a_setpoint_are_those_of_the_intervals_around(robot: Robot) -> None:
+    """Two intervals to each side, and a share of the limit by the length of the longest interval."""
+    limit = np.array([joint.acceleration for joint in robot.joints])
+    t = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 6.5]) * 1e-3
+    mean = np.array([0.1, 0.2, -0.3, 0.4, 0.0, 0.1, -0.2])[:, None] * limit
+    qd = np.vstack([np.zeros(4), np.cumsum(mean * np.diff(t)[:, None], axis=0)])
+    offsets = {0: Offsets(qd[:, 0], 0 * t, 1e-6 * limit[0], 0.0)}
+    low, high = module._accelerations(robot, t, qd, offsets)
+    pad = limit * 1e-3 / module.FULL
+    pad[0] += 2 * 1e-6 * limit[0] / 0.5e-3
+    for k in range(8):
+        near = mean[np.clip(np.arange(k - 2, k + 2), 0, 6)]
+        assert low[k] == pytest.approx(np.minimum(near.min(axis=0) - pad, 0.0))
+        assert high[k] == pytest.approx(np.maximum(near.max(axis=0) + pad, 0.0))
+    low, high = module._accelerations(robot, 100 * t, 100 * qd, offsets)
+    assert low.min(axis=0) == pytest.approx(-limit)
+    assert high.max(axis=0) == pytest.approx(limit)

@@ -1,0 +1,84 @@
+"""Points of a plan for controllers: samples of a slower motion, whole ticks, and what is said of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ExportError
+from ssm_planner.formats import spline_points as module
+from ssm_planner.formats.spline_points import at_times, spline_points
+from ssm_planner.plans import Plan
+from ssm_planner.trajectory import Trajectory
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.25])
+def test_samples_at_times_are_those_of_the_slower_motion_and_then_rest(
+    plan: Plan, stretch: float
+) -> None:
+    begin = 2.5
+    motion = Trajectory(plan.motion.breaks + begin, plan.motion.coefficients, ())
+    moved, slow = replace(plan, trajectory=motion), motion.slower(1 / stretch)
+    end = begin + slow.duration
+    t = np.linspace(begin, end, 500)[:-1]
+    found, expected = at_times(moved, t, stretch), slow.sample(slow.breaks[0] + t - begin)
+    for name in ("q", "qd", "qdd", "qddd"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9)
+    assert np.array_equal(found.t, t)
+    after = np.array([end + 1e-3, end + 1.0])
+    rest = at_times(moved, after, stretch)
+    assert rest.q == pytest.approx(np.tile(motion.sample(motion.breaks[-1:]).q, (2, 1)))
+    assert not any(getattr(rest, name).any() for name in ("qd", "qdd", "qddd"))
+    # up to the rounding of times the end counts as the end, with the values that the motion has there
+    last = at_times(moved, np.array([end + 0.5e-9]), stretch)
+    assert last.qdd == pytest.approx(slow.sample(slow.breaks[-1:], "left").qdd)
+
+
+def test_points_lie_on_the_plan_at_whole_ticks(plan: Plan, smooth_plan: Plan) -> None:
+    for of, by_quintics in ((plan, False), (smooth_plan, True)):
+        points = spline_points(of, of.certificate, tick=1e-6)
+        t, breaks = points.samples.t, of.motion.breaks
+        assert points.with_acceleration is by_quintics
+        assert points.certificate.passed
+        assert np.abs(t / 1e-6 - np.round(t / 1e-6)).max() < 1e-6
+        assert 1 <= points.stretch <= 1 + module.LARGEST_STRETCH
+        assert all(np.abs(t - at * points.stretch).min() <= 1e-6 for at in breaks)
+        assert (t[0], t[-1]) == pytest.approx((0.0, of.motion.duration * points.stretch), abs=1e-6)
+        exact = of.motion.sample(np.minimum(t / points.stretch, breaks[-1]))
+        assert points.samples.q == pytest.approx(exact.q, abs=1e-8)
+        assert not points.samples.qd[-1].any()
+        assert points.note.startswith(f"{len(t)} points; {points.certificate.interpolation}")
+        slower = replace(points, stretch=1 + 25e-6).note
+        assert slower.endswith(
+            "; slower than the plan by 25 ppm so that the spline keeps the limits"
+        )
+        assert "slower" not in replace(points, stretch=1.0).note
+    unrounded = spline_points(plan, plan.certificate, tick=None).samples.t
+    assert set(plan.motion.breaks) <= set(unrounded)
+
+
+def test_of_a_plan_that_fails_the_first_points_are_given(plan: Plan, bad_plan: Plan) -> None:
+    points = spline_points(bad_plan, bad_plan.certificate)
+    assert points.stretch == 1.0
+    assert len(points.samples.t) == len(bad_plan.motion.breaks)
+    assert not points.certificate.passed
+    with pytest.raises(ExportError, match="no points that keep it were found"):
+        spline_points(bad_plan, plan.certificate)
+
+
+@pytest.mark.parametrize(("order", "name"), [(1, "velocity"), (2, "acceleration"), (3, "jerk")])
+def test_a_slower_motion_makes_up_for_an_excess_of_its_order(
+    plan: Plan, order: int, name: str
+) -> None:
+    joints = tuple(replace(joint, jerk=1e3) for joint in plan.robot.joints)
+    jerky = replace(plan, problem=replace(plan.problem, robot=replace(plan.robot, joints=joints)))
+    found = plan.certificate.limits[0]
+    for excess in (1e-4, 1e-3):
+        factor = module._slower(jerky, replace(found, name=name, joint="tilt", margin=-excess))
+        # quantities of this order fall by more than the excess, and by no more than half as much again
+        assert 1 + excess < factor**order < 1 + 1.5 * excess
+    for without in (("position", "tilt"), ("continuous torque", "tilt"), ("velocity", "nobody")):
+        other = replace(found, name=without[0], joint=without[1], margin=-1e-4)
+        assert module._slower(jerky, other) == np.inf

@@ -1,0 +1,181 @@
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning import phase_planner
+from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
+from ssm_planner.problem.motion import Free, Joints, Point, Straight, Task, Tip
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+
+Weaker = Callable[[Robot, float], Robot]
+WithJerk = Callable[[Robot, float, float], Robot]
+
+FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
+
+
+def free(problem: Problem, first: tuple[float, ...] = FIRST, goal: Point | None = None) -> Problem:
+    goal = goal or Joints(LAST)
+    motion = (Free(goal),)
+    return dataclasses.replace(
+        problem, start=Joints(first), motion=motion, limits=(TaskRange("depth", 0.0, 0.03),)
+    )
+
+
+def test_without_other_limits_it_takes_the_slowest_joints_time(tilt_insert: Problem) -> None:
+    result = plan(free(tilt_insert))
+    assert result.passed
+    assert result.gap < 1e-5
+
+
+@pytest.mark.parametrize("jerk", [5.0, 35.0, 500.0])
+def test_jerk_limited_free_motion_against_ruckig(
+    tilt_insert: Problem, jerk: float, with_jerk: WithJerk
+) -> None:
+    ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
+    problem = free(
+        dataclasses.replace(tilt_insert, robot=with_jerk(tilt_insert.robot, jerk, 0.1 * jerk))
+    )
+    result = plan(problem)
+    task, reference = ruckig.InputParameter(4), ruckig.Trajectory(4)
+    task.current_position, task.target_position = FIRST, LAST
+    joints = problem.robot.joints
+    task.max_velocity = [joint.velocity for joint in joints]
+    task.max_acceleration = [joint.acceleration for joint in joints]
+    task.max_jerk = [joint.jerk for joint in joints]
+    ruckig.Ruckig(4).calculate(task, reference)
+    assert result.passed
+    assert result.duration <= 1.002 * reference.duration
+    assert result.duration >= (1 - 1e-6) * reference.duration
+
+
+@pytest.mark.parametrize("factor", [0.35, 0.3])
+def test_motor_torque_that_binds_is_kept_and_used(
+    tilt_insert: Problem, factor: float, weaker: Weaker
+) -> None:
+    result = plan(free(dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, factor))))
+    assert result.passed
+    torque = min(
+        limit.margin for limit in result.certificate.limits if limit.name == "motor torque"
+    )
+    assert -1e-6 <= torque < 1e-3
+    # TOPP-RA holds static friction over its whole first interval
+    assert result.duration == pytest.approx(result.toppra_duration, rel=1e-2)
+
+
+def test_torque_jerk_and_tip_speed_together(
+    tilt_insert: Problem, weaker: Weaker, with_jerk: WithJerk
+) -> None:
+    robot = weaker(with_jerk(tilt_insert.robot, 35.0, 1.0), 0.32)
+    result = plan(TipSpeed(0.012).on(free(dataclasses.replace(tilt_insert, robot=robot))))
+    assert result.passed
+
+
+def test_every_joint_moves_one_way(tilt_insert: Problem) -> None:
+    result = plan(free(tilt_insert))
+    qd = result.trajectory.uniform(1000.0).qd
+    assert np.all(qd * np.sign(np.subtract(LAST, FIRST)) >= -1e-9)
+
+
+def test_a_tip_position_is_reached(tilt_insert: Problem) -> None:
+    tip = (0.003, 0.002, -0.014)
+    result = plan(free(tilt_insert, goal=Tip(tuple(tip), 0.3)))
+    assert result.passed
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    reached = tip_position(
+        mechanism, result.trajectory.sample(result.trajectory.breaks[-1:], side="left").q
+    )[0]
+    assert reached == pytest.approx(tip, abs=1e-9)
+
+
+def test_one_joint_alone_leaves_the_others_at_rest(tilt_insert: Problem) -> None:
+    result = plan(free(tilt_insert, goal=Joints((*FIRST[:3], -0.02))))
+    assert result.passed
+    assert np.ptp(result.trajectory.uniform(1000.0).q[:, :3], axis=0).max() == 0.0
+
+
+@pytest.mark.parametrize(
+    "limit", [TaskRange("spin", -np.radians(5), np.radians(5)), TaskRate("spin", np.radians(5))]
+)
+@pytest.mark.slow
+def test_a_free_motion_is_never_longer_than_the_straight_one_nor_fails_where_that_succeeds(
+    tilt_insert: Problem, limit: Limit
+) -> None:
+    """Between the ends the joints of the free motion go one way, in which spin has to leave its range, or hurry."""
+    limits = (*tilt_insert.limits, limit)
+    target = np.radians(-135)
+    straight, other = (
+        plan(dataclasses.replace(tilt_insert, limits=limits, objective="time", motion=(motion,)))
+        for motion in (Straight(tilt=target, name="straight"), Free(Task(tilt=target), name="free"))
+    )
+    assert straight.passed
+    assert other.passed
+    assert other.duration <= (1 + 1e-5) * straight.duration
+    assert not other.disagreements
+
+
+def test_where_only_the_joints_limit_it_a_free_motion_keeps_its_own_path(
+    tilt_insert: Problem,
+) -> None:
+    result = plan(
+        dataclasses.replace(
+            tilt_insert, objective="time", motion=(Free(Task(tilt=-2.0, roll=0.1)),)
+        )
+    )
+    assert result.passed
+    assert result.phases[0].branch is None
+
+
+@pytest.mark.parametrize("limited", [("insertion",), ("roll", "insertion"), ("tilt",)])
+def test_a_jerk_limit_on_some_joints_alone_is_solved_like_one_on_all(
+    tilt_insert: Problem, limited: tuple[str, ...], with_jerk: WithJerk
+) -> None:
+    jerky = with_jerk(tilt_insert.robot, 15.0, 1.0).joints
+    joints = tuple(
+        new if new.name in limited else old
+        for new, old in zip(jerky, tilt_insert.robot.joints, strict=True)
+    )
+    to = Task(roll=np.radians(15), tilt=np.radians(-120), spin=np.radians(40), depth=0.015)
+    robot = dataclasses.replace(tilt_insert.robot, joints=joints)
+    result = plan(
+        dataclasses.replace(tilt_insert, robot=robot, motion=(Free(to),), objective="time")
+    )
+    assert result.passed
+    assert result.gap < 2e-3
+
+
+def test_a_motion_slower_than_toppra_along_its_path_takes_its_pace(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever local optimum the solver stops at, the answer is as fast as its own path allows."""
+    motion = (Free(Task(roll=np.radians(10), tilt=np.radians(-110), depth=0.01)),)
+    problem = dataclasses.replace(tilt_insert, objective="time", motion=motion)
+    fastest = plan(problem)
+    solve = phase_planner.solve_free
+
+    def slower(*given: Any, **named: Any) -> PhaseSolution:
+        found = solve(*given, **named)
+        slowed = Trajectory(found.breaks, found.coefficients, ()).slower(0.8)
+        return dataclasses.replace(
+            found,
+            breaks=slowed.breaks,
+            coefficients=slowed.coefficients,
+            borders=found.borders / 0.8,
+            confirmation=None,
+        )
+
+    monkeypatch.setattr(phase_planner, "solve_free", slower)
+    found = plan(problem)
+    assert found.passed
+    assert not found.disagreements
+    assert found.duration == pytest.approx(fastest.duration, rel=1e-3)

@@ -1,0 +1,72 @@
+"""The first guess of a free motion keeps velocity, acceleration and jerk limits of every joint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ssm_planner.planning.ocp.mesh import SAMPLES, _element_starts, closed_form_guess
+
+LIMITS = np.array([[0.5, 0.5, 1.0, 0.01], [2.0, 1.0, 3.0, 0.05], [30.0, 20.0, 50.0, 1.0]])
+ways = st.lists(st.just(0.0) | st.floats(1e-9, 1.2), min_size=4, max_size=4).filter(
+    lambda way: max(way) > 1e-3
+)
+
+
+def accelerations(way: np.ndarray, jerk: bool, count: int) -> np.ndarray:
+    made = closed_form_guess(way, LIMITS, jerk, count, 2)
+    return np.abs(made.states[2:]).max(axis=(0, 1))
+
+
+@given(ways, st.booleans(), st.integers(8, 60))
+def test_it_keeps_the_acceleration_limits(way: list[float], jerk: bool, count: int) -> None:
+    way_ = np.array(way) * [1, -1, 1, -0.02]
+    # a switch of one joint within an element of another may add half an element's rise
+    assert np.all(accelerations(way_, jerk, count) <= 2 * LIMITS[1])
+
+
+def test_a_switch_in_the_very_middle_of_an_element() -> None:
+    """Joint 2 cannot keep step with a leader that cruises, and turns from speeding up to braking at half time."""
+    for count in range(9, 40, 2):
+        assert np.all(
+            accelerations(np.array([-0.4, 0.24, 0.01, 0.0]), False, count) <= LIMITS[1] * (1 + 1e-9)
+        )
+
+
+@given(
+    ways.filter(lambda way: way[3] > 1e-6), st.floats(0.0, 1.0), st.booleans(), st.integers(8, 60)
+)
+def test_its_halves_meet_where_one_joint_passes_a_place(
+    way: list[float], share: float, jerk: bool, count: int
+) -> None:
+    way_ = np.array(way) * [1, -1, 1, -0.02]
+    whole = closed_form_guess(way_, LIMITS, jerk, count, 2)
+    (first, second), middle = whole.halves(3, share * way_[3], 2)
+    assert first.duration == pytest.approx(second.duration)
+    assert first.duration + second.duration == pytest.approx(whole.duration)
+    assert middle[3] == share * way_[3]
+    for half, reached in ((first, middle), (second, way_ - middle)):
+        assert sum(half.arcs) == len(half.instants) - 1 == len(half.states[0])
+        assert not half.states[0][0].any()
+        q, qd, qdd, after = (state[-1] for state in half.states)
+        h = half.instants[-1] - half.instants[-2]
+        end = q + h * qd + h**2 * (qdd / 3 + after / 6)
+        # the guess is of second order in the length of an element
+        assert np.abs(end - reached)[:3].max() <= 4 / count**2 * np.abs(way_).max()
+        assert (np.diff(half.states[0][:, 3]) * way_[3] >= -1e-12).all()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_rounding_does_not_decide_where_elements_lie(seed: int) -> None:
+    """In a motion with constant s̈ the density of elements is rounding alone, in units of s̈.
+
+    The arcs claim 5, 17.5 and 2.5 of the 25 elements that are shared out.
+    """
+    borders = np.array([0.0, 0.2, 0.9, 1.0])
+    noise = 1e-8 * np.random.default_rng(seed).random((3, SAMPLES))
+    still, shaken = (
+        np.concatenate(_element_starts(borders, density, 40, 1.0)) for density in (0 * noise, noise)
+    )
+    np.testing.assert_allclose(shaken, still, atol=1e-6)

@@ -1,0 +1,437 @@
+"""The structured solver: Ipopt's optimum on the same mesh, which Ipopt confirms; Ipopt where it gives up; what is said."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.interior.solve import available
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.loading.load import load_problem
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.lower_bound import rest_to_rest
+from ssm_planner.planning.ocp import refinement, straight
+from ssm_planner.planning.ocp.free import solve_free
+from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution
+from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
+from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.search import GAP
+from ssm_planner.problem.limits import TaskRate, TipSpeed
+from ssm_planner.problem.motion import Free, Straight, Task
+from ssm_planner.problem.problem import Planner, Problem
+from ssm_planner.problem.value import unchecked
+from ssm_planner.reporting.text import verdicts
+from tests.support.random_problems import random_problem
+
+pytestmark = pytest.mark.skipif(
+    not available(), reason="the package is built without its compiled part"
+)
+SAME = 1e-6
+"""Share of the duration within which both solvers agree."""
+Solve = tuple[Any, Any, Any, InitialPoint, NlpSolution]
+
+
+@pytest.fixture
+def solves(monkeypatch: pytest.MonkeyPatch) -> list[Solve]:
+    """What the structured solver was asked, and its answers."""
+    found: list[Solve] = []
+
+    def noted(
+        structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any
+    ) -> NlpSolution:
+        solution = solve_structured(structure, element, data, start, **options)
+        found.append((structure, element, data, start, solution))
+        return solution
+
+    monkeypatch.setattr(refinement, "solve_structured", noted)
+    return found
+
+
+def fast(problem: Problem) -> Problem:
+    return unchecked(problem, planner="fast")
+
+
+def gives_up(
+    structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any
+) -> NlpSolution:
+    solution = solve_structured(structure, element, data, start, **options)
+    return dataclasses.replace(solution, message=NOT_CONVERGED)
+
+
+def agree(solves: list[Solve]) -> tuple[int, int]:
+    """Hold every converged solve against Ipopt's optimum of the same program: it may be shorter.
+
+    Returns how many converged, and how many Ipopt solved too.
+    """
+    converged = compared = 0
+    for structure, element, data, start, own in solves:
+        if not own.solved:
+            continue
+        converged += 1
+        ipopt = Transcription.build(structure, element).solve(data, InitialPoint(start.x))
+        if ipopt.solved and element.aim == "time":
+            compared += 1
+            assert own.times.sum() <= (1 + SAME) * ipopt.times.sum()
+    return converged, compared
+
+
+@pytest.mark.parametrize(
+    ("name", "jerk"),
+    [
+        ("tilt_insert", None),
+        ("tilt_insert", 35.0),
+        ("waypoints", None),
+        ("waypoints", 35.0),
+        ("laser_scan", None),
+    ],
+)
+def test_shipped_problems(
+    name: str, jerk: float | None, solves: list[Solve], with_jerk: Any
+) -> None:
+    problem = dataclasses.replace(load_problem(f"problems/{name}.yaml"), objective="time")
+    if jerk is not None:
+        problem = unchecked(problem, robot=with_jerk(problem.robot, jerk, jerk / 10))
+    planned = plan_motion(
+        fast(problem), may_reverse=False
+    )  # with turning points Ipopt solves alone
+    assert planned.status == "solved"
+    assert {phase.motion.solver for phase in planned.phases} <= {"structured", ""}
+    converged, compared = agree(solves)
+    assert converged == len(solves)
+    assert compared
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_problems(seed: int, solves: list[Solve], tilt_insert: Problem) -> None:
+    """Of each seed the first problem with a solve that Ipopt can be compared with."""
+    for more in range(10):
+        try:
+            problem = random_problem(tilt_insert, 100 + seed + 1000 * more, most=1)
+        except ProblemError:
+            continue
+        plan_motion(fast(problem))
+        if agree(solves)[1]:
+            return
+    pytest.fail("no solve was compared")
+
+
+def test_what_it_plans_is_certified_and_says_who_solved_it(tilt_insert: Problem) -> None:
+    ours, ipopts = (
+        plan(dataclasses.replace(tilt_insert, planner=planner)) for planner in ("fast", "ipopt")
+    )
+    assert ours.certificate is not None
+    assert ours.certificate.passed
+    assert ours.duration == pytest.approx(ipopts.duration, rel=SAME)
+    assert [phase.solver for phase in ours.phases] == ["structured"] * len(ours.phases)
+    assert any(line.split() == ["solver", "structured"] for line in verdicts(ours))
+    assert not any(line.startswith(("solver", "cross-check")) for line in verdicts(ipopts))
+
+
+def test_ipopt_solves_where_it_does_not_converge(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(refinement, "solve_structured", gives_up)
+    found = plan(fast(tilt_insert))
+    assert found.certificate is not None
+    assert found.certificate.passed
+    assert {phase.solver for phase in found.phases} == {"Ipopt"}
+    assert any(line.split() == ["solver", "Ipopt"] for line in verdicts(found))
+
+
+def test_joints_that_turn_back_at_points_need_no_ipopt(
+    monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
+) -> None:
+    monkeypatch.delattr(Transcription, "solve")
+    planned = plan_motion(fast(load_problem("problems/waypoints.yaml")))
+    assert planned.status == "solved"
+    assert any(structure.coordinates > 1 and len(structure.moves) > 4 for structure, *_ in solves)
+    assert all(own.solved for *_, own in solves)
+
+
+@pytest.mark.parametrize("planner", ["fast", "optimal"])
+def test_ipopt_solves_alone_without_the_compiled_part(
+    planner: Planner, tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = dataclasses.replace(tilt_insert, objective="time")
+    monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
+    found = plan(dataclasses.replace(problem, planner=planner))
+    assert found.passed
+    assert {phase.solver for phase in found.phases} == {"Ipopt"}
+    assert found.confirmation is None
+    assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
+
+
+@pytest.mark.parametrize(("tilt", "speed"), [(-95.0, 8e-3), (-95.0, 0.012), (-125.0, 0.012)])
+def test_a_solution_is_where_its_neighbour_starts(
+    tilt: float, speed: float, solves: list[Solve], tilt_insert: Problem
+) -> None:
+    """Bounds lowered by little: a few iterations, none of them in vain."""
+    to = Task(roll=0.3, tilt=np.radians(tilt), spin=-0.4, depth=0.02)
+    problem = dataclasses.replace(
+        tilt_insert,
+        motion=(Free(to),),
+        limits=(*tilt_insert.limits, TipSpeed(speed)),
+        objective="time",
+    )
+    assert plan_motion(fast(problem)).status == "solved"
+    warm = [own for _, _, _, start, own in solves if start.structured is not None]
+    assert warm
+    assert all(own.solved and own.iterations <= 20 for own in warm)
+
+
+def durations(problem: Problem, **changes: Any) -> list[float]:
+    return [phase.duration for phase in plan_motion(dataclasses.replace(problem, **changes)).phases]
+
+
+@pytest.mark.parametrize("name", ["tilt_insert", "direct_reach"])
+def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
+    problem = load_problem(f"problems/{name}.yaml")
+    found = plan(problem)
+    assert found.passed
+    assert {phase.solver for phase in found.phases} == {"structured"}
+    for phase in found.phases:
+        # the fastest motion and that of least heat
+        assert phase.confirmation_iterations is not None
+        assert 0 <= phase.confirmation_iterations <= 8
+        assert phase.confirmation_difference is not None
+        assert abs(phase.confirmation_difference) <= SAME
+        assert phase.iterations > phase.confirmation_iterations
+    assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
+    said = [line for line in verdicts(found) if line.startswith("cross-check")]
+    assert len(said) == 1
+    assert "Ipopt confirms" in said[0]
+    assert "agree within" in said[0]
+
+
+def test_what_is_longer_than_what_is_known_is_neither_cooled_nor_confirmed(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
+) -> None:
+    monkeypatch.delattr(Transcription, "solve")
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
+    found = solve_free(tilt_insert, mechanism, points, method="confirmed", cutoff=1e-3)
+    assert found.solved
+    assert found.duration > 1e-3
+    assert [element.aim for _, element, *_ in solves] == ["time"]
+
+
+def test_ipopt_confirms_joints_that_turn_back_at_points() -> None:
+    waypoints = load_problem("problems/waypoints.yaml")
+    planned = plan_motion(dataclasses.replace(waypoints, motion=waypoints.motion[:1])).phases[0]
+    assert planned.turns_back
+    assert planned.motion.solver == "structured"
+    assert planned.motion.confirmation is not None
+    assert planned.motion.confirmation.iterations <= 8
+    assert abs(planned.motion.confirmation.difference) <= SAME
+
+
+def test_the_mesh_is_finer_where_the_closed_form_is_not_the_fastest(
+    tilt_insert: Problem, weaker: Any, solves: list[Solve]
+) -> None:
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
+    found = solve_free(tilt_insert, mechanism, points, method="confirmed")
+    limits = ((joint.velocity, joint.acceleration) for joint in tilt_insert.robot.joints)
+    alone = [
+        rest_to_rest(abs(way), *most).duration
+        for way, most in zip(points[1] - points[0], limits, strict=True)
+    ]
+    assert found.duration == pytest.approx(max(alone), rel=1e-6)
+    coarse = max(structure.elements for structure, *_ in solves)
+    solves.clear()
+    weak = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.35))
+    assert solve_free(weak, mechanism, points, method="confirmed").duration > 1.01 * max(alone)
+    assert max(structure.elements for structure, *_ in solves) > 1.5 * coarse
+
+
+def test_a_motion_left_when_it_was_about_the_fastest_is_worked_out_to_the_same(
+    tilt_insert: Problem, weaker: Any
+) -> None:
+    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
+    problem = dataclasses.replace(
+        tilt_insert, robot=weaker(tilt_insert.robot, 0.35), objective="time"
+    )
+    whole = solve_free(problem, mechanism, points, method="confirmed")
+    about = solve_free(problem, mechanism, points, method="confirmed", stop_early=True)
+    assert about.continuation is not None
+    assert about.confirmation is None
+    rest = about.continuation()
+    assert rest.continuation is None
+    assert rest.confirmation == whole.confirmation
+    assert rest.coefficients.tobytes() == whole.coefficients.tobytes()
+    assert about.duration == pytest.approx(whole.duration, rel=1e-3)
+
+
+def test_ipopt_alone_where_there_is_nothing_to_confirm(
+    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = dataclasses.replace(
+        tilt_insert, objective="time", motion=tilt_insert.motion[1:], start=tilt_insert.motion[0].to
+    )
+    alone = plan(dataclasses.replace(problem, planner="ipopt"))
+    solve = Transcription.solve
+
+    def does_not_confirm(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
+        found = solve(self, *given, confirming=confirming)
+        return (
+            dataclasses.replace(found, message="Maximum_Iterations_Exceeded")
+            if confirming
+            else found
+        )
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Transcription, "solve", does_not_confirm)
+        unconfirmed = plan(problem)
+    with monkeypatch.context() as patch:
+        patch.setattr(refinement, "solve_structured", gives_up)
+        unsolved = plan(problem)
+    for found in (unconfirmed, unsolved):
+        assert found.passed
+        assert found.confirmation is None
+        assert found.motion.coefficients.tobytes() == alone.motion.coefficients.tobytes()
+
+
+def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = dataclasses.replace(tilt_insert, objective="time")
+    solve = Transcription.solve
+
+    def longer(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
+        found = solve(self, *given, confirming=confirming)
+        return dataclasses.replace(found, times=1.001 * found.times) if confirming else found
+
+    monkeypatch.setattr(Transcription, "solve", longer)
+    found = plan(problem)
+    assert found.passed
+    assert {phase.solver for phase in found.phases} == {"structured"}
+    assert found.duration == pytest.approx(sum(durations(problem, planner="fast")), rel=1e-12)
+    assert any(
+        "differ by up to 1e-03: the shorter motion is used" in line for line in verdicts(found)
+    )
+
+
+@pytest.mark.parametrize("planner", ["fast", "optimal"])
+def test_same_bits_in_any_order(tilt_insert: Problem, planner: Planner) -> None:
+    other = load_problem("problems/waypoints.yaml")
+    chosen = dataclasses.replace(tilt_insert, planner=planner)
+    first = plan_motion(chosen).trajectory
+    plan_motion(dataclasses.replace(other, planner=planner))
+    forget_solutions()
+    again = plan_motion(chosen).trajectory
+    assert first is not None
+    assert again is not None
+    assert np.asarray(first.coefficients).tobytes() == np.asarray(again.coefficients).tobytes()
+
+
+@pytest.mark.parametrize("exceeds", [False, True])
+def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
+    exceeds: bool, tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where it exceeds one between the collocation points, nothing is confirmed: Ipopt solves alone, and refines."""
+    problem = dataclasses.replace(tilt_insert, objective="time", motion=tilt_insert.motion[:1])
+    solve = Transcription.solve
+
+    def shorter(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
+        found = solve(self, *given, confirming=confirming)
+        if not confirming:
+            return found
+        elements = found.elements.copy()
+        elements[:, 1:4] *= 1.01 if exceeds else 1.0
+        return dataclasses.replace(found, times=found.times * (1 - 1e-5), elements=elements)
+
+    monkeypatch.setattr(Transcription, "solve", shorter)
+    found = plan(problem)
+    assert found.passed
+    assert {phase.solver for phase in found.phases} == {"Ipopt"}
+    if exceeds:
+        assert found.confirmation is None
+    else:
+        assert found.confirmation is not None
+        assert found.confirmation[1] == pytest.approx(-1e-5, rel=0.1)
+
+
+def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
+    """Where the tip passes the port the retina's row begins: at a border between two segments."""
+    problem = load_problem("eye_approach")
+    quick, long = plan(fast(problem)), plan(unchecked(problem, planner="ipopt"))
+    assert quick.passed
+    assert quick.duration <= (1 + 1e-4) * long.duration
+    assert quick.duration == pytest.approx(long.duration, rel=5e-4)  # meshes differ
+    assert solves
+    assert all(solution.solved for *_, solution in solves)
+    assert {phase.solver for phase in quick.phases} == {"structured"}
+    confirmed = plan(problem)
+    assert confirmed.confirmation is not None
+    assert abs(confirmed.confirmation[1]) <= SAME
+    assert confirmed.duration == pytest.approx(quick.duration, rel=2e-4)
+
+
+@pytest.mark.parametrize("clearance", [5e-4, 1e-3])
+@pytest.mark.parametrize("strength", [0.6, 1.0])
+def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
+    """The structured solver alone gets there and back, for other clearances, motors and rates too, in the same time."""
+    problem = load_problem("eye_approach")
+    assert problem.eye is not None
+    joints = tuple(
+        joint
+        if joint.motor is None
+        else dataclasses.replace(
+            joint, motor=unchecked(joint.motor, max_torque=strength * joint.motor.max_torque)
+        )
+        for joint in problem.robot.joints
+    )
+    robot = dataclasses.replace(problem.robot, joints=joints)
+    limits = tuple(each for each in problem.limits if not isinstance(each, TaskRate))
+    eye = dataclasses.replace(problem.eye, clearance=clearance, lens=None)
+    deep = Task(roll=-0.1, tilt=-2.05, spin=0.3, depth=0.016)
+    durations = []
+    for start, goal in ((problem.start, deep), (deep, problem.start)):
+        there = dataclasses.replace(
+            problem, robot=robot, limits=limits, eye=eye, start=start, motion=(Free(goal),)
+        )
+        found = plan(fast(there), relaxations=False)
+        assert found.passed
+        assert {phase.solver for phase in found.phases} == {"structured"}
+        durations.append(found.duration)
+    assert durations[0] == pytest.approx(durations[1], rel=GAP)
+
+
+def faster_starting(problem: Problem, times: float, **to: float) -> Problem:
+    """One straight motion, with jerk limits that let every joint reach its acceleration in 1/times s."""
+    joints = tuple(
+        unchecked(joint, jerk=times * joint.acceleration) for joint in problem.robot.joints
+    )
+    start = Task(tilt=np.radians(-85.0), depth=0.0)
+    robot = unchecked(problem.robot, joints=joints)
+    return dataclasses.replace(
+        problem, robot=robot, start=start, motion=(Straight(**to),), objective="time"
+    )
+
+
+@pytest.mark.parametrize(("depth", "times"), [(6e-3, 3.0), (29e-3, 10.0), (15e-3, 30.0)])
+def test_a_jerk_limited_insertion_is_that_of_its_joint_alone(
+    tilt_insert: Problem, depth: float, times: float
+) -> None:
+    problem = faster_starting(tilt_insert, times, depth=depth)
+    own = problem.robot.joints[3]
+    found = plan(problem)
+    assert found.certificate is not None
+    assert found.certificate.passed
+    closed_form = rest_to_rest(depth, own.velocity, own.acceleration, own.jerk).duration
+    assert closed_form <= found.duration <= (1 + 1.5e-4) * closed_form
+
+
+@pytest.mark.parametrize("to", [{"depth": 6e-3}, {}])
+def test_jerk_limited_joints_in_step_are_as_fast_as_on_a_fine_mesh(
+    tilt_insert: Problem, to: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = faster_starting(tilt_insert, 3.0, tilt=np.radians(-120.0), **to)
+    found = plan(problem)
+    monkeypatch.setattr(straight, "ELEMENTS", 4 * straight.ELEMENTS)
+    fine = plan(fast(problem))
+    assert found.duration <= (1 + 5e-4) * fine.duration

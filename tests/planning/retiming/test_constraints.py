@@ -1,0 +1,390 @@
+"""Rows of limits along a path, held against the dynamics of the motion that they are rows of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.planning.retiming.constraints import (
+    ACTIVE,
+    CEILING,
+    NONE,
+    LinearConstraints,
+    PathLimits,
+    PathTerm,
+    braking_travel,
+)
+from ssm_planner.planning.retiming.paths import PolylinePath
+from ssm_planner.planning.retiming.reachability import fastest_profile
+from ssm_planner.planning.retiming.retime import _grid, _times, retime, stays_at
+from ssm_planner.problem.limits import StopTravel, TaskRate, TipSpeed
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.value import unchecked
+from ssm_planner.trajectory import Samples
+
+START = np.array([0.3, 1.15, 0.1, -0.01])
+WAY = np.array([0.4, -0.2, 0.1, 0.004])
+GRID = np.linspace(0.0, 1.0, 9)
+
+
+@pytest.fixture(scope="module")
+def path(robot: Robot) -> PolylinePath:
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    return PolylinePath(mechanism, np.stack([START, START + WAY]))
+
+
+def rows_at(path: PolylinePath, robot: Robot, x: float, **limits: object) -> LinearConstraints:
+    along = PathLimits.on_grid(path, GRID, robot, TaskLimits(**limits))  # type: ignore[arg-type]
+    return along.constraints(np.full(9, x), static_start=False)
+
+
+def test_terms_add_and_scale() -> None:
+    one = PathTerm.from_coefficients(2, a=np.array([1.0, 2.0]), k=-3.0)
+    assert one.values.tolist() == [[1, 2], [0, 0], [0, 0], [-3, -3]]
+    assert (one + one).values == pytest.approx(2 * one.values)
+    assert (one + 5.0).values[2].tolist() == [5, 5]
+    assert (one + 5.0).values[[0, 1, 3]] == pytest.approx(one.values[[0, 1, 3]])
+    assert (-one).values == pytest.approx(-one.values)
+    assert (np.array([2.0, 3.0]) * one).values[0].tolist() == [2, 6]
+    assert one.without_negative_k().values[3].tolist() == [0, 0]
+    assert PathTerm.from_coefficients(2, k=4.0).without_negative_k().values[3].tolist() == [4, 4]
+    assert one.values[3].tolist() == [-3, -3]
+
+
+def random_rows(seed: int) -> LinearConstraints:
+    rng = np.random.default_rng(seed)
+    a, b, c, k = rng.uniform(-0.3, 0.3, (4, 9, 5))
+    k = np.abs(k)
+    k[:, 1:3] = 0.0
+    k[:4, 3] = 0.0  # a joint that stands at the first points
+    return LinearConstraints(a, b, c, k, np.full(9, 4.0))
+
+
+def test_tangents_touch_and_over_estimate() -> None:
+    rows, x0 = random_rows(1), np.linspace(0.2, 2.0, 9)
+    linear = rows.tangent(x0)
+    assert rows.curved.tolist() == [0, 3, 4]
+    assert not linear.k.any()
+    for x in (x0, 0.3 * x0, 3 * x0):
+        root = np.sqrt(x)[:, None]
+        value = rows.b * x[:, None] + rows.c + rows.k * root
+        above = linear.b * x[:, None] + linear.c
+        assert np.all(above >= value - 1e-12)
+        assert (x is not x0) or above == pytest.approx(value)
+    assert linear.at_points(slice(2, 5)).b == pytest.approx(linear.b[2:5])
+    assert linear.at_points(slice(2, 5)).ceiling.shape == (3,)
+
+
+def test_values_are_those_at_the_ends_and_the_active_row_is_the_largest() -> None:
+    rows, grid = random_rows(2), np.array([0.0, 0.1, 0.2, 0.35, 0.5, 0.6, 0.8, 0.9, 1.0])
+    x = np.linspace(0.5, 1.5, 9) ** 2
+    u = np.diff(x) / (2 * np.diff(grid))
+    rest = rows.b * x[:, None] + rows.c + rows.k * np.sqrt(x)[:, None]
+    first, last = rows.a[:-1] * u[:, None] + rest[:-1], rows.a[1:] * u[:, None] + rest[1:]
+    assert rows.interval_maxima(grid, x) == pytest.approx(np.maximum(first, last))
+
+    def middle(values: np.ndarray) -> np.ndarray:
+        return (values[1:] + values[:-1]) / 2
+
+    mean = middle(x)[:, None]
+    value = middle(rows.a) * u[:, None] + middle(rows.b) * mean + middle(rows.c)
+    value = value + middle(rows.k) * np.sqrt(mean)
+    scaled = LinearConstraints(*(part / value.max() for part in (rows.a, rows.b, rows.c, rows.k)), rows.ceiling)  # fmt: skip
+    active = scaled.active(grid, x)
+    value = value / value.max()
+    expected = np.where(value.max(axis=1) > ACTIVE, value.argmax(axis=1), NONE)
+    assert np.array_equal(active, expected)
+    (k,) = np.flatnonzero(active != NONE)
+    assert scaled.bind(np.array([active[k]]), grid, x)
+    assert not scaled.bind(np.array([(active[k] + 1) % 5]), grid, x)
+    assert not scaled.bind(np.array([], dtype=int), grid, x)
+    capped = replace(scaled, ceiling=middle(np.append(x, x[-1])) * 0.5)
+    assert (capped.active(grid, x) == CEILING).all()
+
+
+def test_acceleration_rows_are_the_joints(path: PolylinePath, robot: Robot) -> None:
+    rows = rows_at(path, robot, 1.0)
+    for i, joint in enumerate(robot.joints):
+        for row, sign in ((2 * i, 1), (2 * i + 1, -1)):
+            assert rows.a[:, row] == pytest.approx(np.full(9, sign * WAY[i] / joint.acceleration))
+            assert not rows.b[:, row].any()
+            assert not rows.c[:, row].any()
+
+
+@pytest.mark.parametrize("u", [3.0, 0.0, -3.0])
+def test_torque_rows_bound_the_motor_model(path: PolylinePath, robot: Robot, u: float) -> None:
+    """Driving, the largest row is the model's torque; braking, a row is at least as strict."""
+    x = 0.8
+    rows = rows_at(path, robot, x)
+    values = rows.a * u + rows.b * x + rows.c + rows.k * np.sqrt(x)
+    q = START + GRID[:, None] * WAY
+    qd, qdd = np.tile(np.sqrt(x) * WAY, (9, 1)), np.tile(u * WAY, (9, 1))
+    samples = Samples(GRID, q, qd, qdd, np.zeros_like(q))
+    way, away = directions(robot, samples, 1)
+    torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
+    count = 8
+    for i, joint in enumerate(robot.joints):
+        if joint.motor is None:
+            continue
+        share = np.sign(WAY[i]) * torque[:, i] / joint.motor.max_torque
+        driving, braking = values[:, count : count + 2], values[:, count + 2]
+        assert driving.max(axis=1) == pytest.approx(share, rel=1e-6, abs=1e-9)
+        assert np.all(braking >= -share - 1e-9)
+        count += 3
+    assert count == rows.a.shape[1]
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
+    path: PolylinePath, robot: Robot, way: int
+) -> None:
+    """Without viscous friction, whichever way the load pulls; while a joint speeds up, it only bounds the torque."""
+    joints = []
+    for joint in robot.joints:
+        if joint.drive is not None:
+            friction = replace(joint.drive.friction, b_v=0.0, b_ov=0.0)
+            joint = replace(joint, drive=replace(joint.drive, friction=friction))
+        joints.append(joint)
+    robot, pulls = replace(robot, joints=tuple(joints)), set()
+    line = PolylinePath(path.mechanism, path.points[::way])
+    q = line.points[0] + GRID[:, None] * WAY * way
+    for x, tilted in ((0.05, 0.0), (0.8, 2.0), (5.0, -1.2)):
+        turned = PolylinePath(path.mechanism, line.points + [tilted, 0.0, 0.0, 0.0])
+        along = PathLimits.on_grid(turned, GRID, robot, TaskLimits())
+        rows = along.constraints(np.full(9, x), static_start=False)
+        values = rows.b * x + rows.c + rows.k * np.sqrt(x)
+        at = q + [tilted, 0.0, 0.0, 0.0]
+        qd = np.tile(np.sqrt(x) * WAY * way, (9, 1))
+        samples = Samples(GRID, at, qd, 0 * at, 0 * at)
+        torque = motor_motion(
+            robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)
+        ).torque
+        count = 8
+        for i, joint in enumerate(robot.joints):
+            if joint.motor is None:
+                continue
+            share = np.sign(WAY[i] * way) * torque[:, i] / joint.motor.max_torque
+            pulls |= set(np.sign(share).tolist())
+            assert values[:, count : count + 2].max(axis=1) == pytest.approx(share)
+            assert values[:, count + 2] == pytest.approx(-share)
+            count += 3
+
+
+def test_directions_and_starts_along_a_path_that_turns_back(robot: Robot) -> None:
+    """A joint has the direction of its motion behind each grid point, also on the point where it turns."""
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    there, back = START + WAY, START + WAY * [-0.5, 2.0, 1.0, 1.0]
+    path = PolylinePath(mechanism, np.stack([START, there, back, back + 0.5 * WAY]))
+    grid = np.linspace(0.0, 1.0, 31)
+    along = PathLimits.on_grid(path, grid, robot, TaskLimits())
+    ahead = path.sample(np.minimum(grid + 1e-6, 1 - 1e-9)).dq
+    assert np.array_equal(along.directions, np.sign(ahead))
+    assert {-1.0, 1.0} == set(along.directions[:, 0].tolist())
+    assert along.starts.any(axis=1).nonzero()[0].tolist() == [0]
+
+
+def test_ceilings_are_the_speed_limits(path: PolylinePath, robot: Robot) -> None:
+    limit = np.array([joint.velocity for joint in robot.joints])
+    for i, joint in enumerate(robot.joints):
+        if joint.motor is not None and joint.drive is not None:
+            limit[i] = min(limit[i], joint.motor.max_speed / joint.drive.ratio)
+    fastest_joint = (limit / np.abs(WAY)).min()
+    assert rows_at(path, robot, 1.0).ceiling == pytest.approx(np.full(9, fastest_joint**2))
+    h = 1e-6
+    q = START + GRID[:, None] * WAY
+    ahead, behind = (tip_position(path.mechanism, q + side * h * WAY) for side in (1, -1))
+    tip = np.linalg.norm(ahead - behind, axis=1) / (2 * h)
+    found = rows_at(path, robot, 1.0, limits=(TipSpeed(1e-3),)).ceiling
+    assert found == pytest.approx((1e-3 / tip) ** 2, rel=1e-5)
+    ahead, behind = (task_from_joints(path.mechanism, q + side * h * WAY) for side in (1, -1))
+    rate = np.abs(ahead - behind)[:, 1] / (2 * h)
+    found = rows_at(path, robot, 1.0, limits=(TaskRate("tilt", 1e-3),)).ceiling
+    assert found == pytest.approx((1e-3 / rate) ** 2, rel=1e-4)
+    travel = braking_travel(path.mechanism, robot, q, np.tile(WAY, (9, 1)))
+    times = np.max(np.abs(WAY) / [joint.acceleration for joint in robot.joints])
+    assert travel == pytest.approx(tip * times / 2, rel=1e-5)
+    stopped = rows_at(path, robot, 1.0, limits=(StopTravel(1e-5),))
+    assert stopped.ceiling == pytest.approx(np.minimum(1e-5 / travel, fastest_joint**2))
+    assert stopped.a.shape[1] == rows_at(path, robot, 1.0).a.shape[1] + 4
+    for i, joint in enumerate(robot.joints):
+        row = 3 * i + 2
+        assert stopped.a[:, row] == pytest.approx(np.full(9, -abs(WAY[i]) / joint.acceleration))
+        expected = tip / 2e-5 * abs(WAY[i]) / joint.acceleration
+        assert stopped.b[:, row] == pytest.approx(expected, rel=1e-5)
+
+
+def test_grids_have_a_point_on_every_knot(path: PolylinePath, robot: Robot) -> None:
+    knots = np.array([0.0, 0.31, 0.5004, 1.0])
+    grid = _grid(knots, 20, None)
+    assert set(knots.tolist()) <= set(grid.tolist())
+    assert len(grid) == 21
+    assert np.abs(grid - np.linspace(0, 1, 21)).max() < 0.025 + 1e-12
+    assert np.count_nonzero(grid != np.linspace(0, 1, 21)) == 2
+    tiny = _grid(np.array([0.0, 1e-4, 1 - 1e-4, 1.0]), 10, None)
+    assert (tiny[0], tiny[1], tiny[-2], tiny[-1]) == (0.0, 1e-4, 1 - 1e-4, 1.0)
+    rough = retime(path, robot, 60)
+    assert rough.solved
+    fine = _grid(knots[[0, -1]], 200, rough)
+    steps = np.diff(np.interp(fine, rough.s, rough.times))
+    uniform = np.diff(np.interp(np.linspace(0, 1, 201), rough.s, rough.times))
+    assert steps.max() < 0.5 * uniform.max()
+    assert np.all(np.diff(fine) > 0)
+
+
+def test_a_motion_within_acceleration_alone_is_the_triangle(
+    path: PolylinePath, robot: Robot
+) -> None:
+    """Without motors, from rest to rest: T = 2 √(|Δq| / a) of the slowest joint."""
+    joints = tuple(replace(joint, drive=None, motor=None, velocity=1e3) for joint in robot.joints)
+    free = replace(robot, joints=joints)
+    found = retime(path, free, 300)
+    share = max(abs(w) / j.acceleration for w, j in zip(WAY, joints, strict=True))
+    assert found.duration == pytest.approx(2 * np.sqrt(share), rel=1e-4)
+    assert found.times[-1] == pytest.approx(found.duration)
+    assert found.converged
+    slowest = int(np.argmax([abs(w) / j.acceleration for w, j in zip(WAY, joints, strict=True)]))
+    half = len(found.active) // 2
+    signs = (0, 1) if WAY[slowest] > 0 else (1, 0)
+    assert (found.active[: half - 1] == 2 * slowest + signs[0]).all()
+    assert (found.active[half + 1 :] == 2 * slowest + signs[1]).all()
+    assert retime(path, free, 300, list_active=False).active.tolist() == [NONE] * 300
+    limits = TaskLimits((TipSpeed(2e-3),))
+    steady = retime(path, free, 300, limits)
+    assert stays_at(steady, path, 2e-3 * 0.99)
+    assert not stays_at(found, path, 10.0)
+    moving = retime(path, free, 300, speeds=(0.1, 0.2))
+    assert moving.speed_squared[[0, -1]] == pytest.approx([0.01, 0.04])
+    impossible = retime(path, free, 60, speeds=(1e4, 0.0))
+    assert (impossible.status, impossible.solved) == ("infeasible", False)
+
+
+def test_times_add_up_evenly_accelerated_intervals() -> None:
+    grid, speed = np.array([0.0, 0.5, 2.0]), np.array([0.0, 1.0, 2.0])
+    assert _times(grid, speed**2) == pytest.approx([0.0, 1.0, 2.0])
+
+
+def test_a_speed_at_an_end_may_be_rounded_but_not_more() -> None:
+    """One row |s̈| ≤ 1 and a ceiling of 1: ṡ² ≤ 2 s from rest at the end."""
+    grid = np.linspace(0.0, 1.0, 101)
+    one, zero = np.ones((101, 1)), np.zeros((101, 2))
+    rows = LinearConstraints(np.hstack([one, -one]), zero, zero, zero, np.ones(101))
+    for speeds, possible in (
+        ((1.0, 0.0), True),
+        ((1.0 + 1e-10, 0.0), True),
+        ((1.0 + 1e-6, 0.0), False),
+        ((0.0, 1.0 + 1e-10), True),
+        ((0.0, 1.0 + 1e-6), False),
+    ):
+        assert (fastest_profile(grid, rows, speeds) is not None) == possible
+    whole = fastest_profile(grid, rows, (0.0, 0.0))
+    assert whole == pytest.approx(np.minimum(1.0, 2 * np.minimum(grid, 1 - grid)), abs=1e-9)
+
+
+def with_stribeck(robot: Robot) -> Robot:
+    """The robot with friction that falls with the speed at its first joint."""
+    joint = robot.joints[0]
+    assert joint.drive is not None
+    assert joint.drive.friction is not None
+    friction = replace(
+        joint.drive.friction,
+        law="stribeck_exponential",
+        mu_stribeck=0.05,
+        stribeck_speed=20.0,
+        mu_static=joint.drive.friction.mu + 0.05,
+    )
+    drive = replace(joint.drive, friction=friction)
+    return replace(robot, joints=(replace(joint, drive=drive), *robot.joints[1:]))
+
+
+def test_friction_is_static_at_a_start_and_falls_with_the_speed(
+    path: PolylinePath, robot: Robot
+) -> None:
+    for of, falls in ((robot, False), (with_stribeck(robot), True)):
+        along = PathLimits.on_grid(path, GRID, of, TaskLimits())
+        drive = of.joints[0].drive
+        assert drive is not None
+        friction = drive.friction
+        assert friction is not None
+        x = np.linspace(0.1, 2.0, 9)
+        w = drive.ratio * abs(WAY[0]) * np.sqrt(x)
+        rise = friction.mu_stribeck * np.exp(-2 * w / 20.0) if falls else 0.0
+        moving = along._friction_coefficient(drive, 0, x, False)
+        assert moving == pytest.approx(np.broadcast_to(friction.mu + rise, 9))
+        starting = along._friction_coefficient(drive, 0, x, True)
+        assert starting[1:] == pytest.approx(moving[1:])
+        assert starting[0] >= max(friction.mu_static, moving[0]) * (1 - 1e-12)
+        one, other = (along.constraints(x, static_start=static) for static in (False, True))
+        assert not np.allclose(one.c[0], other.c[0])
+        assert other.c[1:] == pytest.approx(one.c[1:])
+        assert along.constraints(x, static_start=True) is other  # nothing has changed
+
+
+def test_a_joint_without_motor_has_no_torque_rows(path: PolylinePath, robot: Robot) -> None:
+    joints = tuple(replace(joint, motor=None, alternatives=()) for joint in robot.joints)
+    assert rows_at(path, replace(robot, joints=joints), 1.0).a.shape[1] == 8
+
+
+def test_variants_that_a_motion_exceeds_get_rows_and_the_others_do_not(
+    path: PolylinePath, robot: Robot
+) -> None:
+    """Four frictions of every drive: of those left out, each joint gets the one that is worst somewhere."""
+    scales = (1.0, 0.9, 1.6, 1.3)
+
+    def scaled(scale: float) -> Robot:
+        joints = []
+        for joint in robot.joints:
+            if joint.drive is not None:
+                friction = replace(joint.drive.friction, b_c=scale * joint.drive.friction.b_c)
+                joint = replace(joint, drive=replace(joint.drive, friction=friction))
+            joints.append(joint)
+        return replace(robot, joints=tuple(joints))
+
+    corners = tuple(map(scaled, scales))
+    many = unchecked(robot, corners=corners, lightest=(corners[1],))
+    along = PathLimits.on_grid(path, GRID, many, TaskLimits())
+    driven = [i for i, joint in enumerate(robot.joints) if joint.motor is not None]
+    # the first variant of a joint and kind of rows has rows at once: driving, and driving and braking
+    assert len(along.actuations) == 2 * len(driven)
+    assert len(along.left_out) == 2 * len(driven)
+    slow = np.full(9, 1e-4)
+    assert along.with_missed(GRID, slow, static_start=False) is along
+    drives = {(i, id(corners[2].joints[i].drive)) for i in driven}
+    for weak in driven:
+        motor = robot.joints[weak].motor
+        largest = [
+            float(
+                PathLimits.on_grid(path, GRID, corner, TaskLimits())
+                .constraints(slow, static_start=False)
+                .interval_maxima(GRID, slow)[:, 8 + 3 * driven.index(weak) :][:, :3]
+                .max()
+            )
+            for corner in corners
+        ]
+        assert np.argmax(largest) == 2
+        for share, exceeded in ((largest[2] * 0.999, True), (largest[2] * 1.001, False)):
+            limited = replace(motor, max_torque=share * motor.max_torque, nominal_torque=1e-9)
+
+            def with_motor(one: Robot, limited: object = limited, weak: int = weak) -> Robot:
+                joints = list(one.joints)
+                joints[weak] = replace(joints[weak], motor=limited)
+                return unchecked(one, joints=tuple(joints))
+
+            variants = tuple(map(with_motor, corners))
+            own = unchecked(with_motor(many), corners=variants, lightest=(variants[1],))
+            before = PathLimits.on_grid(path, GRID, own, TaskLimits())
+            after = before.with_missed(GRID, slow, static_start=False)
+            added = after.actuations[len(before.actuations) :]
+            assert [each[0] for each in added] == ([weak] if exceeded else [])
+            assert after.actuations[: len(before.actuations)] == before.actuations
+            for each in added:
+                assert (weak, id(each[2])) in drives
+                assert each not in after.left_out
+            assert {*map(id, after.left_out), *map(id, added)} == {*map(id, before.left_out)}

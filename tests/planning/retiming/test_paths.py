@@ -1,0 +1,270 @@
+"""Paths that TOPP-RA times: joints and their derivatives by s, turning points, and grids, held against differences."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.planning.retiming import paths
+from ssm_planner.planning.retiming.paths import (
+    Chain,
+    JointPath,
+    MotionPath,
+    PathSamples,
+    PolylinePath,
+    SplinePath,
+    StraightPath,
+    TipPath,
+    joint_starts,
+    smooth_runs,
+    with_knots,
+)
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+
+START = np.array([0.3, 1.15, 0.1, -0.01])
+S = np.linspace(0.02, 0.98, 12)
+H = 1e-5
+ONES = np.ones(4)
+
+
+@pytest.fixture(scope="module")
+def mechanism(robot: Robot) -> Mechanism:
+    return Mechanism.from_geometry(robot.geometry)
+
+
+def straight(mechanism: Mechanism, way: tuple[float, ...], turns: int = 0) -> StraightPath:
+    """From START along a line in task coordinates, joint 1 counted from so many turns off."""
+    first = START + np.array([2 * np.pi * turns, 0.0, 0.0, 0.0])
+    task = task_from_joints(mechanism, START[None])[0]
+    branch = int(mechanism.branch_of(START))
+    return StraightPath(mechanism, task, task + np.array(way), branch, first)
+
+
+def arc(mechanism: Mechanism, angle: float) -> TipPath:
+    """About a centre beside the tip at START, by an angle, in the plane of x and z; and along y by 0.4 mm."""
+    tip = tip_position(mechanism, START[None])[0]
+    u, v = np.array([5e-4, 0.0, 0.0]), np.array([0.0, 0.0, 5e-4])
+    way = np.array([0.0, 4e-4, 0.0])
+    terms = np.stack([tip - u, way, u, v])
+    spin = task_from_joints(mechanism, START[None])[0, 2]
+    branch = int(mechanism.branch_of(START))
+    return TipPath(mechanism, terms, angle, (spin, spin + 0.3), branch, START)
+
+
+def derivatives_hold(path: JointPath) -> None:
+    """q' and q'' are the differences of q and q'."""
+    here, ahead, behind = (path.sample(S + h) for h in (0.0, H, -H))
+    scale = 1 + np.abs(here.ddq).max()
+    assert (ahead.q - behind.q) / (2 * H) == pytest.approx(here.dq, abs=1e-6 * scale)
+    assert (ahead.dq - behind.dq) / (2 * H) == pytest.approx(here.ddq, abs=1e-5 * scale)
+
+
+def directions_hold(path: JointPath) -> None:
+    """Between two knots no joint turns back, and each knot inside is where one does."""
+    knots, signs = path.directions
+    assert (knots[0], knots[-1]) == (0.0, 1.0)
+    assert signs.shape == (len(knots) - 1, 4)
+    for low, high, sign in zip(knots[:-1], knots[1:], signs, strict=True):
+        s = low + (high - low) * np.linspace(0.01, 0.99, 21)
+        assert np.all(path.sample(s).dq * sign >= -1e-9)
+    for before, after in pairwise(signs):
+        assert np.any(before * after < 0)
+
+
+@pytest.mark.parametrize("turns", [0, 1, -2])
+def test_a_straight_path_is_straight_in_task_coordinates(mechanism: Mechanism, turns: int) -> None:
+    path = straight(mechanism, (0.5, -0.1, 0.2, 0.004), turns)
+    samples = path.sample(S)
+    task = task_from_joints(mechanism, samples.q)
+    expected = path.start + S[:, None] * (path.end - path.start)
+    assert np.cos(task[:, :3] - expected[:, :3]) == pytest.approx(np.ones((12, 3)), abs=1e-9)
+    assert task[:, 3] == pytest.approx(expected[:, 3])
+    assert path.sample(np.zeros(1)).q[0] == pytest.approx(path.first, abs=1e-9)
+    derivatives_hold(path)
+    directions_hold(path)
+    third = (path.sample(S + H).ddq - path.sample(S - H).ddq) / (2 * H)
+    assert path.third_derivative(S) == pytest.approx(third, abs=1e-4 * (1 + np.abs(third).max()))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.2, -2.5])
+def test_a_path_of_the_tip_has_an_even_speed_along_its_arc(
+    mechanism: Mechanism, angle: float
+) -> None:
+    path = arc(mechanism, angle)
+    samples = path.sample(S)
+    fixed, way, u, v = path.terms
+    turn = (angle * S)[:, None]
+    expected = fixed + S[:, None] * way + np.cos(turn) * u + np.sin(turn) * v
+    assert path.tips(S) == pytest.approx(expected)
+    assert tip_position(mechanism, samples.q) == pytest.approx(expected, abs=1e-9)
+    assert path.length == pytest.approx(4e-4 + abs(angle) * 5e-4)
+    spins = task_from_joints(mechanism, samples.q)[:, 2]
+    assert np.ptp(np.unwrap(spins) - 0.3 * S) == pytest.approx(0.0, abs=1e-9)
+    derivatives_hold(path)
+    directions_hold(path)
+
+
+def test_a_turning_point_that_rounding_hides_is_the_end_with_the_smaller_slope(
+    mechanism: Mechanism,
+) -> None:
+    path = arc(mechanism, 1.2)
+    slopes = path.sample(np.array([0.4, 0.6])).dq
+    for joint in np.flatnonzero((slopes[0] * slopes[1] > 0) & (slopes[0] != slopes[1])):
+        nearer = (0.4, 0.6)[int(np.argmin(np.abs(slopes[:, joint])))]
+        assert path._turning_point(int(joint), 0.4, 0.6) == nearer
+
+
+@pytest.fixture(scope="module")
+def spline(mechanism: Mechanism) -> SplinePath:
+    rng = np.random.default_rng(8)
+    points = START + rng.normal(size=(7, 4)) * [0.2, 0.1, 0.1, 2e-3]
+    points[:, 2] = 0.1  # a joint that stands
+    return SplinePath(mechanism, points, np.array([1.0, 1.0, 1.0, 0.01]))
+
+
+def test_a_spline_passes_its_points_at_the_share_of_their_way(spline: SplinePath) -> None:
+    steps = np.linalg.norm(np.diff(spline.points, axis=0) / spline.scale, axis=1)
+    assert spline.nodes == pytest.approx(np.append(0.0, np.cumsum(steps)) / steps.sum())
+    assert spline.sample(spline.nodes).q == pytest.approx(spline.points)
+    ends = spline.sample(np.array([0.0, 1.0]))
+    assert ends.ddq == pytest.approx(np.zeros((2, 4)), abs=1e-9)
+    assert not spline.sample(S).dq[:, 2].any()
+    derivatives_hold(spline)
+    directions_hold(spline)
+    assert np.array_equal(spline.breaks, [0.0, 1.0])
+    s = np.linspace(0.0, 1.0, 4001)
+    lines = np.column_stack([np.interp(s, spline.nodes, p) for p in spline.points.T])
+    off = np.abs(spline.sample(s).q - lines).max(axis=0)
+    assert np.all(spline.off_lines <= off + 1e-12)
+    assert spline.off_lines == pytest.approx(off, rel=0.05, abs=1e-9)
+
+
+def test_pieces_of_a_spline_are_knots_where_they_are_told_apart(spline: SplinePath) -> None:
+    apart = SplinePath(spline.mechanism, spline.points, spline.scale, pieces=True)
+    assert np.array_equal(apart.breaks, apart.nodes)
+    knots, _ = apart.directions
+    turning = spline.directions[0][1:-1]
+    assert len(turning) > 0
+    assert knots == pytest.approx(np.sort(np.concatenate([apart.nodes, turning])))
+    many = SplinePath(spline.mechanism, np.tile(spline.points, (40, 1)), spline.scale)
+    assert spline.intervals == paths.FEW
+    assert many.intervals == paths.PER_POINT * 280
+
+
+def test_a_polyline_is_straight_from_point_to_point(mechanism: Mechanism) -> None:
+    points = START + np.array([[0, 0, 0, 0], [0.2, 0, 0, 0], [0.1, 0.1, 0, 0.001]])
+    path = PolylinePath(mechanism, points)
+    samples = path.sample(np.array([0.0, 0.25, 0.5, 0.75, 1.0]))
+    assert samples.q[[0, 2, 4]] == pytest.approx(points)
+    assert samples.q[[1, 3]] == pytest.approx((points[1:] + points[:-1]) / 2)
+    assert samples.dq[1] == pytest.approx(2 * (points[1] - points[0]))
+    assert samples.dq[4] == pytest.approx(2 * (points[2] - points[1]))
+    assert not samples.ddq.any()
+    knots, signs = path.directions
+    assert knots.tolist() == [0.0, 0.5, 1.0]
+    assert signs.tolist() == [[1, 0, 0, 0], [-1, 1, 0, 1]]
+
+
+def test_curves_are_cut_where_they_turn_by_more_than_thirty_degrees() -> None:
+    def run(*angles: float) -> list[int]:
+        turned = np.cumsum(np.radians(angles))
+        steps = np.column_stack([np.cos(turned), 2 * np.sin(turned), 0 * turned, 0 * turned])
+        points = np.vstack([np.zeros(4), np.cumsum(steps, axis=0)])
+        points = np.insert(points, 2, points[2], axis=0)  # nothing moves: counts once
+        runs = smooth_runs(points, np.array([1.0, 2.0, 1.0, 1.0]))
+        for before, after in pairwise(runs):
+            assert np.array_equal(before[-1], after[0])
+        return [len(part) for part in runs]
+
+    assert run(0, 29, -29, 29) == [5]
+    assert run(0, 31, 0, 0) == [2, 4]
+    assert run(0, 0, 0, -31) == [4, 2]
+    assert run(90, 90, 180, 0) == [2, 2, 3]
+    assert smooth_runs(np.tile(START, (3, 1)), ONES) == []
+
+
+def test_knots_that_are_close_are_one() -> None:
+    knots = with_knots(np.array([0.0, 0.5, 1.0]), [0.7, 0.5 + 0.9e-6, 0.7 + 0.9e-6, 0.2, 1 - 1e-7])
+    assert knots.tolist() == [0.0, 0.2, 0.5, 0.7, 1.0]
+    assert len(with_knots(np.array([0.0, 1.0]), [1.1e-6])) == 3
+
+
+def test_joints_begin_where_their_direction_changes() -> None:
+    s = np.linspace(0.0, 1.0, 5)
+    dq = np.ones((5, 4))
+    dq[0, 1] = 0.0
+    signs = np.array([[1.0, 1, 0, 0], [1.0, -1, 1, 0]])
+    samples, knots = PathSamples(s, dq, dq, dq), np.array([0.0, 0.5, 1.0])
+    expected = np.zeros((5, 4), dtype=bool)
+    expected[0, :2] = expected[2, 1:3] = True
+    assert np.array_equal(joint_starts(samples, knots, signs), expected)
+    expected[0, 0] = False  # the motion is fast there already
+    assert np.array_equal(joint_starts(samples, knots, signs, moving=True), expected)
+
+
+@pytest.fixture(scope="module")
+def motion_path(mechanism: Mechanism) -> MotionPath:
+    """2 s; joint 1 turns back at 1 s, where its acceleration jumps; the others stand."""
+    coefficients = np.zeros((2, 6, 4))
+    coefficients[:, 0] = START
+    coefficients[0, 1:3, 0] = 0.4, -0.2
+    coefficients[1, 0, 0] += 0.2
+    coefficients[1, 2, 0] = -0.3
+    trajectory = Trajectory(np.array([0.0, 1.0, 2.0]), coefficients, ())
+    signs = np.array([[1.0, 0, 0, 0], [-1.0, 0, 0, 0]])
+    return MotionPath(mechanism, trajectory, np.array([0.0, 0.5, 1.0]), signs)
+
+
+def test_the_path_of_a_motion_is_the_motion(motion_path: MotionPath) -> None:
+    samples = motion_path.sample(np.array([0.25, 0.75, 1.2]))
+    there = motion_path.trajectory.sample(np.array([0.5, 1.5, 2.0]))
+    assert samples.q == pytest.approx(there.q)
+    assert samples.dq == pytest.approx(2 * there.qd)
+    assert samples.ddq == pytest.approx(4 * there.qdd)
+    assert not samples.dq[:, 1:].any()
+    derivatives_hold(motion_path)
+    grid = motion_path.grid(104)
+    assert (grid[0], grid[-1]) == (0.0, 1.0)
+    assert np.all(np.diff(grid) > 0)
+    assert len(grid) == pytest.approx(104, abs=4)
+    beside = np.sort(np.abs(grid - 0.5))[:2]
+    assert beside == pytest.approx([0.5e-4, 0.5e-4])
+    assert 0.5 not in grid
+    starts = motion_path.starts(motion_path.sample(grid))
+    assert starts[:, 0].sum() == 1
+    assert np.abs(grid[np.argmax(starts[:, 0])] - 0.5) < 1e-3
+    assert not starts[:, 1:].any()
+
+
+def test_a_chain_of_paths_is_each_of_them(motion_path: MotionPath, spline: SplinePath) -> None:
+    chain = Chain(motion_path.mechanism, (motion_path, spline))
+    own = np.linspace(0.0, 1.0, 9)
+    grid = Chain.grid(own, 2)
+    assert grid == pytest.approx(np.concatenate([own, own + 2]))
+    samples = chain.sample(grid)
+    for k, path in enumerate((motion_path, spline)):
+        part, alone = slice(9 * k, 9 * k + 9), path.sample(own)
+        for name in ("q", "dq", "ddq"):
+            assert np.array_equal(getattr(samples, name)[part], getattr(alone, name))
+        assert np.array_equal(chain.starts(samples)[part], path.starts(alone))
+    knots, signs = chain.directions
+    first, second = motion_path.directions, spline.directions
+    assert knots == pytest.approx(np.concatenate([first[0], second[0] + 2]))
+    assert len(signs) == len(knots) - 1
+    assert np.array_equal(signs[2], first[1][-1])
+    assert np.array_equal(signs[3:], second[1])
+
+
+def test_the_rate_along_a_path_follows_from_the_joints_speeds(spline: SplinePath) -> None:
+    slope = spline.sample(np.array([0.4])).dq[0]
+    assert spline.speed_at(0.4, 0.7 * slope) == pytest.approx(0.7)
+    assert spline.speed_at(0.4, np.zeros(4)) == 0.0
+    starts = JointPath.starts(spline, spline.sample(np.array([0.0, 0.1])))
+    assert starts.tolist() == [[True] * 4, [False] * 4]
+    assert spline.overview.q == pytest.approx(spline.sample(np.linspace(0, 1, 201)).q)

@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.lower_bound import rest_to_rest
+from ssm_planner.planning.ocp.straight import solve_straight
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.prechecks import feasible_phases
+from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
+from ssm_planner.planning.retiming.retime import durations, retime, retime_motion
+from ssm_planner.problem.motion import Free, Task
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
+from ssm_planner.reporting.text import verdicts
+from ssm_planner.trajectory import Trajectory, join
+from ssm_planner.verification.check import check
+
+Weaker = Callable[[Robot, float], Robot]
+
+
+def paths(problem: Problem) -> list[StraightPath]:
+    phases, reason = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
+    assert reason is None
+    return [phase.path for phase in phases if phase.path is not None]
+
+
+def test_insertion_takes_the_closed_form_time(tilt_insert: Problem) -> None:
+    insertion = paths(tilt_insert)[1]
+    joint = tilt_insert.robot.joints[3]
+    expected = rest_to_rest(0.020, joint.velocity, joint.acceleration).duration
+    assert retime(insertion, tilt_insert.robot).duration == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize(("factor", "passes"), [(0.35, 6), (0.29, 10)])
+def test_the_viscous_tangents_settle(
+    tilt_insert: Problem, factor: float, passes: int, weaker: Weaker
+) -> None:
+    robot = weaker(tilt_insert.robot, factor)
+    path = paths(tilt_insert)[0]
+    result = retime(path, robot)
+    assert result.solved
+    assert result.passes <= passes
+    assert result.duration > 1.02 * retime(path, tilt_insert.robot).duration
+
+
+@pytest.mark.parametrize("static", [True, False])
+def test_tangents_settle_while_the_linear_rows_bind_though_the_true_ones_do_not(
+    tilt_insert: Problem, static: bool
+) -> None:
+    path = paths(tilt_insert)[1]
+    durations = []
+    for torque in (0.7e-3, 0.6e-3, 0.5e-3, 0.45e-3, 0.4e-3):
+        joints = tilt_insert.robot.joints
+        assert joints[3].motor is not None
+        weak = replace(
+            joints[3], motor=replace(joints[3].motor, max_torque=torque, nominal_torque=torque)
+        )
+        robot = replace(tilt_insert.robot, joints=(*joints[:3], weak))
+        result = retime(path, robot, static=static)
+        assert result.solved
+        assert result.converged
+        optimum = solve_straight(robot, path, result, objective="time").duration
+        assert result.duration == pytest.approx(optimum, rel=3e-4)
+        durations.append(result.duration)
+    assert durations == sorted(durations)
+
+
+def test_a_motor_too_weak_to_start_gives_no_motion(tilt_insert: Problem, weaker: Weaker) -> None:
+    result = retime(paths(tilt_insert)[0], weaker(tilt_insert.robot, 0.1))
+    assert result.status == "infeasible"
+    assert result.message
+
+
+def test_a_path_follows_its_line_and_its_derivatives_are_its_own(tilt_insert: Problem) -> None:
+    path = paths(tilt_insert)[0]
+    s = np.linspace(0.01, 0.99, 50)
+    h = 1e-6
+    low, here, high = path.sample(s - h), path.sample(s), path.sample(s + h)
+    assert np.allclose((high.q - low.q) / (2 * h), here.dq, rtol=1e-6, atol=1e-8)
+    assert np.allclose((high.dq - low.dq) / (2 * h), here.ddq, rtol=1e-6, atol=1e-6)
+    assert np.allclose(
+        (high.ddq - low.ddq) / (2 * h), path.third_derivative(s), rtol=1e-5, atol=1e-5
+    )
+
+
+def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
+    from ssm_planner.kinematics.task import task_from_joints
+
+    path = paths(tilt_insert)[0]
+    motion = solve_straight(tilt_insert.robot, path, retime(path, tilt_insert.robot))
+    trajectory = join([("tilt", motion.breaks, motion.coefficients)])
+    samples = trajectory.sample(np.linspace(0, trajectory.duration, 5000))
+    task = task_from_joints(path.mechanism, samples.q)
+    for k in (0, 2, 3):
+        assert np.abs(task[:, k] - path.start[k]).max() < 1e-8
+    assert check(trajectory, tilt_insert.robot).passed
+
+
+@pytest.fixture(scope="module")
+def small_move(tilt_insert: Problem) -> Problem:
+    """A joint that goes far beside others that hardly move: their small ways have sharp bends."""
+    start = Task(roll=0.0, tilt=np.radians(-113), spin=0.0, depth=0.015)
+    to = Task(roll=np.radians(2), tilt=np.radians(-113.05), depth=0.01501)
+    return replace(tilt_insert, start=start, motion=(Free(to, name="free"),), objective="time")
+
+
+def test_along_the_path_of_a_free_motion_there_is_hardly_a_faster_one(small_move: Problem) -> None:
+    planned = plan_motion(small_move)
+    (phase,) = planned.phases
+    assert phase.toppra_duration == pytest.approx(phase.duration, rel=1e-4)
+
+
+def test_a_slow_motion_is_re_timed_to_the_fastest_along_its_path(small_move: Problem) -> None:
+    planned = plan_motion(small_move)
+    (phase,), trajectory = planned.phases, planned.trajectory
+    assert trajectory is not None
+    slow = Trajectory(
+        2.5 * trajectory.breaks, trajectory.coefficients / 2.5 ** np.arange(6)[:, None], ()
+    )
+    knots, signs = np.array([0.0, 1.0]), np.sign(np.diff(phase.phase.points, axis=0))
+    path = MotionPath(Mechanism.from_geometry(small_move.robot.geometry), slow, knots, signs)
+    again = retime_motion(path, small_move.robot, small_move.task_limits)
+    assert again.converged
+    assert again.duration == pytest.approx(phase.duration, rel=1e-3)
+
+
+def test_a_cross_check_that_differs_more_than_promised_has_failed(tilt_insert: Problem) -> None:
+    made = plan(replace(tilt_insert, motion=tilt_insert.motion[1:], objective="time"))
+    assert not made.disagreements
+    assert made.phases[0].toppra_duration is not None
+    off = replace(made.phases[0], toppra_duration=0.99 * made.phases[0].duration)
+    failed = replace(made, phases=(off,))
+    assert any("cross-check failed" in note and "insert" in note for note in failed.notes)
+    assert any("FAILED" in line and "along the same path" in line for line in verdicts(failed))
+
+
+def test_paths_are_timed_together_as_each_alone(tilt_insert: Problem) -> None:
+    """The path of a motion, and others of its mesh over shares of its way."""
+    problem = replace(
+        tilt_insert, motion=(Free(Task(tilt=np.radians(-120), depth=0.012)),), planner="fast"
+    )
+    phase = plan_motion(problem).phases[0]
+    breaks, coefficients = phase.motion.breaks, phase.motion.coefficients
+    shares = np.ones((4, 6, 1))
+    shares[:, 1:] = np.array([1.0, 0.9, 0.7, 0.2])[:, None, None]
+    whole = shares * coefficients[:, None]
+    whole[:, :, 0] = (
+        phase.phase.q_start + shares[:, 1] * (coefficients[:, 0] - phase.phase.q_start)[:, None]
+    )
+    mechanism, knots = (
+        Mechanism.from_geometry(problem.robot.geometry),
+        phase.motion.borders / breaks[-1],
+    )
+    paths = [
+        MotionPath(mechanism, Trajectory(breaks, whole[:, k], ()), knots, phase.motion.directions)
+        for k in range(4)
+    ]
+    given = problem.robot, problem.task_limits, 200, 0.999
+    alone = [retime_motion(path, *given).duration for path in paths]
+    assert alone[0] > 1.01 * alone[1] > 1.01 * alone[2]
+    assert durations(paths, *given) == pytest.approx(alone, rel=1e-12)

@@ -1,0 +1,65 @@
+"""The bound on RMS torque that refuses a motor early: no motion, however slow, has less, and what it refuses never cools."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner import load_problem
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning import phase_planner
+from ssm_planner.planning.prechecks import exceeds_thermal_bound
+from ssm_planner.problem.motion import Dwell
+from ssm_planner.problem.problem import Problem
+from ssm_planner.sizing.size import size_motion
+
+
+def tilting(nominal: float = 1e-4, **changes: object) -> Problem:
+    """The shipped motion's tilt alone, joint 1's motor with another nominal torque, N·m."""
+    problem = load_problem("problems/tilt_insert.yaml")
+    first, *others = problem.robot.joints
+    joints = (replace(first, motor=replace(first.motor, nominal_torque=nominal)), *others)
+    return replace(
+        problem, motion=problem.motion[:1], robot=replace(problem.robot, joints=joints), **changes
+    )
+
+
+@pytest.mark.parametrize("pause", [0.0, 5.0])
+@pytest.mark.parametrize("duration", [None, 4.0, 30.0, 300.0])
+def test_no_motion_has_less_than_the_bound(duration, pause):
+    bound = exceeds_thermal_bound(tilting(duty=pause)).required
+    strong = tilting(36e-3, duty=pause)
+    made = plan(replace(strong, motion=(replace(strong.motion[0], duration=duration),)))
+    found = size_motion(made.trajectory, made.problem.robot).verdicts[0].requirement.rms_torque
+    found *= np.sqrt(made.duration / (made.duration + pause))
+    assert 0.3 * found < bound <= found if pause == 0 else bound <= found
+
+
+def test_what_is_refused_early_costs_no_planning_and_what_may_stand_or_rest_is_not_refused(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    solves = []
+    monkeypatch.setattr(phase_planner, "retime", lambda *_, **__: solves.append("retime"))
+    monkeypatch.setattr(phase_planner, "solve_straight", lambda *_, **__: solves.append("straight"))
+    made = plan(tilting(8e-3), relaxations=False)
+    monkeypatch.undo()
+    assert solves == []
+    assert made.status == "infeasible"
+    assert made.reason.limit.key == ("continuous torque", "roll")
+    assert "however slowly" in made.reason.message
+    assert exceeds_thermal_bound(tilting(8e-3, duty=None)) is None  # done once
+    whole = tilting(8e-3)
+    rested = replace(whole, motion=(*whole.motion, Dwell(60.0, "rest")))
+    assert exceeds_thermal_bound(rested) is None
+    insertion = load_problem("problems/tilt_insert.yaml").motion[1]
+    assert (
+        exceeds_thermal_bound(replace(whole, motion=(*whole.motion, insertion))) is None
+    )  # as slow as it takes
+    assert (
+        exceeds_thermal_bound(
+            replace(whole, motion=(*whole.motion, replace(insertion, duration=0.5)))
+        )
+        is not None
+    )

@@ -1,0 +1,74 @@
+"""The search among the ways to move a phase, and one more way: the example of docs/architecture.md."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.candidates import listed
+from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.ocp.nlp import Reversals
+from ssm_planner.planning.phase_planner import PhasePlanner
+from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.search import GAP
+from ssm_planner.problem.motion import Free, Task
+from ssm_planner.problem.problem import Problem
+
+
+class Halfway(Candidate):
+    """A motion through the middle between both ends, where every joint may reverse."""
+
+    kind: ClassVar[str] = "halfway"
+
+    @classmethod
+    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+        """Yield the candidate if the direct motion was estimated or found."""
+        direct = (
+            attempt is not None and attempt.candidate.kind == "direct" and attempt.failed is None
+        )
+        if direct and planner.phase.path is None and len(planner.phase.points) == 2:
+            yield cls(planner)
+
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+        """Return the motion."""
+        first, last = self.planner.phase.points
+        middle = Reversals(np.stack([first, (first + last) / 2, last]), (1,))
+        return self.planner.free(middle, cutoff=cutoff)
+
+
+def swing(problem: Problem) -> Problem:
+    motion = (Free(Task(roll=0.2, tilt=np.radians(-110), depth=0.01)),)
+    return replace(problem, motion=motion, objective="time", planner="fast")
+
+
+def test_a_new_way_to_move_is_a_class_and_a_line(tilt_insert: Problem) -> None:
+    listed.KINDS.append(Halfway)
+    try:
+        made = plan(swing(tilt_insert))
+    finally:
+        listed.KINDS.remove(Halfway)
+    assert made.passed
+    text = (Path(__file__).parents[2] / "docs/architecture.md").read_text("utf-8")
+    assert inspect.getsource(Halfway) in text
+    assert "halfway" in [each["kind"] for each in made.candidates[0]]
+
+
+def test_every_plan_lists_its_candidates_and_takes_the_shortest(tilt_insert: Problem) -> None:
+    made = plan(swing(tilt_insert))
+    (candidates,) = made.candidates
+    assert candidates[0]["kind"] == "direct"
+    taken = [each for each in candidates if each["outcome"] == "taken"]
+    assert len(taken) == 1
+    for each in candidates:
+        known = [each[name] for name in ("bound", "estimate", "duration") if each[name] is not None]
+        others = each["duration"] is not None or str(each["outcome"]).startswith("slower")
+        if others:
+            assert max(known) >= (1 - GAP) * taken[0]["duration"]
+    assert made.summary()["candidates"][0] == [dict(each) for each in candidates]

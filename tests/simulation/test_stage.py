@@ -1,0 +1,318 @@
+"""What a playback asks of the arm, and what it makes of the arm's motion: with an arm whose motion is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.kinematics.forward import tip_position
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.plans import Plan
+from ssm_planner.problem.controller import AxisController, Controller
+from ssm_planner.problem.motion import Free, Joints
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.simulation.plant import MOTOR, QD, Q, W
+from ssm_planner.simulation.playback import CURRENT, TRIP, WHOLE, Commands, Played
+from ssm_planner.simulation.simulate import (
+    COUNTS,
+    EVERYWHERE,
+    HORIZON,
+    SETTLE,
+    STANDS,
+    STILL,
+    PowerLosses,
+    Scenario,
+    _Stage,
+)
+from ssm_planner.trajectory import Span, Trajectory, hermite
+
+START = np.array([0.3, 1.15, 0.1, -0.005])
+END = START + np.array([0.05, -0.04, 0.1, -0.003])
+DURATION = 0.4
+FINE = Controller(counts_per_turn=COUNTS)
+
+
+@pytest.fixture(scope="module")
+def plan(robot: Robot) -> Plan:
+    """One quintic from rest to rest."""
+    zero, breaks = np.zeros((1, 4)), np.array([0.0, DURATION])
+    piece = hermite(breaks, (START[None], zero, zero), (END[None], zero, zero))
+    first, last = (Joints(tuple(q.tolist())) for q in (START, END))
+    problem = Problem(robot, first, (Free(last),), name="by hand")
+    return Plan(problem, "solved", Trajectory(breaks, piece, (Span("all", 0.0, DURATION),)))
+
+
+class FakeArm:
+    """An arm that records what it is told; its state counts the periods in joint 1's position."""
+
+    def __init__(self, moves: Any = None) -> None:
+        self.told: list[Commands] = []
+        self.begun: list[np.ndarray] = []
+        self.moves = moves
+
+    def start(self, q: np.ndarray) -> np.ndarray:
+        state = np.zeros(WHOLE)
+        state[Q] = q
+        return state
+
+    def offsets(self, state: np.ndarray, q: np.ndarray) -> np.ndarray:
+        return np.arange(4.0)
+
+    def friction(self, scale: float) -> np.ndarray:
+        return np.full(28, scale)
+
+    def play(
+        self, state: np.ndarray, command: Commands, offsets: np.ndarray, friction: np.ndarray
+    ) -> Played:
+        self.told.append(command)
+        self.begun.append(state)
+        n = len(command.power)
+        states = np.tile(state, (n + 1, 1))
+        if self.moves is not None:
+            states = self.moves(state, n)
+        return Played(states, np.full((n, 4), len(self.told)), np.zeros((n, 4)))
+
+
+def stage(plan: Plan, **scenario: Any) -> _Stage:
+    return _Stage(plan, Scenario(**scenario), FINE)
+
+
+def test_the_playback_ends_after_the_target_was_held_or_after_the_loss_of_power(plan: Plan) -> None:
+    for scenario, end in (
+        ({}, DURATION + SETTLE),
+        ({"power_loss": EVERYWHERE}, DURATION + SETTLE),
+        ({"power_loss": 0.1}, 0.1 + HORIZON),
+    ):
+        made = stage(plan, **scenario)
+        assert made.time[-1] + made.period == pytest.approx(end)
+        assert np.diff(made.time) == pytest.approx(made.period)
+        moving = made.time <= DURATION
+        assert made.planned[moving] == pytest.approx(plan.motion.sample(made.time[moving]).q)
+        assert made.planned[~moving] == pytest.approx(np.tile(END, (int((~moving).sum()), 1)))
+        assert len(made.told.power) == len(made.time)
+
+
+def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Plan) -> None:
+    plain = stage(plan)
+    time = plain.time
+
+    def differing(made: _Stage) -> dict[str, np.ndarray]:
+        own, other = vars(made.told), vars(plain.told)
+        return {key: own[key] for key in own if not np.array_equal(own[key], other[key])}
+
+    assert differing(stage(plan)) == {}
+    assert plain.told.power.all()
+    assert not plain.told.stalled.any()
+    stalled = differing(stage(plan, stall=("tilt", 0.1)))
+    assert set(stalled) == {"stalled"}
+    expected = np.zeros((len(time), 4))
+    expected[time >= 0.1 - 1e-9, 1] = 1.0
+    assert np.array_equal(stalled["stalled"], expected)
+    cut = vars(stage(plan, power_loss=0.1).told)["power"]
+    assert np.array_equal(cut, stage(plan, power_loss=0.1).time < 0.1 - 1e-9)
+    turned = differing(stage(plan, wrong_direction="tilt"))
+    assert set(turned) == {"demand", "speed", "acceleration", "torque"}
+    for key, column in turned.items():
+        own = getattr(plain.told, key).copy()
+        first = own[0, 1] if key == "demand" else 0.0
+        own[:, 1] = 2 * first - own[:, 1]
+        assert column == pytest.approx(own)
+    lost = differing(stage(plan, dropped=0.1))
+    assert set(lost) == {"demand", "speed", "acceleration", "torque"}
+    # the drives interpolate to and from a set point that repeats the one before
+    demand = lost["demand"]
+    changed = np.flatnonzero((demand != plain.told.demand).any(axis=1))
+    assert time[changed].min() > 0.099 - 1e-9
+    assert time[changed].max() < 0.101 + 1e-9
+    at, before = (int(np.argmin(np.abs(time - t))) for t in (0.1, 0.099))
+    increment = np.abs(np.diff(plain.told.demand, axis=0)).max(axis=0)
+    assert np.all(np.abs(demand[at] - plain.told.demand[before]) <= increment)
+    last = differing(stage(plan, dropped=DURATION))
+    assert np.flatnonzero((last["speed"] != plain.told.speed).any(axis=1)).size > 0
+
+
+def test_joints_without_a_drive_are_prescribed_what_the_plan_accelerates_them_by(
+    plan: Plan,
+) -> None:
+    made = stage(plan)
+    moving = made.time < DURATION - 2e-3
+    middle = plan.motion.sample(made.time[moving] + made.period / 2).qdd
+    assert made.told.given[moving] == pytest.approx(middle, rel=1e-3, abs=1e-2)
+    assert not made.told.given[made.time > DURATION].any()
+    speed = np.cumsum(made.told.given[:, 2]) * made.period
+    assert speed[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("pick", [0.0, 0.1])
+def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) -> None:
+    made = stage(plan, payload=0.05, payload_time=pick, friction=2.0)
+    empty, loaded = FakeArm(lambda s, n: s + np.arange(n + 1.0)[:, None]), FakeArm()
+    made.arms = {0.0: empty, 0.05: loaded}  # type: ignore[dict-item]
+    played = made.play()
+    n, change = len(made.time), round(pick / made.period)
+    assert np.array_equal(made.friction, np.full(28, 2.0))
+    assert np.array_equal(made.offsets, np.arange(4.0))
+    assert [len(told.power) for told in empty.told] == ([change] if change else [])
+    assert [len(told.power) for told in loaded.told] == [n - change]
+    assert played.states.shape == (n + 1, WHOLE)
+    assert played.error.shape == played.saturated.shape == (n, 4)
+    begin = loaded.begun[0]
+    assert begin[Q] == pytest.approx(made.planned[0] + change)
+    assert np.array_equal(played.states[change], begin)
+    told = np.vstack([arm.demand for arm in (*empty.told, *loaded.told)])
+    assert np.array_equal(told, made.told.demand)
+    # a loss of power before the payload is picked up is one of the empty arm
+    off = Commands(**{key: column[:1000] for key, column in vars(made.told).items()})
+    for instant, arm in ((0.05, loaded if pick == 0.0 else empty), (0.2, loaded)):
+        count = len(arm.told)
+        made._stop(arm.start(START), off, instant)
+        assert len(arm.told) > count
+
+
+def falling(seconds: float, period: float) -> Any:
+    """Joint 4 slides evenly by 2 mm within some seconds and stops; states count their age in the integral."""
+
+    def moves(state: np.ndarray, n: int) -> np.ndarray:
+        states = np.tile(state, (n + 1, 1))
+        age = state[-1] + np.arange(n + 1)
+        states[:, -1] = age
+        sliding = age * period < seconds - 1e-9
+        states[:, 3] = START[3] - 2e-3 * np.minimum(age * period / seconds, 1.0)
+        states[:, QD][:, 3] = np.where(sliding, -2e-3 / seconds, 0.0)
+        return states
+
+    return moves
+
+
+@pytest.mark.parametrize("seconds", [0.03, 0.21, 0.7, 0.93, 0.97, 2.0])
+def test_after_a_loss_of_power_travel_and_time_are_those_of_the_motion(
+    plan: Plan, seconds: float
+) -> None:
+    made = stage(plan, power_loss=0.1)
+    arm = FakeArm(falling(seconds, made.period))
+    made.arms = {0.0: arm}  # type: ignore[dict-item]
+    played = made.play()
+    played.states[:] = arm.start(START)
+    losses = made.lose_power(played, lambda text: None)
+    assert losses.time.tolist() == [0.1]
+    stands = seconds < HORIZON - STILL
+    assert losses.holds is stands
+    if stands:
+        assert losses.standing[0] == pytest.approx(seconds, abs=2 * made.period)
+    ways = np.array([START, START])
+    ways[1, 3] -= 2e-3 * min(HORIZON / seconds, 1.0)
+    tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ways)
+    assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-2)
+    told = arm.told[-1]
+    assert not told.power.any()
+    assert np.array_equal(told.demand, np.tile(made.told.demand[0], (len(told.power), 1)))
+
+
+def test_power_is_lost_at_even_instants_from_the_states_there(plan: Plan) -> None:
+    made = stage(plan, power_loss=EVERYWHERE, instants=501)
+    arm = FakeArm()
+    made.arms = {0.0: arm}  # type: ignore[dict-item]
+    played = made.play()
+    played.states[:, 0] = np.arange(len(played.states))
+    said: list[str] = []
+    losses = made.lose_power(played, said.append)
+    assert losses.time == pytest.approx(np.linspace(0.0, DURATION, 501))
+    begun = np.array([state[0] for state in arm.begun[1:]])
+    assert begun == pytest.approx(np.round(losses.time / made.period))
+    assert not losses.travel.any()
+    assert not losses.standing.any()
+    assert said == [f"power lost at {k} of 501 instants" for k in (0, 250, 500)]
+
+
+def test_standing_means_that_every_motor_rests_and_no_joint_moves(plan: Plan) -> None:
+    made = stage(plan)
+    states = np.zeros((9, WHOLE))
+    for k, joint in enumerate(plan.robot.joints):
+        states[k, QD.start + k] = -1.01 * STANDS * joint.velocity
+        states[4 + k, QD.start + k] = 0.99 * STANDS * joint.velocity
+    assert made._standing(states).tolist() == [False] * 4 + [True] * 5
+    states = np.zeros((4, WHOLE))
+    states[:, W] = 1e-9 * np.eye(4)
+    assert not made._standing(states).any()
+
+
+def played_by_hand(made: _Stage) -> Played:
+    """The plan followed 2 µrad late by joint 1; currents, a saturated and a tripped drive."""
+    n = len(made.time)
+    states = np.zeros((n + 1, WHOLE))
+    states[:-1, Q], states[-1, Q] = made.planned, made.planned[-1]
+    states[:, 0] += 2e-6
+    states[:, CURRENT] = np.arange(n + 1.0)[:, None] / n * [1.0, -2.0, 0.0, 0.5]
+    states[n // 2 :, TRIP.start + 1] = 1.0
+    states[:, MOTOR] = 7.0
+    error, saturated = np.zeros((n, 4)), np.zeros((n, 4))
+    error[n // 4, 1], error[-1, 1] = -0.3, 0.9
+    saturated[3, 3] = 1.0
+    return Played(states, error, saturated)
+
+
+def test_a_result_states_what_was_played_while_there_was_power(plan: Plan) -> None:
+    made = stage(plan)
+    made.offsets = np.arange(4.0)
+    n, none = len(made.time), PowerLosses(*np.zeros((3, 1)))
+    result = made.result(played_by_hand(made), none)
+    assert np.array_equal(result.powered, np.arange(n) < n // 2)
+    roll = result.tracking[0]
+    assert [each.joint for each in result.tracking] == list(JOINTS)
+    assert (roll.worst, roll.rms) == pytest.approx((2e-6, 2e-6))
+    assert result.tracking[1].worst == 0.0
+    assert result.motor_angle == pytest.approx(np.tile(7.0 - np.arange(4.0), (n, 1)))
+    assert [motor.joint for motor in result.motors] == ["roll", "tilt", "insertion"]
+    for motor, k in zip(result.motors, (0, 1, 3), strict=True):
+        known = plan.robot.joints[k].motor
+        assert known is not None
+        current = np.abs([1.0, -2.0, 0.0, 0.5])[k] / n
+        # the current of a period is that of the state after it
+        assert motor.peak_torque == pytest.approx(current * (n // 2) * known.torque_constant)
+        assert motor.limit == known.max_torque
+        assert motor.saturated is (k == 3)
+        assert motor.tripped is (k == 1)
+        assert motor.window == made.windows[motor.joint]
+    counts = made.axes["tilt"].counts_per_turn
+    assert result.motors[1].following_error == pytest.approx(0.3 * counts / (2 * np.pi))
+    assert not result.torque[:, 2].any()
+    mechanism = Mechanism.from_geometry(plan.robot.geometry)
+    off = tip_position(mechanism, result.q) - tip_position(mechanism, result.planned)
+    assert result.tip == pytest.approx(np.linalg.norm(off, axis=1))
+    assert any("tilt: the following error left" in reason for reason in result.reasons)
+
+
+def test_windows_and_notes_follow_from_controller_and_motors(plan: Plan) -> None:
+    given = Controller(joints={"roll": AxisController(following_error=0.01)})
+    made = _Stage(plan, Scenario(), given)
+    axis = made.axes["roll"]
+    assert made.windows["roll"] == round(0.01 * abs(axis.increments_per_unit))
+    tiny = Controller(joints={"roll": AxisController(following_error=1e-12)})
+    assert _Stage(plan, Scenario(), tiny).windows["roll"] == 1
+    joints = list(plan.robot.joints)
+    known = {"encoder_counts": 500, "terminal_resistance": 1.0, "placeholders": ()}
+    for k, changes in (
+        (0, {"encoder_counts": None}),
+        (1, {"terminal_resistance": None}),
+        (3, {"placeholders": ("encoder_counts",)}),
+    ):
+        assert joints[k].motor is not None
+        joints[k] = replace(joints[k], motor=replace(joints[k].motor, **{**known, **changes}))
+    robot = replace(plan.robot, joints=tuple(joints))
+    changed = replace(plan, problem=replace(plan.problem, robot=robot))
+
+    def notes(controller: Controller) -> set[tuple[str, str]]:
+        every = _Stage(changed, Scenario(), controller)._notes()[1:]
+        words = ("no encoder", "is not known", "counts is a placeholder", "figures of motor")
+        return {(n.split(":")[0], word) for n in every for word in words if word in n}
+
+    own = {
+        ("joint tilt", "is not known"),
+        ("joint insertion", "counts is a placeholder"),
+    }
+    assert notes(FINE) == own
+    assert notes(Controller()) == {*own, ("joint roll", "no encoder")}

@@ -1,0 +1,186 @@
+"""Verdicts on 48 real motors on the three driven axes against brute force: every torque, voltage and temperature anew."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner import units
+from ssm_planner.loading.load import load_problem
+from ssm_planner.planning.planner import plan_motion
+from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.robot import Robot
+from ssm_planner.sizing.assess import MotorVerdict, assess
+from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+from ssm_planner.sizing.motor_limits import Conditions
+from ssm_planner.typing import Array
+from tests.support.paths import PROBLEMS
+
+KINDS = {
+    "nominal_torque": "torque",
+    "chart_max_torque": "torque",
+    "max_speed": "motor_speed",
+    "nominal_voltage": "voltage",
+    "torque_constant": "torque_constant",
+    "terminal_resistance": "resistance",
+    "rotor_inertia": "inertia",
+    "resistance_winding_housing": "thermal_resistance",
+    "resistance_housing_ambient": "thermal_resistance",
+    "time_constant_winding": "time",
+    "time_constant_motor": "time",
+    "max_winding_temperature": "temperature",
+}
+FRICTION = ("mu", "b_c", "b_v", "b_oc", "b_ov")
+
+
+def catalogue() -> Iterator[Motor]:
+    with (PROBLEMS / "catalogues/motors_24v.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            figures = {name: units.quantity(row[name], kind) for name, kind in KINDS.items()}
+            yield Motor(
+                name=row["order_number"], max_torque=figures.pop("chart_max_torque"), **figures
+            )
+
+
+@pytest.fixture(scope="module")
+def motors() -> list[Motor]:
+    found = list(catalogue())
+    assert len(found) == 48
+    return found
+
+
+@pytest.fixture(scope="module")
+def axes() -> tuple[JointLoad, ...]:
+    """The shipped motion, at fewer instants: what is compared looks at the same ones."""
+    problem = load_problem(PROBLEMS / "tilt_insert.yaml")
+    trajectory = plan_motion(problem).trajectory
+    return joint_loads(trajectory, problem.robot, rate=50.0)
+
+
+def reference_torque(load: JointLoad, inertia: float, values: dict[str, float]) -> Array:
+    """Motor torque (n,) by the law as the paper prints it; mu_static keeps its ratio to mu."""
+    drive, friction = load.drive, load.drive.friction
+    way, w = load.direction, load.qd * drive.ratio
+    mu = np.where(load.breakaway > 0, friction.mu_static / friction.mu, 1.0) * values["mu"]
+    mu = np.where(load.breakaway > 0, np.maximum(mu, values["mu"]), mu)
+    effort = (
+        load.tau_rigid
+        + drive.output_inertia * load.qdd
+        + values["b_oc"] * way
+        + values["b_ov"] * load.qd
+    )
+    phi = np.arctan(mu / np.cos(drive.pressure_angle))
+    mesh = drive.gamma * np.tan(drive.lead_angle + np.sign(effort * way) * phi) * effort
+    torque = inertia * load.qdd * drive.ratio + values["b_c"] * way + values["b_v"] * w + mesh
+    return np.where(way == 0, 0.0, torque)
+
+
+def holds(load: JointLoad, motor: Motor, torque: Array) -> Array:
+    """(cases,): peak, RMS, speed, voltage and winding of a repeated motion with torques (cases, n) all within."""
+    span = load.t[-1] - load.t[0]
+    speed = np.abs(load.qd * load.drive.ratio)
+    rms = np.sqrt(np.trapezoid(torque**2, load.t, axis=1) / span)
+    kept = (np.abs(torque).max(axis=1) <= motor.max_torque) & (rms <= motor.nominal_torque)
+    kept &= speed.max() <= motor.max_speed
+    for temperature in (25.0, motor.max_winding_temperature - 273.15):
+        k = motor.torque_constant * (1 - 0.0012 * (temperature - 25))
+        ohm = motor.terminal_resistance * (1 + 0.00393 * (temperature - 25))
+        volts = np.abs(ohm * torque / k + k * load.qd * load.drive.ratio)
+        kept &= volts.max(axis=1) <= motor.nominal_voltage
+    kept[kept] = hottest(load, motor, torque[kept]) <= motor.max_winding_temperature - 273.15
+    return kept
+
+
+def hottest(load: JointLoad, motor: Motor, torque: Array) -> Array:
+    """(cases,) °C: two bodies in small steps over repetitions from the mean temperatures on."""
+    inner, outer = motor.resistance_winding_housing, motor.resistance_housing_ambient
+    capacity = motor.time_constant_winding / inner
+
+    def heat(tau: Array, winding: Array) -> Array:
+        k = motor.torque_constant * np.maximum(1 - 0.0012 * (winding - 25), 0.05)
+        return motor.terminal_resistance * (1 + 0.00393 * (winding - 25)) * (tau / k) ** 2
+
+    span = load.t[-1] - load.t[0]
+    rms = np.sqrt(np.trapezoid(torque**2, load.t, axis=1) / span)
+    winding = np.full(len(torque), 25.0)
+    for _ in range(200):
+        winding = np.minimum(25 + (inner + outer) * heat(rms, winding), 2000.0)
+    housing = 25 + outer / (inner + outer) * (winding - 25)
+    peak = winding.copy()
+    for _ in range(max(int(3 * motor.time_constant_winding / span), 2)):
+        for k, step in enumerate(np.diff(load.t)):
+            gained = (
+                heat((torque[:, k] + torque[:, k + 1]) / 2, winding) - (winding - housing) / inner
+            )
+            winding = np.minimum(winding + step * gained / capacity, 2000.0)
+            peak = np.maximum(peak, winding)
+    return peak
+
+
+def answers(load: JointLoad, motor: Motor, spread: float) -> bool | None:
+    """Of every rotor and friction that there may be: True where all hold, False where none does."""
+    own, drive = load.motor, load.drive
+    stated = own.rotor_inertia
+    most = min(own.nominal_torque / 2e4, drive.input_inertia) if stated is None else stated
+    inertias = (
+        np.linspace(drive.input_inertia - most, drive.input_inertia - (stated or 0.0), 5)
+        + motor.rotor_inertia
+    )
+    rng = np.random.default_rng(7)
+    factors = (
+        [1 + spread * np.array(corner) for corner in itertools.product((-1, 1), repeat=5)]
+        if spread
+        else []
+    )
+    factors += [1 + spread * rng.uniform(-1, 1, 5) for _ in range(30 if spread else 1)]
+    stated_friction = np.array([getattr(drive.friction, name) for name in FRICTION])
+    torque = [
+        reference_torque(load, inertia, dict(zip(FRICTION, stated_friction * factor, strict=True)))
+        for inertia in (inertias if stated is None else inertias[:1])
+        for factor in factors
+    ]
+    kept = holds(load, motor, np.array(torque))
+    return True if kept.all() else False if not kept.any() else None
+
+
+def needed(verdict: MotorVerdict) -> str:
+    return " ".join(check.needs for check in verdict.checks if check.passed is None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spread", [0.0, 0.2])
+def test_no_verdict_is_wrong_and_only_what_is_missing_leaves_one_open(
+    axes: tuple[JointLoad, ...], motors: list[Motor], spread: float
+) -> None:
+    found: dict[bool | None, int] = {True: 0, False: 0, None: 0}
+    for load in axes:
+        for motor in motors:
+            verdict = assess(load, motor, Conditions(spread=spread))
+            found[verdict.adequate] += 1
+            assert verdict.adequate is answers(load, motor, spread), (load.joint, motor.name)
+            if verdict.adequate is None:
+                assert "rotor_inertia of" in needed(verdict) or "ranges of" in needed(verdict)
+    assert found[True] > 20
+    assert found[False] > 20
+
+
+def test_what_is_not_stated_is_named(
+    axes: tuple[JointLoad, ...], motors: list[Motor], robot: Robot
+) -> None:
+    """A figure taken away leaves open what needs it, and nothing that another figure rules out."""
+    load = axes[1]
+    strong = max(motors, key=lambda motor: motor.nominal_torque)
+    weak = min(motors, key=lambda motor: motor.nominal_torque)
+    for name in ("torque_constant", "time_constant_motor", "max_winding_temperature"):
+        verdict = assess(load, replace(strong, **{name: None}), Conditions(spread=0.0))
+        assert verdict.adequate is None
+        assert name in needed(verdict)
+        assert assess(load, replace(weak, **{name: None}), Conditions(spread=0.0)).adequate is False
+    assert (
+        assess(load, replace(strong, rotor_inertia=None), Conditions(spread=0.0)).adequate is True
+    )

@@ -1,0 +1,149 @@
+"""Gears and screws: closed forms from the equations of the beam, and what is not known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ssm_planner.dynamics.spread import spread_of
+from ssm_planner.problem.drive import Ratings
+from ssm_planner.sizing.checks import (
+    BENDING,
+    COLUMN,
+    DENSITY,
+    YOUNG,
+    Case,
+    buckling_load,
+    critical_speed,
+    gear_checks,
+)
+from ssm_planner.sizing.demand import linear_band
+from ssm_planner.sizing.joint_load import JointLoad
+from ssm_planner.sizing.motor_limits import Conditions
+from tests.support.sizing_cases import with_covariance
+
+FREQUENCY = {
+    "fixed-free": lambda x: math.cos(x) * math.cosh(x) + 1,
+    "supported-supported": math.sin,
+    "fixed-supported": lambda x: math.tan(x) - math.tanh(x),
+    "fixed-fixed": lambda x: math.cos(x) * math.cosh(x) - 1,
+}
+"""Zero at βL of the modes of a uniform beam."""
+
+
+@pytest.mark.parametrize("ends", list(BENDING))
+def test_bending_constants_are_roots_of_the_frequency_equation(ends) -> None:
+    root = BENDING[ends]
+    assert abs(FREQUENCY[ends](root)) < 1e-6
+    # the first: no sign change before it
+    before = [FREQUENCY[ends](x) for x in np.linspace(0.3, root - 1e-3, 400)]
+    if ends != "fixed-supported":  # tan has a pole on the way
+        assert min(before) * max(before) > 0
+
+
+def test_column_constants_are_roots_of_eulers_equation() -> None:
+    x = math.pi / COLUMN["fixed-supported"]
+    assert math.tan(x) == pytest.approx(x, rel=1e-7)
+    assert (COLUMN["fixed-free"], COLUMN["supported-supported"], COLUMN["fixed-fixed"]) == (
+        2.0,
+        1.0,
+        0.5,
+    )
+
+
+@given(st.floats(0.02, 1), st.floats(0.001, 0.02), st.floats(1.1, 4))
+@settings(max_examples=50, deadline=None)
+def test_scaling_laws(length: float, diameter: float, factor: float) -> None:
+    for ends in BENDING:
+        assert critical_speed(factor * length, factor * diameter, ends) == pytest.approx(
+            critical_speed(length, diameter, ends) / factor
+        )
+        assert buckling_load(factor * length, factor * diameter, ends) == pytest.approx(
+            buckling_load(length, diameter, ends) * factor**2
+        )
+
+
+def test_against_a_textbook_beam() -> None:
+    """Both ends supported: ω = (π/L)²·√(EI/ρA), F = π²EI/L²."""
+    inertia, area = math.pi * 0.01**4 / 64, math.pi * 0.01**2 / 4
+    expected = (math.pi / 0.5) ** 2 * math.sqrt(YOUNG * inertia / (DENSITY * area))
+    assert critical_speed(0.5, 0.01, "supported-supported") == pytest.approx(expected)
+    assert buckling_load(0.5, 0.01, "supported-supported") == pytest.approx(
+        math.pi**2 * YOUNG * inertia / 0.25
+    )
+
+
+def checks_of(
+    load: JointLoad, ratings: Ratings | None, conditions: Conditions | None = None
+) -> dict:
+    load = replace(load, drive=replace(load.drive, ratings=ratings))
+    conditions = conditions or Conditions()
+    spread = spread_of(load.drive, conditions.spread)
+    band = linear_band(load, spread)
+    return {check.name: check for check in gear_checks(Case(load, band, spread, conditions))}
+
+
+def test_without_ratings_nothing_passes(loads: tuple[JointLoad, ...]) -> None:
+    for load in loads:
+        for name, check in checks_of(load, None).items():
+            assert check.passed is None, name
+            assert check.needs
+
+
+def test_margins_by_hand(loads: tuple[JointLoad, ...]) -> None:
+    ratings = Ratings(0.4, 0.5, 200.0, 0.5, 0.06, 2.4e-3, "fixed-free")
+    for load in loads:
+        found = checks_of(load, ratings, Conditions(pause=1.0))
+        peak = np.abs(load.effort()).max()
+        assert found["gear_peak_output"].margin == pytest.approx((0.5 - peak) / 0.5)
+        fast = np.abs(load.qd).max() * load.drive.ratio
+        assert found["gear_speed"].margin == pytest.approx((200 - fast) / 200)
+        share = load.moving_share * 3.0 / 4.0
+        assert found["gear_duty"].worst == pytest.approx(share)
+        moving = load.direction != 0
+        cube = np.cbrt(
+            load.weight[moving] @ np.abs(load.effort()[moving]) ** 3 / load.weight[moving].sum()
+        )
+        assert found["gear_continuous_output"].worst == pytest.approx(cube, rel=1e-9)
+        if load.joint == "insertion":
+            limit = 0.8 * critical_speed(0.06, 2.4e-3, "fixed-free")
+            assert found["critical_speed"].margin == pytest.approx(1 - fast / limit)
+            assert found["buckling"].worst == pytest.approx(peak)
+        else:
+            assert "buckling" not in found
+
+
+def test_self_locking_at_the_lowest_plausible_friction(loads: tuple[JointLoad, ...]) -> None:
+    load = loads[2]
+    needed = math.cos(load.drive.pressure_angle) * math.tan(load.drive.lead_angle)
+    low = replace(load.drive, friction=replace(load.drive.friction, mu_lowest=0.12))
+    check = checks_of(replace(load, drive=low), None)["self_locking"]
+    assert check.margin == pytest.approx(0.12 / needed - 1)
+    identified = replace(load, drive=with_covariance(load.drive, 0.05))
+    check = checks_of(identified, None)["self_locking"]
+    mu = load.drive.friction.mu
+    sigma = math.sqrt(math.log1p(0.05**2))
+    assert check.worst == pytest.approx(
+        mu * math.exp(-2.326347874 * sigma - sigma**2 / 2), rel=5e-3
+    )
+    # a range whose one end locks and whose other does not leaves it open; one that lies below does not
+    straddling = checks_of(load, None, Conditions(spread=0.5))["self_locking"]
+    assert straddling.passed is None
+    assert "between 0.085 and 0.255" in straddling.needs
+    slippery = replace(load.drive, friction=replace(load.drive.friction, mu=0.05))
+    assert (
+        checks_of(replace(load, drive=slippery), None, Conditions(spread=0.5))[
+            "self_locking"
+        ].passed
+        is False
+    )
+    # at the stated coefficient alone nothing is claimed, but its figure is there
+    bare = checks_of(load, None)["self_locking"]
+    assert (bare.passed, bare.nominal, bare.limit) == (None, mu, pytest.approx(needed))
+    loose = replace(load, drive=replace(load.drive, self_locking=False))
+    assert "self_locking" not in checks_of(loose, None)

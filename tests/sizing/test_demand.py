@@ -1,0 +1,169 @@
+"""Bands of the torque: draws by the exact law, the linearised band beside them, ranges, and covariances that are none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.errors import ProblemError
+from ssm_planner.problem.robot import Robot
+from ssm_planner.sizing.demand import DEMANDS, demands, linear_band, monte_carlo, thinned
+from ssm_planner.sizing.duty import back_and_forth
+from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+from tests.support.sizing_cases import COMPLETE, random_trajectory, with_covariance
+
+JUDGED = ("peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort")
+
+
+@pytest.mark.parametrize("relative", [0.03, 0.12])
+def test_linear_band_agrees_with_monte_carlo(loads: tuple[JointLoad, ...], relative: float) -> None:
+    for load in loads:
+        drive = with_covariance(load.drive, relative)
+        spread = spread_of(drive)
+        driven = replace(load, drive=drive, motor=COMPLETE)
+        linear = linear_band(driven, spread)
+        drawn_band = monte_carlo(driven, spread, 10_000)
+        for name in JUDGED:
+            assert linear.high(name, 0.99) == pytest.approx(drawn_band.high(name, 0.99), rel=0.03)
+            assert linear.low(name, 0.99) == pytest.approx(drawn_band.low(name, 0.99), rel=0.03)
+            assert drawn_band.low(name, 0.99) <= drawn_band.at(name) * (1 + 1e-4)
+            assert drawn_band.at(name) <= drawn_band.high(name, 0.99) * (1 + 1e-4)
+
+
+def test_a_draw_is_the_exact_law(loads: tuple[JointLoad, ...]) -> None:
+    """Many drives at once give what each gives alone."""
+    load = loads[1]
+    spread = spread_of(with_covariance(load.drive))
+    values = spread.values(spread.deviations(7))
+    many = drawn(load.drive, {name: value[:, None] for name, value in values.items()})
+    together = demands(replace(load, drive=many, motor=COMPLETE))
+    for n in range(7):
+        alone = replace(
+            load.drive.friction,
+            **{name: float(value[n]) for name, value in values.items()},
+            mu_static=load.drive.friction.mu_static
+            * float(values["mu"][n])
+            / load.drive.friction.mu,
+        )
+        drive = replace(load.drive, friction=alone)
+        expected = demands(replace(load, drive=drive, motor=COMPLETE)).array()[0]
+        assert together.array()[n] == pytest.approx(expected, rel=1e-12)
+
+
+def test_draws_have_the_covariance(loads: tuple[JointLoad, ...]) -> None:
+    spread = spread_of(with_covariance(loads[0].drive))
+    sample = spread.deviations(200_000)
+    scale = np.outer(spread.sigma, spread.sigma)
+    assert np.abs((np.cov(sample.T) - spread.covariance) / scale).max() < 0.02
+    assert np.array_equal(spread.deviations(100), spread.deviations(100))
+
+
+def test_the_few_instants_of_a_monte_carlo_suffice(robot: Robot) -> None:
+    for seed in range(4):
+        for load in joint_loads(random_trajectory(seed), robot):
+            few = thinned(load)
+            assert len(few.t) < 1500
+            full, part = (demands(replace(each, motor=COMPLETE)).array()[0] for each in (load, few))
+            assert part == pytest.approx(full, rel=2e-3)
+
+
+def test_ranges_are_mastered_at_every_corner(loads: tuple[JointLoad, ...]) -> None:
+    for load in loads:
+        f = load.drive.friction
+        ranges = {"mu": (0.8 * f.mu, 1.3 * f.mu), "b_v": (0.5 * f.b_v, 2 * f.b_v)}
+        drive = replace(load.drive, friction_ranges=ranges)
+        driven = replace(load, drive=drive)
+        band = linear_band(driven, spread_of(drive))
+        rng = np.random.default_rng(5)
+        for _ in range(20):
+            values = {name: float(rng.uniform(*ends)) for name, ends in ranges.items()}
+            inside = demands(replace(load, drive=drawn(drive, values))).array()[0]
+            for name, value in zip(DEMANDS, inside, strict=True):
+                if name != "peak_voltage":
+                    assert (
+                        band.low(name, 0.99) * (1 - 1e-9)
+                        <= value
+                        <= band.high(name, 0.99) * (1 + 1e-9)
+                    )
+        drawn_band = monte_carlo(driven, spread_of(drive), 1000)
+        assert drawn_band.high("peak_torque", 0.99) == pytest.approx(
+            band.high("peak_torque", 0.99), rel=2e-3
+        )
+
+
+def test_a_stated_range_replaces_the_covariance_of_that_parameter(
+    loads: tuple[JointLoad, ...],
+) -> None:
+    drive = with_covariance(loads[0].drive)
+    drive = replace(drive, friction_ranges={"mu": (0.1, 0.2)})
+    spread = spread_of(drive, 0.5)
+    assert spread.names == ("b_c", "b_v", "b_oc")
+    assert spread.ranges["mu"] == (0.1, 0.2)
+    assert spread.ranges["b_ov"] == pytest.approx(
+        (0.5 * drive.friction.b_ov, 1.5 * drive.friction.b_ov)
+    )
+    assert spread.mu_ends(drive, 0.99) == (0.1, 0.2)
+
+
+def test_the_static_coefficient_moves_with_the_kinetic_one(loads: tuple[JointLoad, ...]) -> None:
+    drive = loads[0].drive
+    f = drive.friction
+    twice = drawn(drive, {"mu": 2 * f.mu}).friction
+    assert twice.mu_static == pytest.approx(2 * f.mu_static)
+    assert drawn(drive, {"mu": 0.2, "mu_static": 0.3}).friction.mu_static == 0.3
+
+
+def test_nothing_known_is_no_band(loads: tuple[JointLoad, ...]) -> None:
+    load = loads[0]
+    spread = spread_of(load.drive)
+    assert not spread.known
+    for band in (linear_band(load, spread), monte_carlo(load, spread, 1000)):
+        assert not band.known
+        assert (
+            band.high("peak_torque", 0.99)
+            == band.at("peak_torque")
+            == band.low("peak_torque", 0.99)
+        )
+
+
+def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
+    """Where most of the motion is rest, a Monte Carlo looks only at the rest of it."""
+    from ssm_planner.problem.motion import Stroke
+    from ssm_planner.trajectory import Trajectory, hold
+
+    stroke = back_and_forth(Stroke("tilt", 0.0, 0.3, 0.5, 2.0))
+    rest = hold(stroke.coefficients[0, 0])
+    end = stroke.breaks[-1]
+    breaks = np.append(stroke.breaks, end + 2.0)
+    longer = Trajectory(breaks, np.concatenate([stroke.coefficients, rest]), ())
+    for load in joint_loads(longer, robot):
+        drive = with_covariance(load.drive)
+        spread, driven = spread_of(drive), replace(load, drive=drive)
+        exact, linear = monte_carlo(driven, spread, 2000), linear_band(driven, spread)
+        for name in ("rms_torque", "peak_effort"):
+            assert exact.high(name, 0.99) == pytest.approx(linear.high(name, 0.99), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("table", "reason"),
+    [
+        ({"mu": {"mu": -1e-6}}, "negative"),
+        ({"mu": {"mu": 1e-4, "b_c": 1e-6}, "b_c": {"mu": -1e-6, "b_c": 1e-7}}, "not symmetric"),
+        (
+            {"mu": {"mu": 1e-4, "b_c": 1e-4}, "b_c": {"mu": 1e-4, "b_c": 1e-6}},
+            "not positive semidefinite",
+        ),
+        ({"mu": {"mu": 1e-4}, "b_c": {"mu": 0.0, "b_c": 1e-6}}, "lacks the entry of b_c"),
+        ({"nu": {"nu": 1e-4}}, "nu is not a parameter"),
+        ({"stribeck_speed": {"stribeck_speed": 1.0}}, "no stribeck_speed"),
+    ],
+)
+def test_what_is_no_covariance(loads: tuple[JointLoad, ...], table: dict, reason: str) -> None:
+    drive = loads[0].drive
+    with pytest.raises(ProblemError, match=reason) as caught:
+        spread_of(replace(drive, friction=replace(drive.friction, covariance=table)))
+    assert str(drive.file) in str(caught.value)
+    assert "friction.covariance" in str(caught.value)

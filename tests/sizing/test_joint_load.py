@@ -1,0 +1,145 @@
+"""Required torque against the law written out here, with Pinocchio's rigid-body dynamics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.problem.drive import Drive
+from ssm_planner.problem.robot import Robot
+from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+from ssm_planner.sizing.requirements import motor_requirement, motor_requirements
+from ssm_planner.trajectory import Trajectory
+from tests.support.pinocchio_model import build
+from tests.support.sizing_cases import COMPLETE, random_trajectory
+
+DRIVEN = (0, 1, 3)
+
+
+def plain_law(drive: Drive, tau: float, qd: float, qdd: float, way: float, starts: bool) -> float:
+    """The motor torque as the paper on these transmissions writes it, one number at a time."""
+    f = drive.friction
+    if way == 0:
+        return 0.0
+    F = tau + drive.output_inertia * qdd + f.b_oc * way + f.b_ov * qd
+    phi = math.atan((f.mu_static if starts else f.mu) / math.cos(drive.pressure_angle))
+    mesh = drive.gamma * math.tan(drive.lead_angle + math.copysign(phi, F * way)) * F
+    w, wd = drive.ratio * qd, drive.ratio * qdd
+    return drive.input_inertia * wd + f.b_c * way + f.b_v * w + mesh
+
+
+@pytest.mark.parametrize("seed", [3, 11])
+def test_torque_is_the_law_over_pinocchio(robot: Robot, seed: int) -> None:
+    import pinocchio as pin
+
+    trajectory = random_trajectory(seed)
+    model = build(robot)
+    data = model.createData()
+    loads = joint_loads(trajectory, robot, 200.0)
+    worst = 0.0
+    at = trajectory.sample(loads[0].t)
+    for n in range(0, len(loads[0].t), 3):
+        piece_ends = np.any(np.abs(loads[0].t[n] - trajectory.breaks) < 1e-12)
+        if piece_ends:
+            continue  # either side of a break is meant; the interior tells which derivatives
+        tau = pin.rnea(model, data, at.q[n], at.qd[n], at.qdd[n])
+        for i, load in zip(DRIVEN, loads, strict=True):
+            turning = abs(at.qd[n, i]) < 1e-9 * robot.joints[i].velocity
+            way = load.direction[n] if turning else np.sign(at.qd[n, i])
+            expected = plain_law(
+                load.drive, tau[i], at.qd[n, i], at.qdd[n, i], way, load.breakaway[n] > 0
+            )
+            worst = max(worst, abs(expected - load.torque()[n]))
+    assert worst <= 1e-9
+
+
+def test_torque_is_that_of_the_motor_side(
+    robot: Robot, trajectory: Trajectory, loads: tuple[JointLoad, ...]
+) -> None:
+    """Away from breaks and turns the loads give what model/actuation.py gives."""
+    t = loads[0].t
+    inside = np.all(np.abs(t[:, None] - trajectory.breaks) > 1e-9, axis=1)
+    samples = trajectory.sample(t[inside])
+    motor = motor_motion(
+        robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)
+    )
+    for i, load in zip(DRIVEN, loads, strict=True):
+        moving = np.abs(samples.qd[:, i]) > 1e-9 * robot.joints[i].velocity
+        assert moving.sum() > 1000
+        assert np.abs(load.torque()[inside] - motor.torque[:, i])[moving].max() < 1e-14
+        assert np.abs(load.effort()[inside] - motor.effort[:, i])[moving].max() < 1e-12
+
+
+def test_every_turn_is_an_instant_with_static_friction(
+    robot: Robot, loads: tuple[JointLoad, ...]
+) -> None:
+    for load in loads:
+        inner = np.flatnonzero(np.diff(np.sign(load.qd[np.abs(load.qd) > 1e-7])) != 0)
+        assert load.breakaway.sum() == len(inner) + 1  # the first start and every turn
+        at = np.flatnonzero(load.breakaway)
+        limit = robot.joints[("roll", "tilt", "spin", "insertion").index(load.joint)].velocity
+        assert np.abs(load.qd[at]).max() < 1e-9 * limit
+        # breaking away takes at least what moving on takes
+        sign = load.direction[at]
+        assert np.all(load.torque()[at] * sign >= load.torque()[at + 1] * sign)
+
+
+def test_figures_are_those_of_a_dense_quadrature(robot: Robot, trajectory: Trajectory) -> None:
+    coarse, fine = (
+        motor_requirements(trajectory, robot),
+        motor_requirements(trajectory, robot, 20_000.0),
+    )
+    for a, b in zip(coarse, fine, strict=True):
+        assert a.rms_torque == pytest.approx(b.rms_torque, rel=1e-5)
+        assert a.mean_torque == pytest.approx(b.mean_torque, abs=1e-4 * b.rms_torque)
+        assert a.peak_torque == pytest.approx(b.peak_torque, rel=1e-4)
+        assert a.peak_speed == pytest.approx(b.peak_speed, rel=1e-4)
+        assert a.energy == pytest.approx(b.energy, rel=1e-5)
+
+
+def test_energy_balance(robot: Robot, trajectory: Trajectory) -> None:
+    """What the motor gives is heat of friction and what the bodies gain; from rest to rest all of it passes the parts."""
+    for load in joint_loads(trajectory, robot, 10_000.0):
+        requirement = motor_requirement(load)
+        w = load.speed()
+        work = {
+            name: load.weight @ (part * w) * load.duration
+            for name, part in requirement.split.parts()
+        }
+        total = requirement.energy - requirement.returned_energy
+        assert sum(work.values()) == pytest.approx(total, rel=1e-9)
+        assert requirement.mean_power * load.duration == pytest.approx(total, rel=1e-9)
+        assert work["mesh_friction"] > 0
+        assert work["bearing_friction"] > 0
+        assert abs(work["input_inertia"]) < 1e-6 * total  # at rest at both ends
+
+
+def test_joule_heat_needs_constant_and_resistance(loads: tuple[JointLoad, ...]) -> None:
+    load = replace(loads[0], motor=COMPLETE)
+    requirement = motor_requirement(load)
+    current = load.torque() / COMPLETE.torque_constant
+    expected = load.weight @ (COMPLETE.terminal_resistance * current**2)
+    assert requirement.joule_power == pytest.approx(expected, rel=1e-12)
+    for missing in ("torque_constant", "terminal_resistance"):
+        assert (
+            motor_requirement(replace(load, motor=replace(COMPLETE, **{missing: None}))).joule_power
+            is None
+        )
+
+
+def test_a_motion_at_rest_requires_nothing(robot: Robot) -> None:
+    still = np.zeros((1, 6, 4))
+    still[0, 0] = [0.3, -0.2, 0.1, -0.01]
+    for requirement in motor_requirements(Trajectory(np.array([0.0, 1.0]), still, ()), robot):
+        assert (
+            requirement.peak_torque
+            == requirement.rms_torque
+            == requirement.peak_speed
+            == requirement.energy
+            == 0.0
+        )

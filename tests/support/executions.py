@@ -1,0 +1,267 @@
+"""Executions of a plan as the recorders of its axes would show them, healthy and with seeded faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ssm_planner.comparison.measured import Measured
+from ssm_planner.comparison.predicted import predict_axes
+from ssm_planner.plans import Plan
+
+RPM = 2 * np.pi / 60
+COUNTS = 4096
+LEAD = 0.3
+"""s of rest before and after the motion."""
+
+
+@dataclass
+class Run:
+    """Channels of every driven joint by name: time (s), w (rad/s), tau (N·m), q (rad or m)."""
+
+    time: dict[str, np.ndarray]
+    w: dict[str, np.ndarray]
+    tau: dict[str, np.ndarray]
+    q: dict[str, np.ndarray]
+    channels: tuple[str, ...] = field(default=("time", "w", "tau", "q"))
+
+    def keep(self, joint: str, chosen: np.ndarray) -> None:
+        for name in self.channels:
+            getattr(self, name)[joint] = getattr(self, name)[joint][chosen]
+
+
+class Executions:
+    """Runs of one plan; each is a fresh copy that may be spoilt."""
+
+    def __init__(self, plan: Plan, step: float = 1e-3) -> None:
+        self.plan, self.step = plan, step
+        self.names = [joint.name for joint in plan.robot.joints if joint.drive is not None]
+        self.joints = {joint.name: joint for joint in plan.robot.joints}
+        self.plans = dict(
+            zip(self.names, predict_axes(plan.motion, plan.robot, self.names), strict=True)
+        )
+        self.duration = plan.motion.duration
+
+    def run(self, clock: Callable[[np.ndarray], np.ndarray] | None = None) -> Run:
+        """As planned; clock: planned time of every true time, by joint the same."""
+        time = np.arange(0.0, self.duration + 2 * LEAD, self.step)
+        t = time - LEAD if clock is None else clock(time - LEAD)
+        run = Run({}, {}, {}, {})
+        for name, plan in self.plans.items():
+            run.time[name] = time.copy()
+            run.w[name] = np.interp(t, plan.time, plan.speed, left=0.0, right=0.0)
+            run.tau[name] = np.interp(t, plan.time, plan.torque, left=0.0, right=0.0)
+            run.q[name] = np.interp(t, plan.time, plan.position)
+        return run
+
+    def follow(self, run: Run, name: str) -> None:
+        """The position that follows from the speed."""
+        step = np.diff(run.time[name]) * (run.w[name][1:] + run.w[name][:-1]) / 2
+        start = run.q[name][0]
+        run.q[name] = start + np.concatenate([[0.0], np.cumsum(step)]) / self.plans[name].ratio
+
+    def measured(
+        self, run: Run, rng: np.random.Generator, rpm: float = 2.0, torque: float = 0.01
+    ) -> list[Measured]:
+        """With noise (uniform ± rpm; torque normal, share of the axis's largest) and the recorder's rounding."""
+        found = []
+        for name in self.names:
+            nominal, ratio = self.joints[name].motor.nominal_torque, self.joints[name].drive.ratio
+            w = run.w[name] / RPM + rng.uniform(-rpm, rpm, len(run.w[name]))
+            largest = np.abs(self.plans[name].torque).max()
+            tau = (run.tau[name] + torque * largest * rng.normal(size=len(w))) / nominal
+            increment = 2 * np.pi / COUNTS / ratio
+            found.append(
+                Measured(
+                    name,
+                    f"{name}.csv",
+                    time=run.time[name],
+                    w=np.round(w) * RPM,
+                    tau=np.round(tau, 3) * nominal,
+                    q=np.round(run.q[name] / increment) * increment,
+                    speed_resolution=RPM,
+                    torque_resolution=1e-3 * nominal,
+                    position_resolution=increment,
+                )
+            )
+        return found
+
+    def healthy(self, seed: int) -> list[Measured]:
+        """Friction up to 15 % beside the plan's, a servo that lags by up to 2 ms, ±2 rpm of noise and more or less."""
+        rng = np.random.default_rng(seed)
+        lag = rng.uniform(0, 2e-3)
+        run = self.run(lambda t: t - lag)
+        for name in self.names:
+            run.tau[name] *= rng.uniform(0.85, 1.15)
+        return self.measured(run, rng, rng.uniform(0.5, 3.0), rng.uniform(0.002, 0.03))
+
+    def faulty(self, kind: str, seed: int) -> tuple[list[Measured], str, str]:
+        """(recordings, verdict, kind of finding) that are right of one seeded fault."""
+        rng = np.random.default_rng([sorted(FAULTS).index(kind), seed])
+        run = self.run()
+        joint = str(rng.choice(self.names))
+        moving = np.flatnonzero(np.abs(run.w[joint]) > 0.3 * self.plans[joint].peak)
+        spoil, verdict, finding = FAULTS[kind]
+        run = spoil(self, run, joint, moving, rng) or run
+        return self.measured(run, rng, rng.uniform(0.5, 3.0)), verdict, finding
+
+
+def write(it: Executions, measured: Sequence[Measured], folder: Path) -> dict[str, Path]:
+    """As EPOS recorder exports, with a position channel; paths by joint."""
+    paths = {}
+    for each in measured:
+        joint = it.joints[each.joint]
+        percent = 100 * each.tau / joint.motor.nominal_torque
+        counts = each.q * joint.drive.ratio * COUNTS / (2 * np.pi)
+        rows = np.column_stack([1000 * each.time, each.w / RPM, percent, counts])
+        paths[each.joint] = folder / f"{each.joint}.csv"
+        names = ";Velocity actual value averaged;Torque actual value averaged;Position actual value\nms;rpm;%;inc"
+        np.savetxt(
+            paths[each.joint],
+            rows,
+            fmt=("%.6f", "%.0f", "%.1f", "%.0f"),
+            delimiter=";",
+            header=names,
+            comments="",
+        )
+    return paths
+
+
+def clipped(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    """The torque is cut off, and the speed sags while it is."""
+    cut = rng.uniform(0.5, 0.8) * np.abs(run.tau[joint]).max()
+    sag = np.abs(run.tau[joint]) > cut
+    run.w[joint][sag] *= 1 - rng.uniform(0.1, 0.3)
+    run.tau[joint] = np.clip(run.tau[joint], -cut, cut)
+    it.follow(run, joint)
+
+
+def out_of_step(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    late = round(rng.uniform(0.012, 0.2) / it.step)
+    for channel in (run.w, run.tau, run.q):
+        channel[joint] = np.concatenate([np.full(late, channel[joint][0]), channel[joint][:-late]])
+
+
+def torque_high(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    run.tau[joint] *= rng.uniform(1.4, 1.8)
+
+
+def torque_low(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    run.tau[joint] *= rng.uniform(0.3, 0.6)
+
+
+def stall(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    """The motor is blocked from some instant on and gives its largest torque until it is told to stop."""
+    begin = int(rng.choice(moving[: int(0.9 * len(moving))]))
+    sign = np.sign(run.w[joint][begin])
+    end = int(np.flatnonzero(run.w[joint]).max())
+    run.w[joint][begin:] = 0.0
+    run.tau[joint][begin:end] = sign * it.joints[joint].motor.max_torque
+    it.follow(run, joint)
+
+
+def overspeed(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    """Faster than the joint may be for 30 ms and more, while it moves at its limit."""
+    fast = np.flatnonzero(np.abs(run.w[joint]) > 0.995 * it.plans[joint].peak)
+    begin, length = int(rng.choice(fast[: len(fast) // 2])), round(rng.uniform(0.03, 0.1) / it.step)
+    run.w[joint][begin : begin + length] *= 1 + rng.uniform(0.05, 0.15)
+    it.follow(run, joint)
+
+
+def torque_burst(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    begin, length = int(rng.choice(moving)), round(rng.uniform(0.015, 0.06) / it.step)
+    burst = rng.uniform(1.1, 1.4) * it.joints[joint].motor.max_torque
+    run.tau[joint][begin : begin + length] = burst * np.sign(run.tau[joint][begin])
+
+
+def lost_increments(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    begin = int(rng.choice(moving))
+    run.q[joint][begin:] += (
+        rng.choice([-1, 1]) * rng.uniform(1.3, 4.0) * 10e-3 * it.joints[joint].velocity
+    )
+
+
+def slow(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> Run:
+    """All of it is played slower: the clock is right."""
+    rate = 1 - rng.uniform(0.015, 0.04)
+    run = it.run(lambda t: rate * t)
+    for name in it.names:
+        run.w[name] *= rate
+    return run
+
+
+def gap(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
+    begin, length = int(rng.choice(moving)), round(rng.uniform(0.03, 0.5) / it.step)
+    keep = np.ones(len(run.time[joint]), dtype=bool)
+    keep[begin : begin + length] = False
+    run.keep(joint, keep)
+
+
+def drift(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    rate = 1 + rng.choice([-1, 1]) * rng.uniform(0.003, 0.02)
+    for name in it.names:
+        run.time[name] = run.time[name] * rate
+
+
+def missing(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    for name in it.names:
+        run.keep(name, rng.random(len(run.time[name])) > rng.uniform(0.02, 0.1))
+
+
+def truncated(
+    it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
+) -> None:
+    end = LEAD + rng.uniform(0.6, 0.95) * it.duration
+    for name in it.names:
+        run.keep(name, run.time[name] < end)
+
+
+FAULTS = {
+    "clipped torque": (clipped, "not held", "saturation"),
+    "out of step": (out_of_step, "not held", "out of step"),
+    "torque high": (torque_high, "not held", "torque"),
+    "torque low": (torque_low, "not held", "torque"),
+    "stall": (stall, "not held", "stall"),
+    "overspeed": (overspeed, "not held", "velocity"),
+    "torque burst": (torque_burst, "not held", "motor torque"),
+    "lost increments": (lost_increments, "not held", "tracking"),
+    "played slower": (slow, "not held", "tracking"),
+    "gap": (gap, "cannot tell", "gap"),
+    "clock off": (drift, "cannot tell", "clock"),
+    "missing samples": (missing, "held", "missing samples"),
+    "truncated": (truncated, "cannot tell", "coverage"),
+}
+"""What spoils a run, and what is right of it: verdict, and kind of finding or name of the limit."""
+
+
+def kinds(found) -> set[str]:
+    """Kinds of the findings and names of the limits that do not hold."""
+    names = {each.kind for each in found.findings}
+    for axis in found:
+        names |= {each.kind for each in axis.findings} | {
+            each.name for each in axis.limits if not each.held
+        }
+    return names

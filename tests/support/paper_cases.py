@@ -1,0 +1,23 @@
+"""What the tests of the document share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ssm_planner.paper.document import Document
+from ssm_planner.paper.published import Inputs
+
+
+@dataclass(frozen=True)
+class Made:
+    """The document as computed and as written."""
+
+    inputs: Inputs
+    document: Document
+    folder: Path
+    files: dict[str, Path]
+
+    @property
+    def text(self) -> str:
+        return self.files["README.md"].read_text(encoding="utf-8")

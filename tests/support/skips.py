@@ -1,0 +1,29 @@
+"""Reasons for which a test may be skipped, as regular expressions; `--listed-skips` fails others.
+
+Each line tells which machine lacks what. A test that needs nothing special has no place here.
+"""
+
+from __future__ import annotations
+
+import re
+
+LISTED = (
+    r"no Chromium installed",
+    r"Playwright is not installed",
+    r"the site is not built",
+    r"no C compiler",
+    r"without (its|the) compiled part",
+    r"no address and undefined-behaviour sanitizers here",
+    r"the recordings (of the rigs )?are not beside the project",
+    r"the paper's source is not beside the project",
+    r"no file system of 1 MB can be mounted here",
+    r"no FIFOs on this system",
+    r"signals as a terminal sends them",
+    r"pybullet",  # no wheels for newer Pythons
+    r"written by another CasADi",
+)
+
+
+def is_listed(reason: str) -> bool:
+    """Return whether a reason for a skip is in the list."""
+    return any(re.search(pattern, reason) for pattern in LISTED)

@@ -1,0 +1,133 @@
+"""Cases of a range of friction and payload: none that is left out asks more of a motor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.motors import drive_torque
+from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
+from ssm_planner.dynamics.spread import drawn
+from ssm_planner.problem.posterior import LAW, LAWS
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification import bernstein, cases
+
+
+def test_outermost_sets_are_those_that_no_other_exceeds_or_is_below() -> None:
+    rng = np.random.default_rng(4)
+    values = np.round(rng.uniform(0, 1, (40, 3)), 1)
+    found = cases._outermost(dict(zip("abc", values.T, strict=True)))
+    assert list(found) == ["a", "b", "c"]
+    kept = set(map(tuple, np.column_stack(list(found.values())).tolist()))
+    every = np.unique(values, axis=0)
+    for row in every:
+        others = every[np.any(every != row, axis=1)]
+        above, below = np.all(others >= row, axis=1).any(), np.all(others <= row, axis=1).any()
+        assert (tuple(row.tolist()) in kept) == (not (above and below))
+
+
+def motion() -> Trajectory:
+    """Two pieces: joints 1 and 4 start from rest and brake to rest."""
+    coefficients = np.zeros((2, 6, 4))
+    coefficients[:, 0] = [0.3, 1.15, 0.1, -0.01]
+    way = np.array([0.5, -0.3, 0.0, 4e-3])
+    coefficients[0, 2], coefficients[1, 1], coefficients[1, 2] = way, 2 * way, -way
+    coefficients[1, 0] += way
+    return Trajectory(np.array([0.0, 1.0, 2.0]), coefficients, ())
+
+
+def test_joints_start_at_the_begin_of_the_motion_alone(robot: Robot) -> None:
+    """Static friction counts where a joint leaves its rest, not where pieces join or later."""
+    found = cases._Motion(motion(), robot, [0.0])
+    moving = np.array([True, True, False, True])
+    assert np.array_equal(found.start[0], moving)
+    assert not found.start[1:].any()
+    assert np.array_equal(found.way[1:-1], np.sign(found.qd[1:-1]))
+    # at the end each joint arrives in the direction in which it moved
+    assert np.array_equal(found.way[-1], np.sign(found.qd[-2]))
+
+
+def test_cases_are_named_by_their_parameters() -> None:
+    assert cases._case_text("mu", 0.123456) == "mu 0.1235"
+    for k, law in enumerate(LAWS):
+        assert cases._case_text(LAW, float(k)) == f"{LAW} {law}"
+
+
+def test_without_a_range_there_are_no_cases(robot: Robot) -> None:
+    assert cases.worst_cases(motion(), robot, TaskLimits()) == []
+
+
+def test_payloads_alone_are_named_and_keep_the_stated_friction(robot: Robot) -> None:
+    found = cases.worst_cases(motion(), robot, TaskLimits(payload=(0.01, 0.05)))
+    assert {quantity.index for quantity in found} == {0, 1, 3}
+    masses = set()
+    for quantity in found:
+        case = quantity.case
+        assert case is not None
+        drive = robot.joints[quantity.index].drive
+        assert drive is not None
+        assert case.drive.friction.mu == pytest.approx(drive.friction.mu)  # type: ignore[union-attr]
+        assert case.words == f"payload {1e3 * case.payload:g} g"
+        masses.add(case.payload)
+    assert masses == {0.0, 0.01, 0.05}
+
+
+def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
+    whole, masses, share = motion(), (0.0, 0.05), 0.95
+    limits = TaskLimits(friction=share, payload=(0.0, 0.05))
+    joints = []
+    for joint in robot.joints:
+        if joint.drive is not None and joint.drive.friction is not None:
+            stated = joint.drive.friction
+            ranges = {"mu": (0.8 * stated.mu, 1.1 * stated.mu), "b_c": (0.0, 2 * stated.b_c)}
+            joint = replace(joint, drive=replace(joint.drive, friction_ranges=ranges))
+        joints.append(joint)
+    robot = replace(robot, joints=tuple(joints))
+    found = cases.worst_cases(whole, robot, limits)
+    t = np.linspace(0.01, 1.99, 100)
+    samples = whole.sample(t)
+    for i in (0, 1, 3):
+        drive = robot.joints[i].drive
+        assert drive is not None
+        sets = cases.spread_of(drive).within(share)
+
+        def torque(of: object, mass: float, i: int = i) -> np.ndarray:
+            body = RigidBody.from_robot(with_payload(robot, mass))
+            tau = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)[:, i]
+            state = tau, samples.qd[:, i], samples.qdd[:, i], np.sign(samples.qd[:, i])
+            return np.asarray(drive_torque(of, *state, breakaway=np.zeros(100))[0])  # type: ignore[arg-type]
+
+        chosen = [torque(q.case.drive, q.case.payload) for q in found if q.index == i and q.case]
+        ends = [sorted({float(column.min()), float(column.max())}) for column in sets.values()]
+        for corner, mass in product(product(*ends), masses):
+            one = torque(drawn(drive, dict(zip(sets, corner, strict=True))), mass)
+            assert one.max() <= max(each.max() for each in chosen) + 1e-12
+            assert one.min() >= min(each.min() for each in chosen) - 1e-12
+            square = np.mean(one**2)
+            assert square <= max(np.mean(each**2) for each in chosen) * (1 + 1e-2)
+
+
+def test_changes_of_sign_leave_zeros_out() -> None:
+    rows = np.array([[1, 0, 2, 3], [1, -1, 1, -1], [1, 0, -1, 0], [-1, -2, 0, -3], [0, 1, 0, -1.0]])
+    assert bernstein._changes(rows).tolist() == [0, 3, 1, 0, 1]
+
+
+@pytest.mark.parametrize("zeros", [[0.5], [0.25, 0.5], [0.5, 0.75, 0.3], [0.125, 0.25, 0.625]])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_zeros_on_the_ends_of_halves_are_found_once(zeros: list[float], sign: float) -> None:
+    powers = sign * np.poly(zeros)[None, ::-1]
+    few = np.repeat(powers, 3, axis=0)
+    many = np.repeat(powers, 12, axis=0)
+    for rows in (few, many):
+        index, found = bernstein.sign_changes(
+            bernstein.from_powers(rows), np.full(len(rows), 1e-12)
+        )
+        assert np.array_equal(index, np.repeat(np.arange(len(rows)), len(zeros)))
+        assert found.reshape(len(rows), -1) == pytest.approx(
+            np.tile(sorted(zeros), (len(rows), 1)), abs=1e-12
+        )

@@ -1,0 +1,237 @@
+"""Pieces of a trajectory and what a check asks of them, held against the trajectory's own samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Span, Trajectory
+from ssm_planner.verification import pieces as module
+from ssm_planner.verification import prefilter
+from ssm_planner.verification.ends import Jumps
+from ssm_planner.verification.limits import Worst, quantities
+from ssm_planner.verification.pieces import Pieces, find_extremes, pieces_of, still
+
+COUNT = 7
+GRID = np.linspace(0.0, 1.0, 201)
+
+
+def random_motion(seed: int, count: int = COUNT) -> Trajectory:
+    """Polynomials without any continuity; they begin at 3 s."""
+    rng = np.random.default_rng(seed)
+    breaks = 3.0 + np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1.5, count))])
+    coefficients = rng.normal(size=(count, 6, 4)) * [0.5, 0.5, 0.5, 0.02]
+    return Trajectory(breaks, coefficients, (Span("random", breaks[0], breaks[-1]),))
+
+
+@pytest.fixture(scope="module")
+def motion() -> Trajectory:
+    return random_motion(1)
+
+
+@pytest.fixture(scope="module")
+def whole(motion: Trajectory) -> Pieces:
+    (pieces,) = pieces_of(motion)
+    return pieces
+
+
+def test_values_and_times_are_those_of_the_trajectory(motion: Trajectory, whole: Pieces) -> None:
+    piece = np.array([2, 0, 6, 2])
+    s = np.array([[0.0, 0.3, 1.0, 0.7], [0.5, 0.1, 0.2, 0.9]])
+    for row in s:
+        expected = motion.sample_pieces(piece, row * np.diff(motion.breaks)[piece])
+        found = whole.at(piece, row)
+        for values, name in zip(found, ("q", "qd", "qdd"), strict=True):
+            assert values == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9)
+        assert whole.speeds(piece, row) == pytest.approx(expected.qd, rel=1e-9, abs=1e-9)
+    both = whole.at(piece, s)[0]
+    assert both.shape == (2, 4, 4)
+    assert both[1] == pytest.approx(whole.at(piece, s[1])[0])
+    expected_time = motion.breaks[piece] + s[0] * np.diff(motion.breaks)[piece]
+    assert whole.time(piece, s[0]) == pytest.approx(expected_time)
+    out = np.empty((3, 4, 4))
+    whole.at(piece, s[0], out)
+    assert whole.speeds(piece, s[0]) == pytest.approx(out[1].T)
+
+
+def test_ends_and_middles_are_values_there(whole: Pieces) -> None:
+    every = np.arange(COUNT)
+    for ends, s in zip(whole.ends, (0.0, 1.0), strict=True):
+        for order, values in enumerate(whole.at(every, np.full(COUNT, s))):
+            assert ends[:, order] == pytest.approx(values, rel=1e-9, abs=1e-9)
+    for values, expected in zip(
+        prefilter.middle(whole), whole.at(every, np.full(COUNT, 0.5)), strict=True
+    ):
+        assert values == pytest.approx(expected)
+
+
+def test_bounds_hold_every_value(whole: Pieces) -> None:
+    lowest, highest = whole.bounds
+    for order in range(3):
+        values = whole.at(np.arange(COUNT), np.tile(GRID[:, None], COUNT))[order]
+        assert np.all(values.min(axis=(0, 1)) >= lowest[order] - 1e-9)
+        assert np.all(values.max(axis=(0, 1)) <= highest[order] + 1e-9)
+
+
+def test_segments_cover_every_piece_and_speeds_keep_their_signs(
+    whole: Pieces, robot: Robot
+) -> None:
+    piece, begin, end = whole.segments(robot)
+    for k in range(COUNT):
+        mine = piece == k
+        assert begin[mine][0] == 0.0
+        assert end[mine][-1] == 1.0
+        assert np.array_equal(begin[mine][1:], end[mine][:-1])
+        assert np.all(end[mine] > begin[mine])
+        dense = whole.speeds(np.full(201, k), GRID)
+        turns = np.count_nonzero(np.diff(np.sign(dense), axis=0))
+        assert mine.sum() == turns + 1
+    inside = begin + np.array([[0.01], [0.5], [0.99]]) * (end - begin)
+    signs = np.sign(whole.speeds(piece, inside))
+    assert np.all(signs == signs[1])
+
+
+def test_a_joint_stands_while_it_stays_below_its_threshold(robot: Robot) -> None:
+    coefficients = np.zeros((2, 6, 4))
+    coefficients[0, 1] = 0.99 * still(robot)
+    coefficients[1, 1] = -1.01 * still(robot)
+    (pieces,) = pieces_of(Trajectory(np.array([0.0, 1.0, 3.0]), coefficients, ()))
+    assert pieces.moving(robot).tolist() == [[False] * 4, [True] * 4]
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_extremes_of_polynomials_are_those_of_dense_evaluation(
+    seed: int, robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = random_motion(seed)
+
+    def extremes() -> list[Worst]:
+        judged = [each for each in quantities(robot, TaskLimits()) if each.order is not None]
+        worst = [Worst(quantity) for quantity in judged]
+        for pieces in pieces_of(motion):
+            find_extremes(pieces, worst)
+        return worst
+
+    worst = extremes()
+    assert {each.quantity.order for each in worst} == {0, 1, 2}
+    t = np.concatenate(
+        [a + GRID * (b - a) for a, b in zip(motion.breaks[:-1], motion.breaks[1:], strict=True)]
+    )
+    piece = np.repeat(np.arange(COUNT), len(GRID))
+    samples = motion.sample_pieces(piece, t - motion.breaks[piece])
+    for each in worst:
+        quantity = each.quantity
+        name = ("q", "qd", "qdd")[quantity.order or 0]
+        values = quantity.scale * getattr(samples, name)[:, quantity.index]
+        dense = quantity.excess(values, values)
+        assert each.excess >= dense.max() - 1e-9
+        assert each.excess <= dense.max() + 1e-2 * abs(dense.max())
+        k = np.argmin(np.abs(t - each.time))
+        assert each.value == pytest.approx(values[k], rel=0.05, abs=0.05)
+        exactly = quantity.excess(np.array([each.value]), np.array([each.value]))
+        assert exactly[0] == pytest.approx(each.excess, rel=1e-9, abs=1e-9)
+    monkeypatch.setattr(module, "BLOCK", 2)
+    assert len(list(pieces_of(motion))) == 4
+    for one, other in zip(worst, extremes(), strict=True):
+        assert (one.excess, one.time) == pytest.approx((other.excess, other.time))
+
+
+def test_jumps_are_the_differences_at_the_breaks(
+    motion: Trajectory, robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inner = motion.breaks[1:-1]
+    before, after = motion.sample(inner, "left"), motion.sample(inner, "right")
+    jerky = Robot(**{**vars_of(robot), "joints": with_jerk(robot)})
+    for block in (8192, 2):
+        monkeypatch.setattr(module, "BLOCK", block)
+        jumps = Jumps(jerky)
+        for pieces in pieces_of(motion):
+            jumps.look(pieces)
+        checks = jumps.checks()
+        assert len(checks) == 9
+        assert len(jumps.checks(straight=True)) == 4
+        for order, name in enumerate(("q", "qd", "qdd")):
+            size = np.abs(getattr(after, name) - getattr(before, name))
+            assert jumps.worst[order] == pytest.approx(size.max(axis=0), rel=1e-9)
+            assert jumps.time[order] == pytest.approx(inner[size.argmax(axis=0)])
+        assert [check.worst for check in checks if check.joint == "spin"] == pytest.approx(
+            jumps.worst[:2, 2]
+        )
+
+
+def vars_of(robot: Robot) -> dict[str, object]:
+    """Fields that a robot is made of."""
+    names = ("name", "geometry", "bodies", "joints", "gravity", "limits")
+    return {name: getattr(robot, name) for name in names}
+
+
+def with_jerk(robot: Robot) -> tuple[object, ...]:
+    """The joints, the first of them with a limited jerk."""
+    from dataclasses import replace
+
+    return (replace(robot.joints[0], jerk=100.0), *robot.joints[1:])
+
+
+def test_sensitivities_of_linear_quantities_are_their_coefficients(
+    motion: Trajectory, robot: Robot
+) -> None:
+    rng = np.random.default_rng(2)
+    matrix = rng.normal(size=(3, 4, 5))
+
+    def evaluate(state: tuple[np.ndarray, ...], way: np.ndarray, away: np.ndarray) -> np.ndarray:
+        assert np.array_equal(way, np.sign(way))
+        assert not away.any()
+        return sum(values @ rows for values, rows in zip(state, matrix, strict=True))
+
+    slopes = prefilter.sensitivity(motion, robot, evaluate)
+    assert slopes == pytest.approx(np.abs(matrix), rel=1e-6)
+    (pieces,) = pieces_of(motion)
+    middle = prefilter.middle(pieces)
+    spread = prefilter.spread(pieces, middle, slopes)
+    centre = evaluate(middle, np.sign(middle[1]), np.zeros((COUNT, 4)))
+    largest = np.zeros_like(centre)
+    for s in GRID:
+        state = pieces.at(np.arange(COUNT), np.full(COUNT, s))
+        largest = np.maximum(
+            largest, np.abs(evaluate(state, np.sign(state[1]), 0 * state[1]) - centre)
+        )
+    assert np.all(largest <= spread)
+    assert np.all(spread <= 40 * largest.max())
+    moved = [
+        np.abs(coefficients - at[:, None]).max(axis=1)
+        for coefficients, at in zip(pieces.bernstein, middle, strict=False)
+    ]
+    expected = 2.0 * sum(way @ slope for way, slope in zip(moved, slopes, strict=True))
+    assert spread == pytest.approx(expected)
+
+
+def test_sensitivities_are_looked_for_where_joints_are_extreme(
+    motion: Trajectory, robot: Robot
+) -> None:
+    """exp(x) changes most where x is largest, exp(−x) where it is smallest."""
+
+    def evaluate(state: tuple[np.ndarray, ...], way: np.ndarray, away: np.ndarray) -> np.ndarray:
+        return np.hstack([np.exp(sign * values) for values in state for sign in (1, -1)])
+
+    (pieces,) = pieces_of(motion)
+    slopes = prefilter.sensitivity(motion, robot, evaluate)
+    for order, values in enumerate(prefilter.middle(pieces)):
+        for i in range(4):
+            for side, sign in enumerate((1, -1)):
+                expected = np.exp(sign * values[:, i]).max()
+                assert slopes[order, i, 8 * order + 4 * side + i] == pytest.approx(
+                    expected, rel=1e-4
+                )
+
+
+def test_a_piece_starts_where_a_driven_joint_stands_at_one_of_its_ends(robot: Robot) -> None:
+    coefficients = np.zeros((5, 6, 4))
+    coefficients[0, 2, 0] = 1.0  # from rest
+    coefficients[1, 1:3, 0] = (2.0, -1.0)  # to rest after 1 s
+    coefficients[2, 1, 0] = 1.0  # never at rest
+    coefficients[3, 2, 2] = 1.0  # a joint without a drive
+    (pieces,) = pieces_of(Trajectory(np.arange(6.0), coefficients, ()))
+    assert robot.joints[2].drive is None
+    assert prefilter.starting(pieces, robot).tolist() == [True, True, False, False, False]

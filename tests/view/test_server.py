@@ -1,0 +1,381 @@
+"""The server of the local view: what it answers, and what it does not accept."""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import http.client
+import json
+import math
+import re
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.cli import pages
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import pose_from_task, task_from_joints
+from ssm_planner.loading.load import load_problem
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.serialization import plain
+from ssm_planner.view.jobs import Job, Outcome, posed_problem
+from ssm_planner.view.page import Study
+from ssm_planner.view.server import LONGEST, ViewServer
+from tests.support.paths import PROBLEMS
+
+APPROACH = PROBLEMS / "eye_approach.yaml"
+ANGLES = {"alpha": 0.6, "beta": 1.8}
+POSE = [0.2, -1.7, 0.3, 0.012]
+
+
+@pytest.fixture(scope="module")
+def server(tilt_insert: Problem) -> Iterator[ViewServer]:
+    with ViewServer(Study(tilt_insert)) as running:
+        threading.Thread(
+            target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
+        ).start()
+        yield running
+        running.shutdown()
+
+
+def send(
+    server: ViewServer, method: str, path: str, body: Any = None, **headers: str | None
+) -> tuple[int, str]:
+    """Status and text of an answer; headers replace those that the page sends, None leaves one out."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
+    text = body if isinstance(body, (str, bytes)) else json.dumps(body)
+    sent = {
+        "Content-Type": "application/json",
+        "X-Token": server.token,
+        "Host": f"127.0.0.1:{server.server_port}",
+    }
+    sent |= {key.replace("_", "-"): value for key, value in headers.items()}  # type: ignore[dict-item]
+    try:
+        connection.putrequest(method, path, skip_host=True)
+        data = b"" if body is None else text.encode() if isinstance(text, str) else text
+        sent.setdefault("Content-Length", str(len(data)))
+        for key, value in sent.items():
+            if value is not None:
+                connection.putheader(key, value)
+        connection.endheaders(data)
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode()
+    finally:
+        connection.close()
+
+
+def ask(server: ViewServer, path: str, body: Any) -> dict[str, Any]:
+    status, text = send(server, "POST", path, body)
+    assert status == 200, text
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def test_listens_on_the_loopback_interface_only(server: ViewServer) -> None:
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_page_holds_the_token_and_nothing_from_elsewhere(server: ViewServer) -> None:
+    status, text = send(server, "GET", "/")
+    assert status == 200
+    assert server.token in text
+    assert not re.search(r"""(?:src|href)=["']?(?:https?:)?//""", text)
+
+
+@pytest.mark.parametrize(
+    "host", ["example.org", "127.0.0.1", "127.0.0.1:1", "localhost.example.org", None]
+)
+def test_other_host_names_are_refused(server: ViewServer, host: str | None) -> None:
+    for method, path in (("GET", "/"), ("POST", "/ik")):
+        status, text = send(server, method, path, {}, Host=host)
+        assert status in (400, 421)
+        assert server.token not in text
+
+
+def test_localhost_is_this_host(server: ViewServer) -> None:
+    assert send(server, "GET", "/", Host=f"localhost:{server.server_port}")[0] == 200
+
+
+@pytest.mark.parametrize("path", ["/workspace", "/ik", "/plan", "/progress"])
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"X_Token": None}, 403),
+        ({"X_Token": "guess"}, 403),
+        ({"Origin": "http://example.org"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Content_Type": "text/plain"}, 415),
+        ({"Content_Type": None}, 415),
+        ({"Content_Length": None}, 411),
+        ({"Content_Length": "-1"}, 411),
+        ({"Content_Length": str(LONGEST + 1)}, 413),
+        ({"Content_Length": "9" * 40}, 413),
+        ({"Transfer_Encoding": "chunked"}, 411),
+    ],
+)
+def test_anything_but_the_pages_requests_is_refused(
+    server: ViewServer, path: str, headers: dict[str, str | None], status: int
+) -> None:
+    assert send(server, "POST", path, {"own": True}, **headers)[0] == status
+
+
+@pytest.mark.parametrize("body", ["", "{", "[]", "3", '{"alpha": NaN}', "[" * 2000, b"\xff\xfe"])
+def test_what_is_no_json_object_is_refused(server: ViewServer, body: str | bytes) -> None:
+    assert send(server, "POST", "/ik", body)[0] == 400
+
+
+def test_other_paths_and_methods_are_refused(server: ViewServer) -> None:
+    for path in (
+        "/etc/passwd",
+        "/../server.py",
+        "/report/",
+        "/report/none",
+        "/workspace",
+        "/?x",
+        "/report/../",
+    ):
+        assert send(server, "GET", path)[0] == 404
+    assert send(server, "POST", "/", {})[0] == 404
+    for method in ("PUT", "DELETE", "OPTIONS", "HEAD"):
+        assert send(server, method, "/")[0] == 501
+
+
+@pytest.mark.parametrize(
+    ("path", "request_", "key"),
+    [
+        ("/ik", {**ANGLES, "pose": [0, 0, 0]}, "pose"),
+        ("/ik", {**ANGLES, "pose": [0, "0", 0, 0]}, "pose.tilt"),
+        ("/ik", {**ANGLES, "pose": [0, -110, 0, 0]}, "pose.tilt"),
+        ("/ik", {**ANGLES, "pose": [True, 0, 0, 0]}, "pose.roll"),
+        ("/ik", {"alpha": 0.0, "beta": 1.0, "pose": POSE}, "alpha"),
+        ("/ik", {"alpha": 1e400, "beta": 1.0, "pose": POSE}, "alpha"),
+        ("/workspace", {**ANGLES}, "tilt_range"),
+        ("/workspace", {**ANGLES, "tilt_range": [1, 0]}, "tilt_range"),
+        ("/plan", {**ANGLES, "start": POSE, "target": POSE, "tilt_range": [-2, -1]}, "alpha"),
+        ("/progress", {"job": "../x"}, "job"),
+    ],
+)
+def test_bad_values_are_named(
+    server: ViewServer, path: str, request_: dict[str, Any], key: str
+) -> None:
+    status, text = send(server, "POST", path, json.dumps(request_))
+    assert status == 400
+    assert key in json.loads(text)["error"]
+
+
+def test_branches_reach_the_pose(server: ViewServer) -> None:
+    mechanism = Mechanism.from_angles(**ANGLES)
+    found = ask(server, "/ik", {**ANGLES, "pose": POSE})
+    rotation, position = pose_from_task(mechanism, [POSE])
+    assert found["reachable"]
+    assert {branch["branch"] for branch in found["branches"]} == {1, -1}
+    for branch in found["branches"]:
+        reached = forward(mechanism, [branch["joints"]])
+        assert np.allclose(reached[0], rotation, atol=1e-9)
+        assert np.allclose(reached[1], position, atol=1e-9)
+        assert np.allclose(branch["tip"], position[0], atol=1e-9)
+
+
+def test_pose_outside_the_workspace_says_how_far(server: ViewServer) -> None:
+    nearest = -(ANGLES["beta"] - ANGLES["alpha"])
+    found = ask(server, "/ik", {**ANGLES, "pose": [0.0, nearest + 0.1, 0.0, 0.01]})
+    assert not found["reachable"]
+    assert found["error"] == pytest.approx(0.1)
+
+
+def test_band_is_the_closed_form_tilt_range(server: ViewServer) -> None:
+    found = ask(server, "/workspace", {**ANGLES, "tilt_range": [-2.0, -1.5]})
+    low, high = -(ANGLES["alpha"] + ANGLES["beta"]), -(ANGLES["beta"] - ANGLES["alpha"])
+    assert found["tilt_range"] == pytest.approx([low, high])
+    assert found["margin"] == pytest.approx(min(-2.0 - low, high + 1.5))
+    vertices = np.reshape(found["scene"]["bands"][0]["vertices"], (-1, 3))
+    angles = np.arccos(
+        vertices @ np.array(found["scene"]["axes"][0]) / np.linalg.norm(vertices, axis=1)
+    )
+    assert angles.min() == pytest.approx(-high, abs=1e-4)
+    assert angles.max() == pytest.approx(-low, abs=1e-4)
+    assert not found["own"]
+
+
+def test_plan_runs_with_progress_and_gives_a_report(
+    server: ViewServer, tilt_insert: Problem
+) -> None:
+    own = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    target = [0.0, math.radians(-100), 0.0, 0.005]
+    start = [0.0, math.radians(-90), 0.0, 0.0]
+    request = {
+        "alpha": own.alpha,
+        "beta": own.beta,
+        "start": start,
+        "target": target,
+        "tilt_range": [-2.4, -1.45],
+    }
+    job = ask(server, "/plan", request)["job"]
+    status, text = send(server, "POST", "/plan", request)
+    assert status == 400
+    assert "one at a time" in text
+    for _ in range(600):
+        answer = ask(server, "/progress", {"job": job})
+        if answer["done"]:
+            break
+        time.sleep(0.05)
+    assert "check passed" in answer["message"]
+    assert len(answer["steps"]) >= 3
+    status, page = send(server, "GET", answer["report"])
+    assert status == 200
+    data = json.loads(re.search(r'id="data">(.*?)</script>', page).group(1))  # type: ignore[union-attr]
+    q = [np.frombuffer(base64.b64decode(data["channels"][f"q{i}"]), "<f8")[-1] for i in range(4)]
+    assert task_from_joints(own, [q])[0] == pytest.approx(target, abs=1e-6)
+
+
+def test_motion_outside_the_limits_is_explained(server: ViewServer, tilt_insert: Problem) -> None:
+    own = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    request = {
+        "alpha": own.alpha,
+        "beta": own.beta,
+        "start": [0.0, -1.6, 0.0, 0.0],
+        "target": [0.0, -2.2, 0.0, 0.0],
+    }
+    status, text = send(server, "POST", "/plan", {**request, "tilt_range": [-2.0, -1.5]})
+    found = json.loads(text)
+    assert status == 400
+    assert found["key"].endswith("motion[0].tilt")
+    assert "deg" in found["reason"]
+
+
+def finished(server: ViewServer, job: str, seconds: float = 60.0) -> dict[str, Any]:
+    for _ in range(int(seconds / 0.05)):
+        answer = ask(server, "/progress", {"job": job})
+        if answer["done"]:
+            return answer
+        time.sleep(0.05)
+    raise AssertionError("never done")
+
+
+@pytest.mark.slow
+def test_a_plan_is_cancelled_at_once_and_the_next_one_works(
+    server: ViewServer, tilt_insert: Problem
+) -> None:
+    job = ask(server, "/plan", {"own": True})["job"]
+    for _ in range(12_000):
+        if ask(server, "/progress", {"job": job})["steps"]:
+            break
+        time.sleep(0.005)
+    assert ask(server, "/cancel", {"job": job})["done"]
+    assert ask(server, "/progress", {"job": job})["message"] == "cancelled"
+    assert "check passed" in finished(server, ask(server, "/plan", {"own": True})["job"])["message"]
+
+
+def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time(
+    tmp_path: Path,
+) -> None:
+    class Steps(type(tmp_path)):  # type: ignore[misc]
+        def read_text(self, *_: Any, **__: Any) -> str:
+            job.outcome = Outcome("planned", "page", "{}")
+            return ""
+
+    job = Job("identity", Steps(tmp_path / "steps"))
+    assert job.to_dict() == {
+        **dict.fromkeys(("report", "plan", "relaxation")),
+        "steps": [],
+        "done": False,
+        "message": "",
+    }
+    assert job.to_dict()["done"]
+    assert job.to_dict()["plan"] == "/plan/identity"
+
+
+def test_waypoints_and_dwells_are_planned_and_saved(
+    server: ViewServer, tilt_insert: Problem, tmp_path: Path
+) -> None:
+    """What is saved as YAML is the problem that is planned, and the plan can be had as plan.json."""
+    own = Mechanism.from_geometry(tilt_insert.robot.geometry)
+    request = {
+        "alpha": own.alpha,
+        "beta": own.beta,
+        "start": [0.0, math.radians(-90), 0.0, 0.0],
+        "motion": [
+            {"pose": [0.0, math.radians(-100), 0.0, 0.0]},
+            {"dwell": 0.2},
+            {"pose": [0.0, -1.8, 0.0, 0.004]},
+        ],
+        "tilt_range": [math.radians(-139), math.radians(-81)],
+    }
+    path = tmp_path / "saved.yaml"
+    path.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
+    saved, made = load_problem(path), server.jobs.wanted(request)
+    assert saved.start == made.start
+    assert [step.kind for step in saved.motion] == ["straight", "dwell", "straight"]
+    ends = [
+        [getattr(step, name) for name in ("roll", "tilt", "spin", "depth")]
+        for step in (saved.motion[2], made.motion[2])
+    ]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+    assert saved.ranges["tilt"] == pytest.approx(made.ranges["tilt"], abs=1e-12)
+    answer = finished(server, ask(server, "/plan", request)["job"])
+    assert json.loads(send(server, "GET", answer["plan"])[1])["status"] == "solved"
+
+
+def test_a_relaxation_can_be_planned(tilt_insert: Problem) -> None:
+    from dataclasses import replace
+
+    weak = replace(tilt_insert, motion=(replace(tilt_insert.motion[0], duration=0.5),))
+    with ViewServer(Study(weak)) as running:
+        threading.Thread(
+            target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
+        ).start()
+        first = finished(running, ask(running, "/plan", {"own": True})["job"])
+        assert first["report"] is None
+        assert first["relaxation"]
+        relaxed = ask(running, "/plan", {"relaxed": list(running.jobs._jobs)[-1]})
+        assert "check passed" in finished(running, relaxed["job"])["message"]
+        running.shutdown()
+
+
+def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
+    wanted = [math.radians(-130), math.radians(-90)]
+    found = ask(server, "/suggest", {"tilt_range": wanted})
+    reached = ask(
+        server, "/workspace", {"alpha": found["alpha"], "beta": found["beta"], "tilt_range": wanted}
+    )
+    assert reached["margin"] == pytest.approx(found["margin"], abs=1e-9)
+    status, text = send(server, "POST", "/suggest", {"tilt_range": [-1.0, 1.0]})
+    assert status == 400
+    assert json.loads(text)["key"] == "tilt_range"
+
+
+def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
+    problem = load_problem(APPROACH)
+    low, high = problem.ranges["tilt"]
+    made = posed_problem(problem, (0.0, -1.8, 0.0, 0.002), [(0.0, -2.0, 0.0, 0.015)], (low, high))
+    assert plain(made.task_limits) == plain(problem.task_limits)
+
+
+def test_the_eye_is_drawn_where_the_problem_has_one(tilt_insert: Problem) -> None:
+    request = {**ANGLES, "tilt_range": [-2.0, -1.5]}
+    problem = load_problem(APPROACH)
+    assert Study(problem).workspace(request)["scene"]["eye"] == plain(problem.eye)
+    assert Study(tilt_insert).workspace(request)["scene"]["eye"] is None
+
+
+def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:
+    with ViewServer(Study(None)) as alone:
+        assert alone.study.start()["can_plan"] is False
+        assert alone.study.ik({**ANGLES, "pose": POSE})["reachable"]
+        with pytest.raises(ProblemError, match="problem file"):
+            alone.jobs.start({"own": True})
+
+
+@pytest.mark.slow
+def test_port_in_use_is_bad_input(server: ViewServer) -> None:
+    parser = argparse.ArgumentParser()
+    pages.view_arguments(parser)
+    with pytest.raises(ProblemError, match="cannot be used"):
+        pages.run_view(parser.parse_args(["--no-browser", "--port", str(server.server_port)]))
