@@ -4,6 +4,9 @@ import runpy
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+from latex2mathml.converter import convert
+
 from ssm_planner import __version__
 
 HERE = Path(__file__).parent
@@ -13,6 +16,8 @@ exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"{project} {release}"
 myst_heading_anchors = 4
+myst_enable_extensions = ["dollarmath"]
+html_math_renderer = "mathml"  # browsers draw MathML without a script
 suppress_warnings = [
     "myst.xref_missing",
     "misc.highlighting_failure",
@@ -27,6 +32,18 @@ CHANGED = {
 }
 
 
+def inline_math(writer: Any, node: Any) -> None:
+    writer.body.append(convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def block_math(writer: Any, node: Any) -> None:
+    writer.body.append(
+        f'<div style="overflow: auto hidden; padding: 0.3em 0" tabindex="0">{convert(node.astext(), display="block")}</div>'
+    )
+    raise nodes.SkipNode
+
+
 def setup(app: Any) -> None:
     """Captions of the contents get a level, and code and tables that scroll the keyboard, which Sphinx leaves out."""
 
@@ -38,3 +55,4 @@ def setup(app: Any) -> None:
             page.write_text(text, encoding="utf-8")
 
     app.connect("build-finished", finish)
+    app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))

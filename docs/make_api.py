@@ -12,6 +12,13 @@ from typing import Any, get_origin
 
 import ssm_planner
 
+HOMES = {
+    alias.name: f"ssm_planner.{node.module}"
+    for node in ast.walk(ast.parse(Path(ssm_planner.__file__).with_suffix(".pyi").read_text()))
+    if isinstance(node, ast.ImportFrom)
+    for alias in node.names
+}
+"""Modules that define the public names."""
 TARGET = Path(__file__).with_name("api.md")
 BAR = "\\|"  # within a table
 QUANTITY = r"Annotated\[(\w+), Quantity\([^)]*\)\]|(Annotated\[.*), Quantity\([^)]*\)(?=\])"  # of files, not of Python
@@ -128,14 +135,15 @@ def _signature(name: str, node: ast.FunctionDef) -> str:
 
 def _constant(name: str, value: object) -> str:
     """A row of the table: a number or what a type stands for, and the docstring below it."""
-    body = ast.parse(inspect.getsource(import_module(ssm_planner._HOMES[name]))).body
+    module = HOMES[name]
+    body = ast.parse(inspect.getsource(import_module(module))).body
     for node, meaning in _with_docstrings(body):
         if isinstance(node, ast.Assign) and name in {
             n.id for n in ast.walk(node.targets[0]) if isinstance(n, ast.Name)
         }:
             text = f"{value:.9g}" if isinstance(value, float) else ast.unparse(node.value)
             return f"| `{name}` | `{text.replace('|', BAR)}` | {meaning.replace('|', BAR)} |"
-    raise LookupError(f"no assignment to {name} in {ssm_planner._HOMES[name]}")
+    raise LookupError(f"no assignment to {name} in {module}")
 
 
 def _code(lines: list[str]) -> str:

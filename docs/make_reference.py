@@ -13,7 +13,7 @@ from ssm_planner.studies.study_file import StudyModel
 TARGET = Path(__file__).with_name("reference.md")
 JOINTS = r"\b(roll|tilt|spin|insertion)\."
 ABOUT = {
-    "problem": "Where the tool starts, what it does and within which limits: [planning](planning.md), [the eye](eye.md).",
+    "problem": "Start, motion and limits of the tool: [motions and limits](motions.md), [the eye](eye.md).",
     "robot": "Geometry, bodies, limits of the joints, and what drives them: [kinematics](kinematics.md).",
     "drive": "A worm gear or screw with its friction: [drives](drives.md).",
     "motor": "A datasheet's figures: [sizing](sizing.md).",
