@@ -189,10 +189,10 @@ def filled(line: str) -> list[str]:
     return words
 
 
-@pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder as a checkout has it, in which results may be written."""
-    folder = tmp_path_factory.mktemp("documents")
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """A folder like a checkout. Commands overwrite its results, so each test has another."""
+    folder = tmp_path
     (folder / "problems").symlink_to(ROOT / "problems")
     shutil.copytree(ROOT / "results/tilt_insert", folder / "results/tilt_insert")
     (folder / FILES["retime"]).write_text(PATH, encoding="utf-8")

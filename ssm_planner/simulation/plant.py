@@ -138,15 +138,19 @@ class ArmPlant:
 
     def at_rest(self, q: Array) -> Array:
         """Return the state (28,) at rest at q (4,), with the weight on the springs."""
-        weight = self.body.gravity_load(np.reshape(q, (1, 4)))[0]
+        return self.in_motion(q, np.zeros(4), np.zeros(4))
+
+    def in_motion(self, q: Array, qd: Array, qdd: Array) -> Array:
+        """Return the state (28,) in a motion q, qd, qdd (4,), with its loads on the springs."""
+        load = self.body.inverse_dynamics(*(np.reshape(x, (1, 4)) for x in (q, qd, qdd)))[0]
         state = np.zeros(STATE)
-        state[Q] = q
+        state[Q], state[QD] = q, qd
         for k in self.driven:
-            twist = weight[k] / self.compliance.stiffness[k] + 0.5 * self.compliance.backlash[
-                k
-            ] * np.sign(weight[k])
+            backlash = 0.5 * self.compliance.backlash[k] * np.sign(load[k])
+            twist = load[k] / self.compliance.stiffness[k] + backlash
             state[MOTOR][k] = self.drive(k).ratio * (q[k] + twist)
-        state[REST] = 1e6
+            state[W][k] = self.drive(k).ratio * qd[k]
+        state[REST] = np.where(state[W] == 0.0, 1e6, 0.0)
         return state
 
     def motion(self, time: Array, x: Array, tau: Array) -> ArmMotion:

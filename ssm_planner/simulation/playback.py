@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import dense
+from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.formats.epos4 import Stream
 from ssm_planner.formats.epos4_setup import Axis
 from ssm_planner.problem.controller import Controller
@@ -22,6 +23,7 @@ from ssm_planner.simulation.plant import (
     STATE,
     ArmPlant,
     Compliance,
+    Q,
     W,
 )
 from ssm_planner.typing import Array, Mask
@@ -186,16 +188,37 @@ class ControlledArm(ArmPlant):
         self.one = self._period_function()
         self._many = self.one.mapaccum("arm", _CHUNK)
 
-    def start(self, q: Array) -> Array:
-        """Return the state (44,) at rest at q (4,), where the encoders were set."""
-        return np.concatenate([self.at_rest(q), np.zeros(WHOLE - STATE)])
+    def start(self, q: Array, qd: Array, qdd: Array, command: Commands) -> Array:
+        """Return the state (44,) at the start of a motion q, qd, qdd (4,).
 
-    def offsets(self, state: Array, q: Array) -> Array:
+        The arm tracks the motion: motors are where the encoders expect them, loads deflect the
+        joints, the currents overcome load and friction, and the integrals of the loops provide
+        the part of the current that the first commands lack.
+        """
+        state = np.concatenate([self.in_motion(q, qd, qdd), np.zeros(WHOLE - STATE)])
+        motor = self.at_rest(q)[MOTOR]
+        needed = motor_torque(self.robot, q, qd, qdd)
+        for k in self.driven:
+            if state[W][k] == 0.0:
+                continue
+            joint, electrics = self.robot.joints[k], self.electrics[k]
+            state[Q][k] -= (state[MOTOR][k] - motor[k]) / self.drive(k).ratio
+            state[MOTOR][k] = motor[k]
+            gains = gains_of(joint, self.controller, electrics)
+            state[CURRENT][k] = needed[k] / electrics.torque_constant
+            state[INTEGRAL][k] = state[CURRENT][k] - (
+                gains.ff_velocity * command.speed[0, k]
+                + gains.ff_acceleration * command.acceleration[0, k]
+                + command.torque[0, k] / electrics.torque_constant
+            )
+        return state
+
+    def offsets(self, q: Array) -> Array:
         """Return the motor angles (4,) beyond ratio · q that the encoders read as zero.
 
-        The encoders were set at q (4,).
+        The encoders were set at rest at q (4,).
         """
-        angles = np.zeros(4)
+        state, angles = self.at_rest(q), np.zeros(4)
         for k in self.driven:
             angles[k] = state[MOTOR][k] - self.drive(k).ratio * q[k]
         return angles

@@ -348,6 +348,9 @@ class _Stage:
         stretch = setpoint_times(plan, PERIOD)[1]
         samples = at_times(plan, plan.motion.breaks[0] + self.time, stretch)
         self.planned, speed = samples.q, samples.qd
+        standing = np.abs(speed[0]) <= [STANDS * joint.velocity for joint in robot.joints]
+        velocity = np.where(standing, 0.0, speed[0])
+        self.begin = samples.q[0], velocity, samples.qdd[0] * np.any(velocity)
         given = np.diff(speed, axis=0, append=speed[-1:]) / self.period
         self.told = self._commands(given)
 
@@ -369,8 +372,8 @@ class _Stage:
         """Play the whole motion. The payload is picked up at the time that the scenario states."""
         scenario = self.scenario
         empty_arm = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
-        state = empty_arm.start(self.planned[0])
-        self.offsets = empty_arm.offsets(state, self.planned[0])
+        state = empty_arm.start(*self.begin, self.told)
+        self.offsets = empty_arm.offsets(self.planned[0])
         self.friction = empty_arm.friction(scenario.friction)
         change = round(scenario.payload_time / self.period) if scenario.payload_time > 0 else 0
         if not change or not scenario.payload:
@@ -437,7 +440,7 @@ class _Stage:
         arm = self.arm(scenario.payload)
         return play_draws(
             arm,
-            arm.start(self.planned[0]),
+            arm.start(*self.begin, self.told),
             self.told,
             offsets=self.offsets,
             friction=scenario.friction * frictions,

@@ -15,7 +15,7 @@ from ssm_planner.formats.epos4 import setpoints
 from ssm_planner.formats.epos4_setup import axes_of
 from ssm_planner.formats.export import export
 from ssm_planner.pipeline import run as pipeline
-from ssm_planner.plans import load_plan
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
 from ssm_planner.problem.motion import Straight
 from ssm_planner.problem.posterior import Posterior
@@ -25,6 +25,7 @@ from ssm_planner.simulation.plant import FRICTION, MOTOR, QD, STATE, Q
 from ssm_planner.simulation.playback import CURRENT, STEPS, ControlledArm, compliance_of
 from ssm_planner.simulation.recorder import write_recordings
 from ssm_planner.simulation.simulate import Scenario, _Stage, simulate
+from ssm_planner.trajectory import Trajectory
 from tests.support.paths import RESULTS
 from tests.support.velocity_control import ArmSimulation, energy_error
 
@@ -102,6 +103,28 @@ def test_energy_and_momentum_balance_without_feedback(plan, torques):
     assert (np.ptp(motion.q[:, 0]) > 1.0) == torques
     assert energy_error(motion) <= 1e-6
     assert momentum_error(arm, played.states) <= 1e-6
+
+
+@pytest.mark.parametrize("torques", [True, False])
+def test_a_motion_that_begins_in_motion_continues_it(plan, torques):
+    """A re-plan begins in motion. The arm that plays it has the state of an arm that tracked it."""
+    controller, begin = Controller(torque_offset=torques), 1.2
+    whole = simulate(plan, controller=controller)
+    t = np.append(np.arange(begin, plan.motion.duration, 1e-3), plan.motion.duration)
+    s = plan.motion.sample(t)
+    assert np.all(np.abs(s.qd[0, :2]) > 0.3)
+    rest = Plan.from_trajectory(Trajectory.from_samples(t - begin, s.q, s.qd, s.qdd), plan.robot)
+    part = simulate(rest, controller=controller)
+    skipped = round(begin / controller.loop_period)
+    assert part.passed
+    for a, b in zip(part.motors, whole.motors, strict=True):
+        assert a.following_error <= b.following_error + 3
+        assert a.peak_torque <= 1.05 * b.peak_torque
+    errors = [(result.q - result.planned)[:, :2] for result in (part, whole)]
+    count = round(0.5 / controller.loop_period)
+    difference = errors[0][:count] - errors[1][skipped:][:count]
+    # The encoders were set elsewhere, so a constant differs.
+    assert np.ptp(difference, axis=0).max() <= 5e-5
 
 
 def test_halving_the_step_changes_the_torque_little_and_four_times_less_each_time(plan):
