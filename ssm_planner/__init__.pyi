@@ -121,6 +121,7 @@ from .problem.value import (
     Sign as Sign,
     Vector as Vector,
 )
+from .reporting.figures.film import film as film
 from .simulation.draws import Draws as Draws
 from .simulation.simulate import (
     MotorUse as MotorUse,

@@ -56,7 +56,7 @@ def test_these_names_and_no_others() -> None:
             "identify",
             "predict",
         ),
-        *("size", "export", "ik", "fk", "workspace", "design_region", "compare", "report"),
+        *("size", "export", "ik", "fk", "workspace", "design_region", "compare", "report", "film"),
         *("simulate", "retime", "controlled_stops", "check_speeds", "load_controller"),
         *("jacobian", "inverse_dynamics", "motor_torque"),
     } == FUNCTIONS

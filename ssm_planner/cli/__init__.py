@@ -78,6 +78,11 @@ COMMANDS = {
         "a page with mechanism, plots and certificate, or a comparison of two plans",
         "report results/tilt_insert -o report.html",
     ),
+    "film": (
+        "pages",
+        "the motion as a film of arm and eye: GIF, MP4 and single pictures",
+        "film results/eye_approach -o film",
+    ),
     "view": (
         "pages",
         "a local page with sliders: workspace, inverse kinematics and planning",

@@ -1,4 +1,4 @@
-"""`ssm-planner report PLAN [OTHER]`, `ssm-planner view [PROBLEM]` and `ssm-planner reproduce`."""
+"""`ssm-planner report PLAN [OTHER]`, `film PLAN`, `view [PROBLEM]` and `reproduce`."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ssm_planner.cli.shared import (
     output_file,
     plan_argument,
     progress_reporter,
+    share,
     show,
 )
 from ssm_planner.errors import ProblemError
@@ -64,6 +65,34 @@ def run_report(options: argparse.Namespace) -> int:
     show(
         options.json, {"files": named}, lambda: [f"{name}: {path}" for name, path in named.items()]
     )
+    return OK
+
+
+def film_arguments(parser: argparse.ArgumentParser) -> None:
+    plan_argument(parser)
+    parser.add_argument(
+        "--speed", default="100%", metavar="PERCENT", help="playback speed, such as 25%%"
+    )
+    output_arguments(
+        parser,
+        "folder of the film (default: film in the folder of PLAN); FILE.gif or FILE.mp4 writes "
+        "that file alone",
+    )
+
+
+def run_film(options: argparse.Namespace) -> int:
+    from ssm_planner.plans import load_plan
+    from ssm_planner.reporting.figures.film import film
+
+    plan, speed = load_plan(options.plan), share(options.speed)
+    if not speed > 0:
+        raise ProblemError("invalid speed", key="--speed", value=options.speed, allowed="above 0 %")
+    out = options.output or plan.path.with_name("film")
+    files = {name: str(path) for name, path in film(plan, out, speed).items()}
+    lines = [f"{name}: {path}" for name, path in files.items()]
+    if out.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
+        lines.append("mp4: not written, because the program ffmpeg is not on the PATH")
+    show(options.json, {"files": files}, lambda: lines)
     return OK
 
 

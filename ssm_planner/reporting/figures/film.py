@@ -1,0 +1,213 @@
+"""Draw the motion of a plan as a film of arm and eye, without GPU and network."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ssm_planner.errors import ExportError
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.of_robot import fk
+from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.plans import Plan, as_plan
+from ssm_planner.problem.problem import Eye
+from ssm_planner.problem.robot import Robot
+from ssm_planner.publishing import publishing_results, replacing_result
+from ssm_planner.reporting.figures.style import new_panels
+from ssm_planner.reporting.html.scene import link_sides
+from ssm_planner.typing import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from PIL.Image import Image
+
+RATE = 25.0
+"""Pictures per second. A GIF states the time of a picture in hundredths of a second."""
+LONGEST = 30.0
+"""Longest film, s. Longer motions are shown faster."""
+STILLS = 5
+"""Number of pictures in the strip."""
+LINK, TAIL = 0.026, 0.030
+"""Radius of the link arcs, and length of the tool outside the eye, m. Robot files give no shapes."""
+VIEW = (rotation([1, 0, 0], np.radians(20.0)) @ rotation([0, 0, 1], np.radians(-28.0)))[[0, 2]]
+"""Orthonormal rows (2, 3) that project base coordinates onto the picture."""
+JOINT = {"linewidth": 5.0, "marker": "o", "markevery": [0], "markersize": 7, "mfc": "white"}
+LINES: tuple[dict[str, Any], ...] = (
+    {"color": "#4d5966", **JOINT},
+    {"color": "#8694a3", **JOINT},
+    {"color": "black"},
+)
+"""Styles of link 1, link 2 and the tool. A circle marks the joint at the beginning of a link."""
+WORDS: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": 7}
+
+
+def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[str, Path]:
+    """Write the motion of a plan as film.gif, film.mp4, strip.png and single pictures.
+
+    The MP4 requires the program ffmpeg and is left out without it.
+
+    Parameters
+    ----------
+    plan : Plan, str or Path
+    path : str or Path
+        Folder of the files, or the path of a single .gif or .mp4.
+    speed : float
+        Playback speed as a share of the planned one. A film lasts at most 30 s.
+
+    Returns
+    -------
+    dict[str, Path]
+        Paths of the files by file name.
+
+    Raises
+    ------
+    ExportError
+        If the files cannot be written, or if an MP4 is requested without ffmpeg.
+
+    Examples
+    --------
+    >>> from ssm_planner import film
+    >>> files = film("results/eye_approach", "film")  # doctest: +SKIP
+    """
+    plan, path = as_plan(plan), Path(path)
+    pictures = list(_pictures(plan, max(speed, plan.motion.duration / LONGEST)))
+    with BytesIO() as file:
+        times = [round(1000 / RATE)] * (len(pictures) - 1) + [1000]
+        rest = pictures[1:]
+        pictures[0].save(file, "GIF", save_all=True, append_images=rest, duration=times, loop=0)
+        gif = file.getvalue()
+    if path.suffix in (".gif", ".mp4"):
+        with replacing_result(path, plan.sha256) as single:
+            _write(gif, single)
+        return {path.name: path}
+    with publishing_results(path, plan.sha256) as folder:
+        _write(gif, folder / "film.gif")
+        if shutil.which("ffmpeg"):
+            _write(gif, folder / "film.mp4")
+        _write_stills(pictures, folder)
+        return {file.name: path / file.name for file in sorted(folder.iterdir())}
+
+
+def _write(gif: bytes, path: Path) -> None:
+    """Write a film as GIF or MP4. Raises ExportError."""
+    if path.suffix == ".gif":
+        path.write_bytes(gif)
+        return
+    try:
+        with NamedTemporaryFile(suffix=".gif") as source:
+            source.write(gif)
+            source.flush()
+            command = f"ffmpeg -v error -i {source.name} -pix_fmt yuv420p".split()
+            subprocess.run([*command, path], capture_output=True, check=True)
+    except FileNotFoundError:
+        raise ExportError(f"{path}: needs the program ffmpeg, which is not on the PATH") from None
+    except subprocess.CalledProcessError as error:
+        raise ExportError(
+            f"{path}: ffmpeg failed: {error.stderr.decode('utf-8', 'replace')}"
+        ) from None
+
+
+def _write_stills(pictures: list[Image], folder: Path) -> None:
+    """Write single pictures of the motion, and all of them side by side as strip.png."""
+    from PIL import Image
+
+    chosen = [pictures[k] for k in np.linspace(0, len(pictures) - 1, STILLS).round().astype(int)]
+    for k, picture in enumerate(chosen, start=1):
+        picture.save(folder / f"picture_{k}.png")
+    strip = np.hstack([np.asarray(picture.convert("RGB")) for picture in chosen])
+    Image.fromarray(strip).quantize(64).save(folder / "strip.png")
+
+
+def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
+    """Return the lines of links 1 and 2 (n, 40, 2) and of the tool (n, 2, 2) in the picture, m.
+
+    q: joint positions (n, 4), rad and m.
+    """
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    sides, tip = link_sides(robot, mechanism), fk(robot, q).position
+    within = q.copy()
+    within[:, 3] = mechanism.insertion_sign
+    outward = -fk(robot, within).position  # The tip of a tool inserted by 1 m is a unit vector.
+    axis1 = np.tile(sides[0] * mechanism.omega1, (len(q), 1))
+    axis2 = rotation(mechanism.omega1, q[:, 0]) @ (sides[1] * mechanism.omega2)
+    length = TAIL + np.linalg.norm(tip, axis=1).max()
+    tool = np.stack([tip, tip + length * outward], axis=1)
+    return _arc(axis1, axis2) @ VIEW.T, _arc(axis2, outward) @ VIEW.T, tool @ VIEW.T
+
+
+def _arc(first: Array, second: Array) -> Array:
+    """Return arcs (n, 40, 3) with the radius LINK between directions (n, 3)."""
+    angle = np.arccos(np.clip(np.sum(first * second, axis=1), -1.0, 1.0))[:, None]
+    share = np.linspace(0.0, 1.0, 40)
+    arc: Array = np.sin((1 - share) * angle)[..., None] * first[:, None]
+    arc += np.sin(share * angle)[..., None] * second[:, None]
+    return LINK * arc / np.maximum(np.linalg.norm(arc, axis=2, keepdims=True), 1e-9)
+
+
+def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
+    """Yield the pictures of a plan with a palette of 64 colours."""
+    from PIL import Image
+
+    motion, eye = plan.motion, plan.limits.eye
+    t = np.linspace(0.0, motion.duration, max(2, round(RATE * motion.duration / speed) + 1))
+    lines = mechanism_lines(plan.robot, motion.sample(motion.breaks[0] + t).q)
+    boxes = [np.concatenate([line.reshape(-1, 2) for line in lines])]
+    if eye is not None:
+        boxes.append(VIEW @ eye.centre + eye.radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        boxes[0] = np.concatenate(boxes)
+    figure, panels = new_panels(
+        2.1 * len(boxes), 2.3, rows=1, columns=len(boxes), edges=(0, 0, 0, 0.2), gaps=(0, 0)
+    )
+    moving: list[tuple[Any, Any, Array]] = []
+    for axes, box in zip(panels[0], boxes, strict=True):
+        x, y = (box.min(axis=0) + box.max(axis=0)) / 2
+        half = 0.54 * np.ptp(box, axis=0).max()
+        axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
+        axes.set_axis_off()
+        if eye is not None:
+            _draw_eye(axes, eye)
+        axes.plot(*lines[2][:, 0].T, color="#d55e00", linewidth=1.2)
+        axes.plot(0, 0, "o", color="black", markersize=4)
+        axes.annotate("port", (0, 0), (-16, -8), textcoords="offset points", **WORDS)
+        for line, style in zip(lines, LINES, strict=True):
+            moving.append((axes, axes.plot([], animated=True, **style)[0], line))
+    text = figure.text(0.01, 0.94, "", fontsize=8, animated=True)
+    canvas: Any = figure.canvas
+    canvas.draw()
+    empty, palette = canvas.copy_from_bbox(figure.bbox), None
+    for k, time in enumerate(t):
+        canvas.restore_region(empty)
+        text.set_text(f"{time:.2f} s" if speed == 1.0 else f"{time:.2f} s, at {speed:.3g} × speed")
+        figure.draw_artist(text)
+        for axes, artist, line in moving:
+            artist.set_data(*line[k].T)
+            axes.draw_artist(artist)
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        palette = palette or picture.quantize(64)
+        yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+def _draw_eye(axes: Axes, eye: Eye) -> None:
+    """Draw the retina with its clearance, and the lens, as the plan gives them."""
+    from matplotlib.patches import Circle, Polygon
+
+    x, y = VIEW @ eye.centre
+    for radius, style in ((eye.radius, "-"), (eye.radius - eye.clearance, "--")):
+        axes.add_patch(Circle((x, y), radius, facecolor="#f6d9cf", edgecolor="#c98a76", ls=style))
+    axes.annotate("retina", (x, y - eye.radius), **WORDS)
+    if eye.lens is not None:
+        # An ellipsoid appears as the ellipse of the projected semi-axes.
+        half = VIEW @ (eye.lens.frame * eye.lens.semi_axes)
+        values, vectors = np.linalg.eigh(half @ half.T)
+        angles = np.linspace(0.0, 2 * np.pi, 90)
+        circle = np.sqrt(values) * np.column_stack([np.cos(angles), np.sin(angles)])
+        middle = VIEW @ eye.lens.centre
+        axes.add_patch(Polygon(middle + circle @ vectors.T, color="#8fb8de"))
+        axes.annotate("lens", tuple(middle), **WORDS)
