@@ -15,6 +15,7 @@ from ssm_planner.problem.controller import AxisController, Controller
 from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.simulation import simulate as module
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
 from ssm_planner.simulation.playback import CURRENT, TRIP, WHOLE, Commands, Played
 from ssm_planner.simulation.simulate import (
@@ -316,3 +317,67 @@ def test_windows_and_notes_follow_from_controller_and_motors(plan: Plan) -> None
     }
     assert notes(FINE) == own
     assert notes(Controller()) == {*own, ("joint roll", "no encoder")}
+
+
+def test_an_arm_gets_its_windows_in_radians_and_its_payload(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built: list[tuple[Robot, dict[str, float]]] = []
+
+    def arm(robot: Robot, controller: Any, axes: Any, windows: dict[str, float], **_: Any) -> Any:
+        built.append((robot, windows))
+        return FakeArm()
+
+    monkeypatch.setattr(module, "ControlledArm", arm)
+    made = stage(plan)
+    assert made.arm(0.0) is made.arm(0.0)
+    made.arm(0.05)
+    (empty, windows), (loaded, same) = built
+    assert windows == same
+    for name, window in windows.items():
+        turn = made.axes[name].counts_per_turn
+        assert window == pytest.approx(2 * np.pi * made.windows[name] / turn)
+    masses = [sum(body.mass for body in robot.bodies) for robot in (empty, loaded)]
+    assert masses[1] - masses[0] == pytest.approx(0.05)
+
+
+def test_draws_play_the_same_commands_under_scaled_frictions(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(
+        module,
+        "drawn_frictions",
+        lambda *given: (asked.append(given), (np.ones((3, 28)), ("n",)))[1],
+    )
+    monkeypatch.setattr(module, "play_draws", lambda *given, **named: (given, named))
+    made = stage(plan, draws=3, spread=0.2, friction=1.5, payload=0.05, tip_error=2e-4)
+    arm = FakeArm()
+    made.arms = {0.0: arm, 0.05: arm}  # type: ignore[dict-item]
+    made.play()
+    played: Any = made.draws(print)
+    (used, state, told), named = played
+    assert (used, told, named["progress"]) == (arm, made.told, print)
+    assert asked == [(plan.robot, 3, 0.2)]
+    assert np.array_equal(state, arm.start(made.planned[0]))
+    assert np.array_equal(named["friction"], np.full((3, 28), 1.5))
+    assert np.array_equal(named["offsets"], np.arange(4.0))
+    assert np.array_equal(named["planned"], made.planned)
+    assert named["tip_limit"] == 2e-4
+    assert made.unknown == ("n",)
+    assert stage(plan).draws(print) is None
+
+
+@pytest.mark.parametrize(("dropped", "lost"), [(0.0, 1), (0.1, 100), (DURATION, 400)])
+def test_a_lost_set_point_repeats_the_one_before(plan: Plan, dropped: float, lost: int) -> None:
+    """A set point holds for a period, and the last one to the end."""
+    plain, made = stage(plan), stage(plan, dropped=dropped)
+    speed, period = plain.told.speed, round(1e-3 / plain.period)
+    expected = speed.copy()
+    changed = np.flatnonzero((made.told.speed != speed).any(axis=1))
+    expected[changed] = speed[changed[0] - period] if lost > 1 else 0.0
+    assert made.told.speed == pytest.approx(expected, abs=1e-12)
+    first, last = plain.time[changed[[0, -1]]]
+    assert first == pytest.approx(1e-3 * (lost - 1), abs=1.1 * plain.period)
+    end = plain.time[-1] if dropped == DURATION else 1e-3 * lost - plain.period
+    assert last == pytest.approx(end, abs=1.1 * plain.period)
