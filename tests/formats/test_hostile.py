@@ -8,7 +8,9 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,8 +19,9 @@ from ssm_planner import api
 from ssm_planner.cli import main
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.export import export
-from ssm_planner.formats.joint_trajectory import Message
+from ssm_planner.formats.joint_trajectory import Message, message_from
 from ssm_planner.formats.read import read_trajectory
+from ssm_planner.formats.ros2 import _differ, _of_states
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.html.report import report_page, verdict
@@ -164,11 +167,47 @@ def test_a_bag_with_two_motions_is_refused(made: Plan, robot: Robot, tmp_path: P
         read_trajectory(bag(tmp_path / "none", made), robot)
 
 
+@pytest.mark.parametrize("key", ["names", "time", "positions", "velocities"])
+def test_messages_differ_in_any_of_their_parts(robot: Robot, key: str) -> None:
+    one = message_of(robot)
+    value = getattr(one, key)
+    shorter = replace(one, **{key: value[:-1]})
+    turned = value[::-1] if key in ("names", "time") else [[1.0] * 4, *value[1:]]
+    changed = replace(one, **{key: turned})
+    missing = replace(one, velocities=[[], *one.velocities[1:]])
+    assert not _differ(one, message_of(robot))
+    assert _differ(one, shorter)
+    assert _differ(one, changed)
+    assert _differ(one, missing)
+
+
+def test_times_of_joint_states_count_from_the_first() -> None:
+    def state(sec: int, nanosec: int) -> SimpleNamespace:
+        header = SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec))
+        return SimpleNamespace(name=["a", "b"], position=[1.0, 2.0], velocity=[], header=header)
+
+    made = _of_states([state(7, 900_000_000), state(8, 100_000_000), state(10, 0)])
+    assert isinstance(made, Message)
+    assert made.time == pytest.approx([0.0, 0.2, 2.1], abs=1e-12)
+    assert made.velocities == [[], [], []]
+    assert _of_states([]) == []
+    bad = state(9, 0)
+    bad.velocity = [1.0]
+    with pytest.raises(TrajectoryError, match="JointState 1: 1 values of velocity for 2 joints"):
+        _of_states([state(8, 0), bad])
+
+
+@pytest.mark.parametrize("names", ["roll", {"roll": 1}, ["roll", 3], [None, "tilt"]])
+def test_joint_names_are_a_list_of_texts(names: object) -> None:
+    with pytest.raises(TrajectoryError, match="joint_names is not a list of names"):
+        message_from({"joint_names": names, "points": []}, "t.yaml")
+
+
 def test_joints_in_another_order_in_mid_bag(made: Plan, robot: Robot) -> None:
     pytest.importorskip("rosbags")
     from rosbags.typesys import Stores, get_typestore
 
-    from ssm_planner.formats.ros2 import _Messages, _of_states
+    from ssm_planner.formats.ros2 import _Messages
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     names, rows = tuple(joint.name for joint in robot.joints), np.arange(12.0).reshape(3, 4)
