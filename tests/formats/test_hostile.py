@@ -132,6 +132,31 @@ def test_a_manifest_of_an_unknown_kind_is_named(
         read_trajectory(tmp_path / "epos4", robot)
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("increments_per_motor_turn", None, "does not give the increments of joint roll"),
+        ("increments_per_motor_turn", 0, "does not give the increments of joint roll"),
+        ("increments_per_motor_turn", 2.5, "does not give the increments of joint roll"),
+        ("increments_per_motor_turn", 2**31, "does not give the increments of joint roll"),
+        ("increments_per_unit", "x", "does not give the increments of joint roll"),
+        ("increments_per_unit", True, "does not give the increments of joint roll"),
+        ("increments_per_unit", 1.0, "joint roll: the manifest states 1 increments per rad"),
+        ("rated_torque_Nm", None, "joint roll: the rated torque differs"),
+        ("rated_torque_Nm", 1.0, "joint roll: the rated torque differs"),
+    ],
+)
+def test_a_manifest_states_the_scales_of_the_robot(
+    made: Plan, robot: Robot, tmp_path: Path, key: str, value: object, message: str
+) -> None:
+    files, manifest = export(made, "epos4", tmp_path / "epos4", force=True, counts_per_turn=1024)
+    read_trajectory(tmp_path / "epos4", robot)
+    manifest["axes"]["roll"][key] = value
+    files["manifest"].write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(TrajectoryError, match=message):
+        read_trajectory(tmp_path / "epos4", robot)
+
+
 def bag(folder: Path, plan: Plan, *messages: Message) -> Path:
     """A bag with these trajectories and nothing else."""
     pytest.importorskip("rosbags")

@@ -64,8 +64,10 @@ def test_a_long_table_makes_its_pieces_when_they_are_asked_for(
     whole = join_points(Points(T, curves(0), curves(1)), robot).trajectory
     monkeypatch.setattr(module, "LONG", 10)
     lazy = join_points(Points(T, curves(0), curves(1)), robot).trajectory
-    for chosen in (slice(0, 5), slice(20, 24), np.array([3, 1, 23])):
-        assert np.array_equal(lazy.pieces(chosen), whole.pieces(chosen))
+    for block in (module.BLOCK, 3):
+        monkeypatch.setattr(module, "BLOCK", block)
+        for chosen in (slice(0, 5), slice(20, 24), slice(2, 23), np.array([3, 1, 23])):
+            assert np.array_equal(lazy.pieces(chosen), whole.pieces(chosen))
 
 
 @pytest.mark.parametrize(
@@ -88,6 +90,51 @@ def test_faults_of_points_are_named(robot: Robot, change, message: str) -> None:
     t, q, qd = change(T, curves(0), curves(1))
     with pytest.raises(TrajectoryError, match=message):
         join_points(Points(t, q, qd), robot)
+
+
+@pytest.mark.parametrize("block", [4, 1000])
+@pytest.mark.parametrize("row", [0, 1, 4, 24])
+def test_every_row_must_be_finite(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, row: int, block: int
+) -> None:
+    monkeypatch.setattr(module, "BLOCK", block)
+    for k, name in enumerate(("time", "position", "velocity", "acceleration")):
+        table = [T.copy(), *(curves(order) for order in range(3))]
+        table[k][row] = np.nan
+        with pytest.raises(TrajectoryError, match=f"point {row}: {name} is not a finite number"):
+            join_points(Points(*table), robot)
+
+
+@pytest.mark.parametrize(
+    ("factors", "message"),
+    [
+        ((1.0, 57.3, 1.0), "velocities of joint roll .* times the slope of its positions: degrees where radians"),
+        ((57.3, 1.0, 1.0), "velocities of joint roll are 0.017.* degrees where radians are meant in the positions"),
+        ((1000.0, 1.0, 1.0), "velocities of joint insertion are .* millimetres where metres are meant in the positions"),
+        ((1.0, 1.0, 57.3), "accelerations of joint roll .* times the slope of its velocities: degrees"),
+        ((1.0, 1.0, 1 / 57.3), "accelerations of joint roll .* in the velocities"),
+        ((1.0, 5.0, 1.0), "velocities of joint roll are 4.99. times the slope of its positions$"),
+    ],
+)  # fmt: skip
+def test_a_wrong_unit_of_a_derivative_is_named_with_its_side(
+    robot: Robot, factors: tuple[float, float, float], message: str
+) -> None:
+    # The positions are so small that they are plausible in degrees and millimetres as well.
+    columns = [curves(order) * np.array([1, 1, 1, 0.01]) / 60 for order in range(3)]
+    selected = [3] if factors[0] == 1000.0 else [0, 1, 2]
+    for column, factor in zip(columns, factors, strict=True):
+        column[:, selected] *= factor
+    with pytest.raises(TrajectoryError, match=message):
+        join_points(Points(T, *columns), robot)
+
+
+def test_accelerations_of_another_joint_are_recognised(robot: Robot) -> None:
+    swapped = curves(2)[:, [1, 0, 2, 3]]
+    with pytest.raises(
+        TrajectoryError, match=r"accelerations given for joint tilt .* of joint roll"
+    ):
+        join_points(Points(T, curves(0), curves(1), swapped), robot)
+    join_points(Points(T, curves(0), curves(1), curves(2)), robot)
 
 
 def test_magnitudes_are_those_of_the_kind_of_joint(robot: Robot) -> None:

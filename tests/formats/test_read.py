@@ -6,11 +6,13 @@ import json
 import math
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ssm_planner.errors import TrajectoryError
+from ssm_planner.formats.joint_trajectory import controller_faults, message_from
 from ssm_planner.formats.points import Points, join_points
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.problem.robot import Robot
@@ -409,6 +411,22 @@ def test_remarks_on_what_a_controller_may_refuse(robot: Robot, tmp_path: Path) -
     reading = read_trajectory(write_yaml(tmp_path / "t.yaml", data), robot)
     assert any("last velocity" in note for note in reading.notes)
     assert any("effort" in note for note in reading.notes)
+
+
+@pytest.mark.parametrize(("last", "remarked"), [([], False), ([0.1, 0.0, 0.0, 0.0], True)])
+def test_only_the_last_velocity_is_remarked(
+    robot: Robot, last: list[float], remarked: bool
+) -> None:
+    names = [joint.name for joint in robot.joints]
+    points: list[dict[str, Any]] = [
+        {"time_from_start": {"sec": k}, "positions": [0.0] * 4} for k in range(3)
+    ]
+    points[-2]["velocities"] = [] if remarked else [0.2] * 4
+    points[-1]["velocities"] = last
+    message = message_from({"joint_names": names, "points": points}, "t.yaml")
+    faults, remarks = controller_faults(message, names)
+    assert not faults
+    assert any("last velocity is 0.1" in remark for remark in remarks) == remarked
 
 
 def test_text_that_is_no_yaml(robot: Robot, tmp_path: Path) -> None:
