@@ -199,11 +199,11 @@ class ControlledArm(ArmPlant):
         motor = self.at_rest(q)[MOTOR]
         needed = motor_torque(self.robot, q, qd, qdd)
         for k in self.driven:
+            state[Q][k] -= (state[MOTOR][k] - motor[k]) / self.drive(k).ratio
+            state[MOTOR][k] = motor[k]
             if state[W][k] == 0.0:
                 continue
             joint, electrics = self.robot.joints[k], self.electrics[k]
-            state[Q][k] -= (state[MOTOR][k] - motor[k]) / self.drive(k).ratio
-            state[MOTOR][k] = motor[k]
             gains = gains_of(joint, self.controller, electrics)
             state[CURRENT][k] = needed[k] / electrics.torque_constant
             state[INTEGRAL][k] = state[CURRENT][k] - (

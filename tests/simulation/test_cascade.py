@@ -200,6 +200,7 @@ def test_default_gains_come_from_the_plant_and_the_shipped_file_states_them(robo
         assert tuned.ff_velocity == tuned.ff_acceleration == 0.0
         without = gains_of(joint, Controller(torque_offset=False), electrics)
         assert without.ff_acceleration * k == pytest.approx(inertia)
+        assert without.ff_velocity * k == pytest.approx(joint.drive.friction.b_v)
         given = Controller(joints={joint.name: AxisController(p=1.0)})
         assert gains_of(joint, given, electrics).p == 1.0
 

@@ -1,0 +1,131 @@
+"""Laws of an arm with controllers: the state that it begins in, and the periods in half steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssm_planner.dynamics.robot_dynamics import motor_torque
+from ssm_planner.formats.epos4_setup import axes_of
+from ssm_planner.problem.controller import Controller
+from ssm_planner.problem.robot import Robot
+from ssm_planner.simulation.plant import INTEGRAL, MOTOR, QD, REST, Q, W
+from ssm_planner.simulation.playback import (
+    _BREAKAWAY,
+    _CHUNK,
+    CURRENT,
+    TRIP,
+    Commands,
+    ControlledArm,
+)
+
+COUNTS = 2**22
+"""Counts of an encoder that is so fine that it hardly rounds."""
+QA = np.array([0.3, 1.15, 0.1, -0.005])
+QD_A = np.array([0.4, -0.3, 0.2, -0.004])
+QDD_A = np.array([1.5, -1.0, 0.5, -0.02])
+WITH_OFFSETS, WITHOUT_OFFSETS = Controller(), Controller(torque_offset=False)
+
+
+def arm(robot: Robot, controller: Controller) -> ControlledArm:
+    axes = axes_of(robot, COUNTS)
+    return ControlledArm(robot, controller, axes, dict.fromkeys(axes, 1.0))
+
+
+@pytest.fixture(scope="module")
+def arms(robot: Robot) -> dict[bool, ControlledArm]:
+    return {c.torque_offset: arm(robot, c) for c in (WITH_OFFSETS, WITHOUT_OFFSETS)}
+
+
+def commands(
+    made: ControlledArm, qd: np.ndarray, qdd: np.ndarray, periods: int, torque: Any = None
+) -> Commands:
+    """Set points of an even acceleration, with the torque offsets of the controller."""
+    t = made.period * np.arange(periods + 0.0)[:, None]
+    ratios = np.array([made.drive(k).ratio if k in made.driven else 0.0 for k in range(4)])
+    one, zero = np.ones((periods, 1)), np.zeros((periods, 4))
+    return Commands(
+        demand=ratios * (QA + t * qd + t**2 / 2 * qdd),
+        speed=ratios * (qd + t * qdd),
+        acceleration=one * (ratios * qdd),
+        torque=zero if torque is None else one * torque,
+        given=one * qdd,
+        power=np.ones(periods),
+        stalled=zero,
+    )
+
+
+@pytest.mark.parametrize("offsets", [True, False])
+def test_an_arm_that_begins_in_motion_is_in_equilibrium(
+    robot: Robot, arms: dict[bool, ControlledArm], offsets: bool
+) -> None:
+    """The first periods keep the currents, the following errors and the accelerations."""
+    made = arms[offsets]
+    needed = np.nan_to_num(motor_torque(robot, QA, QD_A, QDD_A))
+    told = commands(made, QD_A, QDD_A, 8, needed if offsets else None)
+    state = made.start(QA, QD_A, QDD_A, told)
+    constants = np.array([made.electrics[k].torque_constant for k in made.driven])
+    driven = list(made.driven)
+    assert state[CURRENT][driven] * constants == pytest.approx(needed[driven])
+    assert (state[INTEGRAL][driven] == pytest.approx(0.0, abs=1e-12)) == offsets
+    assert np.array_equal(state[QD], QD_A)
+    assert not state[REST][driven].any()
+    assert not state[TRIP].any()
+    played = made.play(state, told, made.offsets(QA), made.friction())
+    states = played.states[:, :]
+    for k in driven:
+        drift = np.ptp(states[:, CURRENT][:, k]) / abs(state[CURRENT][k])
+        assert drift <= 0.03
+        ratio = made.drive(k).ratio
+        expected = ratio * (QD_A[k] + made.period * 8 * QDD_A[k])
+        assert states[-1, W][k] == pytest.approx(expected, rel=2e-3)
+        increment = 2 * np.pi / COUNTS
+        assert abs(played.error[0, k]) <= 0.51 * increment
+        lag = abs(ratio * QDD_A[k]) * made.period**2
+        assert np.abs(played.error[:, k]).max() <= increment + 10 * lag
+
+
+def test_only_moving_drives_have_a_current_at_the_start(
+    arms: dict[bool, ControlledArm],
+) -> None:
+    made = arms[True]
+    qd = np.array([0.0, 0.3, 0.0, 0.0])
+    moving = made.start(QA, qd, np.zeros(4), commands(made, qd, np.zeros(4), 1))
+    still = made.start(QA, np.zeros(4), np.zeros(4), commands(made, qd * 0, qd * 0, 1))
+    assert np.array_equal(still[: len(still) - 16], made.at_rest(QA))
+    assert not still[len(still) - 16 :].any()
+    assert np.flatnonzero(moving[CURRENT]).tolist() == [1]
+    assert moving[REST][1] == 0.0
+    assert moving[REST][0] == still[REST][0] > 1e5
+    assert np.array_equal(moving[MOTOR], still[MOTOR])
+    # The motion changes the loads, which deflect the joints.
+    deflection = moving[Q] - still[Q]
+    assert deflection[2] == 0.0
+    assert 0 < np.abs(deflection).max() < 1e-4
+
+
+def test_a_drive_without_load_is_in_the_middle_of_its_backlash(robot: Robot) -> None:
+    weightless = replace(robot, gravity=np.zeros(3))
+    made = arm(weightless, WITH_OFFSETS)
+    state = made.at_rest(QA)
+    for k in made.driven:
+        assert state[MOTOR][k] == pytest.approx(made.drive(k).ratio * QA[k], rel=1e-12)
+
+
+def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, ControlledArm]) -> None:
+    """A chunk has half steps if a drive starts in it or shortly before it."""
+    made, periods = arms[True], 6 * _CHUNK - 7
+    for first in (1, 2 * _CHUNK + 3, 3 * _CHUNK - 1, 3 * _CHUNK - _BREAKAWAY):
+        told = commands(made, np.zeros(4), np.zeros(4), periods)
+        told.speed[first : first + 2 * _CHUNK, 1] = 5.0
+        halved = made.halved(told)
+        assert halved.shape == (periods,)
+        chunks = np.arange(periods) // _CHUNK
+        expected = {first // _CHUNK, (first + _BREAKAWAY) // _CHUNK}
+        assert set(chunks[halved].tolist()) == expected
+        assert set(chunks[~halved].tolist()) == set(range(6)) - expected
+    moving = commands(made, QD_A, np.zeros(4), periods)
+    assert set((np.flatnonzero(made.halved(moving)) // _CHUNK).tolist()) == {0}
