@@ -261,21 +261,23 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
 
 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
-    """Return the certificate as text, worst limit first.
+    """Return the certificate as text: the limits, worst first, and the verdict.
 
     Every limit has its worst value, bound, margin, joint and time.
     """
     from ssm_planner.reporting.text import limits_table
 
+    count, broken = len(certificate.limits), len(certificate.violations)
     verdict = (
-        "PASSED" if certificate.passed else f"FAILED: {len(certificate.violations)} limits exceeded"
+        f"FAILED: {broken} of {count} limits exceeded" if broken else f"PASSED: {count} limits kept"
     )
     how = f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes"
-    lines = [f"check: {verdict}", how, ""]
+    lines = [how, ""]
     lines += limits_table(certificate.limits).lines()
     return [
         *lines,
         "",
         *(f"note: {note}" for note in notes),
         *(f"not checked: {what}" for what in certificate.unchecked),
+        f"check: {verdict}",
     ]

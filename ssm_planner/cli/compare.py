@@ -64,7 +64,7 @@ def run_compare(options: argparse.Namespace) -> int:
 
 
 def compare_lines(comparison: Comparison) -> list[str]:
-    """Return text with clock, errors of every axis, measured and planned margins, and findings."""
+    """Return text with clock, errors of every axis, margins, findings and the verdict."""
     from ssm_planner.comparison.clock import CERTAIN
     from ssm_planner.display import fixed, number, percent
     from ssm_planner.reporting.text import Table, unit_of_limit
@@ -79,8 +79,7 @@ def compare_lines(comparison: Comparison) -> list[str]:
     answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(
         comparison.verdict, "CANNOT TELL"
     )
-    lines = [f"margins: {answer}", ""]
-    lines += [
+    lines = [
         f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by "
         f"{rate}{played}",
         "",
@@ -138,4 +137,4 @@ def compare_lines(comparison: Comparison) -> list[str]:
     findings = [("", each) for each in comparison.findings]
     findings += [(f"{axis.joint}: ", each) for axis in comparison for each in axis.findings]
     lines += [f"{each.verdict}: {where}{each.kind}: {each.text}" for where, each in findings]
-    return lines
+    return [*lines, f"margins: {answer}"]

@@ -117,8 +117,7 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
 
     shares = ", ".join(f"{law} {share:.0%}" for law, share in result["law_shares"].items())
     likely = f"  (how likely: {shares})" if len(result["law_shares"]) > 1 else ""
-    lines = [f"law         {result['law']}{likely}", f"map NRMSD   {fixed(result['nrmsd'], 4)}", ""]
-    rows = []
+    lines, rows = [], []
     for name, p in result["parameters"].items():
         flags = [text for key, text in (("fixed", "fixed"), ("at_bound", "at its bound")) if p[key]]
         if not p["separable"] and not p["fixed"]:
@@ -163,7 +162,12 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
             f"{o['weight']:.2f}"
             for o in result["outliers"]
         ]
-    return [*lines, "", *(f"{name}: {path}" for name, path in result["files"].items())]
+    lines += ["", *(f"{name}: {path}" for name, path in result["files"].items())]
+    return [
+        *lines,
+        f"law         {result['law']}{likely}",
+        f"map NRMSD   {fixed(result['nrmsd'], 4)}",
+    ]
 
 
 def predict_arguments(parser: argparse.ArgumentParser) -> None:

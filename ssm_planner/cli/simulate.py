@@ -137,7 +137,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     show(
         options.json,
         document,
-        lambda: [*simulation_lines(result, stops), *(f"file: {path}" for path in files)],
+        lambda: [*(f"file: {path}" for path in files), *simulation_lines(result, stops)],
     )
     return OK if result.passed else FAILED
 
@@ -192,17 +192,13 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
 
 
 def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> list[str]:
-    """Return text with verdict and reasons, tracking, motors, and stops with and without power."""
+    """Return text with tracking, motors, stops with and without power, reasons and the verdict."""
     from ssm_planner.reporting.text import simulation_tables
 
-    lines = [
-        "PASSED" if result.passed else "NOT PASSED",
-        *(f"reason: {reason}" for reason in result.reasons),
-        "",
-    ]
-    lines += [line for table in simulation_tables(result) for line in (*table.lines(), "")]
+    lines = [f"note: {note}" for note in result.notes]
+    lines += [line for table in simulation_tables(result) for line in ("", *table.lines())]
     losses = result.losses
-    lines.append(f"tip error     {1e3 * result.tip_error:.4g} mm")
+    lines += ["", f"tip error     {1e3 * result.tip_error:.4g} mm"]
     held = "holds" if result.holds else "DOES NOT HOLD"
     instants = "1 instant" if len(losses.time) == 1 else f"{len(losses.time)} instants"
     lines.append(
@@ -223,4 +219,5 @@ def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> li
             f"{stops.time[longest]:.4f} s) and {1e3 * stops.travel[farthest]:.4g} mm (from "
             f"{stops.time[farthest]:.4f} s); " + ("certified" if stops.passed else "NOT CERTIFIED")
         )
-    return [*lines, *(f"note: {note}" for note in result.notes)]
+    lines += [f"reason: {reason}" for reason in result.reasons]
+    return [*lines, "PASSED" if result.passed else "NOT PASSED"]

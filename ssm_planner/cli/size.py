@@ -108,7 +108,7 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
 def run_size(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.plan}")
-    from ssm_planner.reporting.text import sizing_lines, what_if_lines
+    from ssm_planner.reporting.text import sizing_lines, sizing_verdict, what_if_lines
     from ssm_planner.sizing.size import size
 
     duty = read_duty(options.plan, options.robot)
@@ -143,7 +143,11 @@ def run_size(options: argparse.Namespace) -> int:
     show(
         options.json,
         document,
-        lambda: [*lines, *(f"file: {path}" for path in document["files"].values())],
+        lambda: [
+            *lines,
+            *(f"file: {path}" for path in document["files"].values()),
+            *sizing_verdict(sizing),
+        ],
     )
     return FAILED if sizing.adequate is False else OK
 
@@ -155,7 +159,7 @@ SHOWN = 10
 def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Conditions) -> int:
     """Check every motor of a catalogue with every gear, and return the exit status."""
     from ssm_planner.loading.catalogues import Part, gears_of, motors_of
-    from ssm_planner.reporting.text import selection_lines
+    from ssm_planner.reporting.text import LOUD, selection_lines
     from ssm_planner.sizing.selection import select
 
     if options.motor or options.what_if or options.catalogue is None:
@@ -192,7 +196,11 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     show(
         options.json,
         document,
-        lambda: [*lines, *(f"file: {path}" for path in document["files"].values())],
+        lambda: [
+            *lines,
+            *(f"file: {path}" for path in document["files"].values()),
+            f"every joint has a suitable motor: {LOUD[adequate]}",
+        ],
     )
     return FAILED if adequate is False else OK
 

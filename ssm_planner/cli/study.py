@@ -195,7 +195,11 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
 
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())
     front = result.front
-    lines = [f"{study.name}: {len(result.rows)} candidates: {states}", ""]
+    lines = [
+        "Why candidates fall out",
+        *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN]),
+        *("", *study.notes, *(f"file: {path}" for path in files.values()), ""),
+    ]
     lines += [f"Front in {', '.join(map(named, study.minimise))}: {len(front)} candidates"]
     for row in front[:SHOWN]:
         figures = ", ".join(in_words(name, row.figures) for name in study.minimise)
@@ -203,13 +207,8 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
         lines.append(f"  {row.number:>6}  {figures}  ({choices})")
     if len(front) > SHOWN:
         lines.append(f"  … and {len(front) - SHOWN} more in table.csv")
-    lines += ["", against_own(study, result.own, front)]
-    lines += [
-        "",
-        "Why candidates fall out",
-        *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN]),
-    ]
-    return [*lines, "", *study.notes, *(f"file: {path}" for path in files.values())]
+    summary = f"{study.name}: {len(result.rows)} candidates: {states}; {len(front)} on the front"
+    return [*lines, "", against_own(study, result.own, front), summary]
 
 
 def _compared_lines(document: dict[str, Any]) -> list[str]:

@@ -562,24 +562,28 @@ def _lacking(lacking: Mapping[str, str]) -> tuple[str, str]:
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
-    """Return the text of a sizing: verdict, requirements, split, candidates, gears and unknowns."""
+    """Return the text of a sizing: unknowns, requirements, split, candidates and gears.
+
+    `sizing_verdict` ends the text.
+    """
     has_bands = all(joint.band.known for joint in sizing.joints)
     confidence = (
         f"at {100 * sizing.conditions.confidence:g} % confidence"
         if has_bands
         else "at the stated friction"
     )
-    lines = [*_verdict(sizing), "", "Required of the motors", *_requirements(sizing).lines(), ""]
+    unknowns = [*_not_checked(sizing), *_notes(sizing)]
+    lines = ["What is not known", *(f"  {line}" for line in unknowns), ""] if unknowns else []
+    lines += ["Required of the motors", *_requirements(sizing).lines(), ""]
     lines += [
         "Parts of the peak torque, mN·m (+ increases it, − reduces it)",
         *_split(sizing).lines(),
         "",
     ]
-    lines += [f"Margins {confidence}", *_candidates(sizing), "", "Gears", *_gears(sizing).lines()]
-    unknowns = [*_not_checked(sizing), *_notes(sizing)]
-    if unknowns:
-        lines += ["", "What is not known", *(f"  {line}" for line in unknowns)]
-    return lines
+    return [
+        *(*lines, f"Margins {confidence}", *_candidates(sizing), "", "Gears"),
+        *_gears(sizing).lines(),
+    ]
 
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
@@ -777,8 +781,9 @@ def _notes(sizing: Sizing) -> list[str]:
     return [*lines, *dict.fromkeys(note for verdict in assessed for note in verdict.notes)]
 
 
-def _verdict(sizing: Sizing) -> list[str]:
-    lines = ["Verdicts"]
+def sizing_verdict(sizing: Sizing) -> list[str]:
+    """Return the verdict on the motors and gears of each joint, and on all of them."""
+    lines = ["", "Verdicts"]
     for joint in sizing.joints:
         lines.append(
             f"  {joint.load.joint:10} {_joint_verdict(joint, sizing.conditions.confidence)}"
@@ -787,8 +792,10 @@ def _verdict(sizing: Sizing) -> list[str]:
             f"  {'':10} with {alternative.motor.name}: {LOUD[alternative.adequate]}"
             for alternative in joint.alternatives
         ]
-    scope = "motors and gears" if sizing.joints else "no joint has a drive"
-    return [*lines, f"  all        {LOUD[sizing.adequate]} ({scope})"]
+    _, outcome, reason = motors_verdict(sizing.to_dict())
+    if sizing.adequate is not None:
+        outcome, reason = f"{LOUD[sizing.adequate]} (motors and gears)", ""
+    return [*lines, *([f"  why        {reason}"] if reason else []), f"  all        {outcome}"]
 
 
 def _joint_verdict(joint: JointSizing, confidence: float) -> str:
@@ -798,7 +805,7 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
         return f"{smallest.motor.name}: smallest suitable motor at {100 * confidence:g} %{mark}"
     if joint.adequate is None:
         return (
-            "not known: the missing values are listed below"
+            "not known: the missing values are listed above"
             if joint.candidates
             else "no motor given"
         )
