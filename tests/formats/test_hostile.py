@@ -192,6 +192,27 @@ def test_a_bag_with_two_motions_is_refused(made: Plan, robot: Robot, tmp_path: P
         read_trajectory(bag(tmp_path / "none", made), robot)
 
 
+def test_a_bag_of_joint_states_is_the_motion_of_its_states(robot: Robot, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    from ssm_planner.formats.ros2 import _Messages
+
+    store, message = get_typestore(Stores.ROS2_HUMBLE), message_of(robot)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/s", "sensor_msgs/msg/JointState", typestore=store)
+        for k, (q, qd) in enumerate(zip(message.positions, message.velocities, strict=True)):
+            state = _Messages(store.types).state(
+                5.0 + k, message.names, np.asarray(q), np.asarray(qd)
+            )
+            writer.write(topic, k, store.serialize_cdr(state, topic.msgtype))
+    reading = read_trajectory(tmp_path / "bag", robot)
+    assert any("JointStates of the bag" in note for note in reading.notes)
+    samples = reading.trajectory.sample(message.time)
+    assert samples.q == pytest.approx(np.array(message.positions))
+
+
 @pytest.mark.parametrize("key", ["names", "time", "positions", "velocities"])
 def test_messages_differ_in_any_of_their_parts(robot: Robot, key: str) -> None:
     one = message_of(robot)

@@ -171,6 +171,7 @@ def test_rates_that_a_file_declares_give_way_to_those_asked_for() -> None:
         ("qd3_rad_per_s", (1, 2), 1.0),
         ("qdd4_m_per_s2", (2, 3), 1.0),
         ("axis 2 [rad]", (0, 1), 1.0),
+        ("joint 2 velocity [deg/s]", (1, 1), np.pi / 180),
     ],
 )
 def test_headings_tell_joint_derivative_and_unit(

@@ -213,6 +213,48 @@ def test_after_a_loss_of_power_travel_and_time_are_those_of_the_motion(
     assert np.array_equal(told.demand, np.tile(made.told.demand[0], (len(told.power), 1)))
 
 
+def test_travel_counts_from_the_loss_of_power(plan: Plan) -> None:
+    """The tip slides by 2 mm and comes back by 1 mm before it stands."""
+    made = stage(plan, power_loss=0.1)
+
+    def moves(state: np.ndarray, n: int) -> np.ndarray:
+        states = np.tile(state, (n + 1, 1))
+        age = state[-1] + np.arange(n + 1)
+        states[:, -1] = age
+        slid = np.interp(age, [0, 100, 200], [0.0, 2e-3, 1e-3])
+        states[:, 3] = START[3] - slid
+        states[:, QD][:, 3] = np.where(age < 200, 1.0, 0.0)
+        return states
+
+    arm = FakeArm(moves)
+    made.arms = {0.0: arm}  # type: ignore[dict-item]
+    played = made.play()
+    played.states[:] = arm.start(START)
+    said: list[str] = []
+    losses = made.lose_power(played, said.append)
+    ends = np.array([START, START - [0, 0, 0, 2e-3]])
+    tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ends)
+    assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-3)
+    assert losses.standing[0] == pytest.approx(200 * made.period)
+    assert said == []  # only many instants are long work
+
+
+def test_tracking_counts_from_the_first_period_and_ends_with_the_power(plan: Plan) -> None:
+    for loss, periods in ((0.0, 1), (0.1, 250)):
+        made = stage(plan, power_loss=loss)
+        made.arms = {0.0: FakeArm()}  # type: ignore[dict-item]
+        played = made.play()
+        played.states[:, Q][:-1] = made.planned
+        played.states[0, 0] += 3e-3
+        played.states[1:periods, 0] += 1e-3
+        played.states[periods:, 0] += 9e-3
+        result = made.result(played, PowerLosses(*np.zeros((3, 1))))
+        assert int(result.powered.sum()) == (0 if loss == 0.0 else periods)
+        assert result.tracking[0].worst == pytest.approx(3e-3)
+        expected = np.sqrt((9e-6 + (periods - 1) * 1e-6) / periods)
+        assert result.tracking[0].rms == pytest.approx(expected)
+
+
 def test_power_is_lost_at_even_instants_from_the_states_there(plan: Plan) -> None:
     made = stage(plan, power_loss=EVERYWHERE, instants=501)
     arm = FakeArm()
