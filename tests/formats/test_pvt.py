@@ -189,3 +189,91 @@ def test_rows_keep_to_whole_increments_within_the_range_of_the_joint(plan: Plan)
         (9_999.0, (-299, 0)),
     ):
         assert _Fit(plan, 3, t, 1.0, unit).range == expected
+
+
+STRETCH, UNIT = 1.03, -2e5
+
+
+@pytest.fixture(scope="module")
+def fit(smooth_plan: Plan) -> tuple[_Fit, np.ndarray]:
+    """The program of a stretched table of joint 2, and its times."""
+    t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, 13)
+    t[4:7] += [0.01, -0.012, 0.007]
+    return _Fit(smooth_plan, 1, t, STRETCH, UNIT), t
+
+
+def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
+    fit: tuple[_Fit, np.ndarray],
+) -> None:
+    """Each row equals a derivative or a Bernstein coefficient of the cubic, for any p and v."""
+    made, t = fit
+    tau = t[-1] / (len(t) - 1)
+    assert made.rate == pytest.approx(1 / tau)
+    rng = np.random.default_rng(5)
+    p, v = rng.normal(size=(2, len(t)))
+    rows = np.array(
+        [a * p[:-1] + b * p[1:] + c * v[:-1] + d * v[1:] for (a, b, c, d), *_ in made.rows_of]
+    )
+    for k, h in enumerate(np.diff(t) / tau):
+        x = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, h, h**2, h**3], [0, 1, 2 * h, 3 * h**2]])
+        a, b, c, d = np.linalg.solve(x, [p[k], v[k], p[k + 1], v[k + 1]])
+        velocity_middle = b + c * h  # the quadratic b + 2 c s + 3 d s² in Bernstein form
+        position_inner = a + b * h / 3, a + 2 * b * h / 3 + c * h**2 / 3
+        expected = [2 * c, 2 * c + 6 * d * h, velocity_middle, *position_inner]
+        assert rows[:, k] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
+    fit: tuple[_Fit, np.ndarray], smooth_plan: Plan
+) -> None:
+    made, t = fit
+    tau, n = t[-1] / (len(t) - 1), len(t) - 1
+    joint, motion = smooth_plan.robot.joints[1], smooth_plan.motion
+    limit = joint.acceleration * abs(UNIT) * tau**2
+
+    def values(x: np.ndarray) -> tuple[np.ndarray, ...]:
+        s = motion.sample(motion.breaks[0] + np.minimum(x / STRETCH, motion.duration))
+        return s.q[:, 1] * UNIT, s.qd[:, 1] * UNIT * tau, s.qdd[:, 1] * UNIT * tau**2
+
+    position, velocity, _ = values(t)
+    assert made.positions == pytest.approx(position)
+    assert made.velocities == pytest.approx(velocity / STRETCH, abs=1e-6 * np.abs(velocity).max())
+    tolerances = [tolerance for _, _, tolerance in made.rows_of]
+    assert tolerances == pytest.approx([limit, limit, 0.0, 0.0, 0.0])
+    largest = max(limit, np.abs(values(np.linspace(0, t[-1], 20_001))[2]).max())
+    for k in range(n):
+        x = np.linspace(t[max(k - 1, 0)], t[min(k + 2, n)], 2001)
+        q, qd, qdd = values(x)
+        cap = largest - 3 / ((t[k + 1] - t[k]) / tau) ** 2
+        low = max(min(qdd.min(), qdd.min() / STRETCH**2) - 0.01 * limit, -cap)
+        high = min(max(qdd.max(), qdd.max() / STRETCH**2) + 0.01 * limit, cap)
+        for (_, bounds, _), expected, scale in zip(
+            made.rows_of,
+            [(low, high)] * 2 + [(qd.min(), qd.max())] + [(q.min(), q.max())] * 2,
+            [limit, limit, np.ptp(velocity), np.ptp(position), np.ptp(position)],
+            strict=True,
+        ):
+            assert bounds[0][k] == pytest.approx(expected[0], abs=2.5e-2 * scale)
+            assert bounds[1][k] == pytest.approx(expected[1], abs=2.5e-2 * scale)
+
+
+def test_a_solution_keeps_fixed_positions_and_the_rows(fit: tuple[_Fit, np.ndarray]) -> None:
+    """Rounded positions stay where they are; velocities move so that every row holds."""
+    made, t = fit
+    n = len(t)
+    shift = np.round(made.positions) - made.positions
+    free = np.zeros(n)
+    d, w = made._solve(shift, free)
+    assert d == pytest.approx(shift)
+    assert np.abs(w[[0, -1]]).max() == pytest.approx(0.0, abs=1e-9)
+    loose = np.full(n, np.inf)
+    loose[[0, -1]] = 0.0
+    d, w = made._solve(np.zeros(n), loose)
+    p, v = made.positions + d, made.velocities + w
+    for (a, b, c, e), (low, high), tolerance in made.rows_of:
+        value = a * p[:-1] + b * p[1:] + c * v[:-1] + e * v[1:]
+        base = a * made.positions[:-1] + b * made.positions[1:]
+        base = base + c * made.velocities[:-1] + e * made.velocities[1:]
+        room = 1e-6 * (1 + np.abs(value).max()) + (0.0 if tolerance else np.zeros(n - 1))
+        assert np.all(value <= np.maximum(high, base) + room)
+        assert np.all(value >= np.minimum(low, base) - room)
