@@ -203,13 +203,13 @@ def loop_step(
     period: float,
     *,
     error: ca.SX,
-    before: ca.SX,
+    previous: ca.SX,
     w: ca.SX,
     feedforward: ca.SX,
 ) -> LoopStep:
-    """Build one period of the position loop and of the current loop.
+    """Build the expressions of one period of the position loop and of the current loop.
 
-    The integral does not grow further while the current is limited.
+    While the current is limited, the integral changes only if the error reduces it.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def loop_step(
         Period of the loop, s.
     error
         (2,), demanded − measured motor angle now and one period ago, rad.
-    before
+    previous
         (3,), current, integral term and derivative term, A.
     w
         Motor speed, rad/s.
@@ -231,16 +231,18 @@ def loop_step(
     LoopStep
         State of the loop after the period.
     """
-    current, integral, derivative = ca.vertsplit(before)
-    delay = gains.d / (FILTER * gains.p) if gains.p > 0 else period
-    derivative = (delay * derivative + gains.d * (error[0] - error[1])) / (delay + period)
+    current, integral, derivative = ca.vertsplit(previous)
+    filter_time = gains.d / (FILTER * gains.p) if gains.p > 0 else period
+    derivative = (filter_time * derivative + gains.d * (error[0] - error[1])) / (
+        filter_time + period
+    )
     demanded = gains.p * error[0] + integral + derivative + feedforward
     low, high = current_range(electrics, w)
     limited = ca.fmin(ca.fmax(demanded, low), high)
-    winds = ca.logic_and(limited != demanded, demanded * error[0] > 0)
-    integral = integral + ca.if_else(winds, 0, period * gains.i * error[0])
-    follows = 1.0 - math.exp(-period / electrics.lag)
-    current = ca.fmin(ca.fmax(current + follows * (limited - current), low), high)
+    winds_up = ca.logic_and(limited != demanded, demanded * error[0] > 0)
+    integral = integral + ca.if_else(winds_up, 0, period * gains.i * error[0])
+    lag_share = 1.0 - math.exp(-period / electrics.lag)
+    current = ca.fmin(ca.fmax(current + lag_share * (limited - current), low), high)
     return LoopStep(current, limited != demanded, integral, derivative)
 
 

@@ -142,8 +142,8 @@ def play_draws(
         Results by draw, without energies.
     """
     count = len(friction)
-    full_step, half_steps = Vectorised(arm.one), Vectorised(arm.one_in_halves)
-    halved, table = arm.halved(commands), commands.table()
+    full_step, half_steps = Vectorised(arm.control_step), Vectorised(arm.control_step_in_halves)
+    halved, table = arm.needs_half_steps(commands), commands.table()
     x = np.tile(start, (count, 1))
     inputs = np.empty((count, table.shape[1] + len(offsets) + friction.shape[1]), order="F")
     inputs[:, table.shape[1] : table.shape[1] + 4], inputs[:, table.shape[1] + 4 :] = (

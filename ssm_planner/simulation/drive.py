@@ -90,19 +90,19 @@ def drive_step(
 
 
 def stalled(
-    drive: Drive, moved: DriveStep, held: ca.SX, *, w: ca.SX, load: ca.SX, tau: ca.SX, h: float
+    drive: Drive, step: DriveStep, blocked: ca.SX, *, w: ca.SX, load: ca.SX, tau: ca.SX, h: float
 ) -> DriveStep:
-    """Select the step for a motor that is blocked (`held` is 1) or free (`held` is 0).
+    """Select the step for a motor that is blocked (`blocked` is 1) or free (`blocked` is 0).
 
     The blocking body takes the energy of the motor.
     """
     mean = 0.5 * w
     loss = h * (tau * mean - load * mean / drive.ratio) + 0.5 * moving_inertia(drive) * w**2
     return DriveStep(
-        w=ca.if_else(held, 0, moved.w),
-        mean=ca.if_else(held, mean, moved.mean),
-        rest=ca.if_else(held, moved.rest + h, moved.rest),
-        loss=ca.if_else(held, loss, moved.loss),
+        w=ca.if_else(blocked, 0, step.w),
+        mean=ca.if_else(blocked, mean, step.mean),
+        rest=ca.if_else(blocked, step.rest + h, step.rest),
+        loss=ca.if_else(blocked, loss, step.loss),
     )
 
 

@@ -190,20 +190,19 @@ class ArmPlant:
     def step_function(self) -> ca.Function:
         """Build the function of one step.
 
-        It maps (state, motor torques, prescribed accelerations, held, friction) to the state one
+        It maps (state, motor torques, prescribed accelerations, blocked, friction) to the state one
         step later by the midpoint rule. Forces at the start give speeds and positions of the
         middle, which give the forces of the step. They are corrected CORRECTIONS times with the
         speeds that result from them. Inertia and weight are those of the first middle. The
-        prescribed accelerations (4,) apply to joints without a drive. `held` (4,) is 1 for a
+        prescribed accelerations (4,) apply to joints without a drive. `blocked` (4,) is 1 for a
         blocked motor. `friction` (28,) has the layout of the method `friction`.
         """
         h = self.h
         x, tau, locked = ca.SX.sym("x", STATE), ca.SX.sym("tau", 4), ca.SX.sym("locked", 4)
-        held, friction = ca.SX.sym("held", 4), ca.SX.sym("friction", 4 * len(FRICTION))
-        inputs = (x, tau, locked, held, friction)
+        blocked, friction = ca.SX.sym("blocked", 4), ca.SX.sym("friction", 4 * len(FRICTION))
+        inputs = (x, tau, locked, blocked, friction)
         q, qd, w, motor = x[Q], x[QD], x[W], x[MOTOR]
-        # Forces at the initial speeds give the speeds of the middle, and these give the forces of
-        # the
+        # Forces at the initial speeds give the speeds of the middle. These give the forces of the
         # step.
         predictor = self._forces(inputs, q + 0.5 * h * qd, motor + 0.5 * h * w, qd, w)
         middle_qd = qd + 0.5 * h * self.accelerations(q + 0.5 * h * qd, qd, predictor.load, locked)
@@ -243,7 +242,7 @@ class ArmPlant:
         self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX
     ) -> _Forces:
         """Return the forces at the middle of the step (4,), and the motion of the drives."""
-        x, tau, _, held, friction = inputs
+        x, tau, _, blocked, friction = inputs
         load, damper, speed, mean, rest = ([ca.SX(0)] * 4 for _ in range(5))
         loss = ca.SX(0)
         for k in self.driven:
@@ -255,10 +254,14 @@ class ArmPlant:
             )
             damper[k] = self.compliance.damping[k] * (w[k] / drive.ratio - qd[k]) * contact
             load[k] = self.compliance.stiffness[k] * stretch + damper[k]
-            begin, still = x[W][k], x[REST][k]
-            moved = drive_step(drive, begin, still, tau[k], load[k], h=self.h, middle=w[k])
-            moved = stalled(drive, moved, held[k], w=begin, load=load[k], tau=tau[k], h=self.h)
-            speed[k], mean[k], rest[k], loss = moved.w, moved.mean, moved.rest, loss + moved.loss
+            speed_before, rest_time = x[W][k], x[REST][k]
+            step = drive_step(
+                drive, speed_before, rest_time, tau[k], load[k], h=self.h, middle=w[k]
+            )
+            step = stalled(
+                drive, step, blocked[k], w=speed_before, load=load[k], tau=tau[k], h=self.h
+            )
+            speed[k], mean[k], rest[k], loss = step.w, step.mean, step.rest, loss + step.loss
         parts = [ca.vertcat(*column) for column in (load, damper, speed, mean, rest)]
         return _Forces(parts[0], parts[1], w=parts[2], mean=parts[3], rest=parts[4], loss=loss)
 

@@ -63,7 +63,7 @@ class Commands:
     """Difference quotient of the velocity offsets, rad/s²."""
     torque: Array
     """Torque offset, N·m."""
-    given: Array
+    prescribed: Array
     """Prescribed accelerations of joints without a drive."""
     power: Array
     """(n,), 1 while the drives have power."""
@@ -72,7 +72,14 @@ class Commands:
 
     def table(self) -> Array:
         """Return all columns side by side, (n, 25)."""
-        parts = (self.demand, self.speed, self.acceleration, self.torque, self.given, self.stalled)
+        parts = (
+            self.demand,
+            self.speed,
+            self.acceleration,
+            self.torque,
+            self.prescribed,
+            self.stalled,
+        )
         return np.column_stack([*parts, self.power])
 
 
@@ -92,7 +99,7 @@ def commands(
     streams: dict[str, Stream],
     axes: dict[str, Axis],
     controller: Controller,
-    given: tuple[Array, Array],
+    prescribed: tuple[Array, Array],
     period: float,
 ) -> Commands:
     """Convert set points every `period` (s) to the commands at the loop period.
@@ -108,7 +115,7 @@ def commands(
         Axis settings by joint.
     controller
         The motor controller.
-    given
+    prescribed
         Times (n,) of the loop in s, and accelerations (n, 4) of joints without a drive.
     period
         Period of the set points, s.
@@ -118,7 +125,7 @@ def commands(
     Commands
         Commands of n periods.
     """
-    t, accelerations = given
+    t, accelerations = prescribed
     columns = {
         name: np.zeros((len(t), 4)) for name in ("demand", "speed", "acceleration", "torque")
     }
@@ -138,7 +145,7 @@ def commands(
             offset = axis.direction * stream["torque_offset_permille"] * axis.rated_torque / 1000.0
             columns["torque"][:, k] = offset[next_index]
     return Commands(
-        **columns, given=accelerations, power=np.ones(len(t)), stalled=np.zeros((len(t), 4))
+        **columns, prescribed=accelerations, power=np.ones(len(t)), stalled=np.zeros((len(t), 4))
     )
 
 
@@ -185,8 +192,8 @@ class ControlledArm(ArmPlant):
         self.electrics: dict[int, Electrics] = {
             k: electrics_of(robot.joints[k], controller) for k in self.driven
         }
-        self.one = self._period_function()
-        self._many = self.one.mapaccum("arm", _CHUNK)
+        self.control_step = self._period_function()
+        self._chunk = self.control_step.mapaccum("arm", _CHUNK)
 
     def start(self, q: Array, qd: Array, qdd: Array, command: Commands) -> Array:
         """Return the state (44,) at the start of a motion q, qd, qdd (4,).
@@ -224,27 +231,28 @@ class ControlledArm(ArmPlant):
         return angles
 
     def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Played:
-        """Play commands from a state (44,).
+        """Simulate the arm under commands, from a state (44,).
 
         `offsets` (4,) are those of the encoders, and `friction` has the layout of
-        `ArmPlant.friction`.
+        `ArmPlant.friction`. The result has the state, the following errors and the saturation of
+        every period. A chunk of periods takes half steps if one of them needs them.
         """
         table = command.table()
         table = np.hstack([table, np.tile(np.concatenate([offsets, friction]), (len(table), 1))])
-        halved = self.halved(command)
+        halved = self.needs_half_steps(command)
         states, errors, saturated = [state[:, None]], [], []
-        for begin in range(0, len(table), _CHUNK):
-            rows = table[begin : begin + _CHUNK]
+        for start in range(0, len(table), _CHUNK):
+            rows = table[start : start + _CHUNK]
             used = len(rows)
             rows = np.pad(rows, ((0, _CHUNK - used), (0, 0)), "edge")
-            play = self._many_halves if halved[begin] else self._many
-            chunk_states, error, cut = play(states[-1][:, -1], rows.T)
+            step_chunk = self._chunk_in_halves if halved[start] else self._chunk
+            chunk_states, error, cut = step_chunk(states[-1][:, -1], rows.T)
             states.append(chunk_states.full()[:, :used])
             errors.append(error.full()[:, :used])
             saturated.append(cut.full()[:, :used])
         return Played(np.hstack(states).T, np.hstack(errors).T, np.hstack(saturated).T)
 
-    def halved(self, command: Commands) -> Mask:
+    def needs_half_steps(self, command: Commands) -> Mask:
         """Select the periods (n,) for half steps: near breakaway a full step errs most."""
         turns = command.speed != 0
         starts = (turns & ~np.vstack([np.zeros((1, 4), dtype=bool), turns[:-1]])).any(axis=1)
@@ -254,8 +262,8 @@ class ControlledArm(ArmPlant):
         )[: len(starts)]
 
     @cached_property
-    def one_in_halves(self) -> ca.Function:
-        """The function `one` with steps half as long."""
+    def control_step_in_halves(self) -> ca.Function:
+        """The function `control_step` with steps of the plant that are half as long."""
         h, steps = self.h, self.steps
         self.h, self.steps = h / 2, 2 * steps
         function = self._period_function()
@@ -263,13 +271,13 @@ class ControlledArm(ArmPlant):
         return function
 
     @cached_property
-    def _many_halves(self) -> ca.Function:
-        return self.one_in_halves.mapaccum("halves", _CHUNK)
+    def _chunk_in_halves(self) -> ca.Function:
+        return self.control_step_in_halves.mapaccum("halves", _CHUNK)
 
     def _period_function(self) -> ca.Function:
         """Build the function (state, commands) → (next state, following errors, saturation)."""
         x, u = ca.SX.sym("x", WHOLE), ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
-        demand, speed, acceleration, torque, given, stalled = (
+        demand, speed, acceleration, torque, prescribed, stalled = (
             u[4 * k : 4 * k + 4] for k in range(6)
         )
         offsets, friction = u[25:29], u[29:]
@@ -288,7 +296,7 @@ class ControlledArm(ArmPlant):
                 electrics,
                 self.period,
                 error=ca.vertcat(error, x[ERROR][k]),
-                before=ca.vertcat(x[CURRENT][k], x[INTEGRAL][k], x[DERIVATIVE][k]),
+                previous=ca.vertcat(x[CURRENT][k], x[INTEGRAL][k], x[DERIVATIVE][k]),
                 w=x[W][k],
                 feedforward=forward + torque[k] / electrics.torque_constant,
             )
@@ -299,7 +307,7 @@ class ControlledArm(ArmPlant):
             late = ca.logic_and(power, ca.fabs(error) > self.windows[joint.name])
             loops["trip"][k] = ca.fmax(x[TRIP][k], late)
         # Without power a joint without a drive stops, because its actuation is not modelled.
-        locked = ca.if_else(power, given, -x[QD] / self.period)
+        locked = ca.if_else(power, prescribed, -x[QD] / self.period)
         y = ca.vertcat(x[: INTEGRAL.start], *loops["i"], x[INTEGRAL.stop : STATE])
         step_once = self.step_function()
         for _ in range(self.steps):

@@ -263,9 +263,9 @@ class SimulationResult(ShortRepr):
         losses, worst = self.losses, self.losses.worst
         return {
             "passed": self.passed,
-            "tracking": [vars(each) for each in self.tracking],
+            "tracking": [vars(joint) for joint in self.tracking],
             "tip_error": self.tip_error,
-            "motors": [vars(each) for each in self.motors],
+            "motors": [vars(motor) for motor in self.motors],
             "holds": self.holds,
             "travel": self.travel,
             "power_loss": {
@@ -350,9 +350,9 @@ class _Stage:
         self.planned, speed = samples.q, samples.qd
         standing = np.abs(speed[0]) <= [STANDS * joint.velocity for joint in robot.joints]
         velocity = np.where(standing, 0.0, speed[0])
-        self.begin = samples.q[0], velocity, samples.qdd[0] * np.any(velocity)
-        given = np.diff(speed, axis=0, append=speed[-1:]) / self.period
-        self.told = self._commands(given)
+        self.initial_motion = samples.q[0], velocity, samples.qdd[0] * np.any(velocity)
+        prescribed = np.diff(speed, axis=0, append=speed[-1:]) / self.period
+        self.commands = self._commands(prescribed)
 
     def arm(self, payload: float) -> ControlledArm:
         """Return the arm with a point mass (kg) at its tip."""
@@ -372,18 +372,21 @@ class _Stage:
         """Play the whole motion. The payload is picked up at the time that the scenario states."""
         scenario = self.scenario
         empty_arm = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
-        state = empty_arm.start(*self.begin, self.told)
+        state = empty_arm.start(*self.initial_motion, self.commands)
         self.offsets = empty_arm.offsets(self.planned[0])
         self.friction = empty_arm.friction(scenario.friction)
         change = round(scenario.payload_time / self.period) if scenario.payload_time > 0 else 0
         if not change or not scenario.payload:
-            return empty_arm.play(state, self.told, self.offsets, self.friction)
+            return empty_arm.play(state, self.commands, self.offsets, self.friction)
         before = empty_arm.play(
-            state, part_of(self.told, slice(0, change)), self.offsets, self.friction
+            state, part_of(self.commands, slice(0, change)), self.offsets, self.friction
         )
         second = self.arm(scenario.payload)
         after = second.play(
-            before.states[-1], part_of(self.told, slice(change, None)), self.offsets, self.friction
+            before.states[-1],
+            part_of(self.commands, slice(change, None)),
+            self.offsets,
+            self.friction,
         )
         return Played(
             np.vstack([before.states, after.states[1:]]),
@@ -398,7 +401,7 @@ class _Stage:
             instants = np.linspace(0.0, duration, self.scenario.instants)
         else:
             instants = np.array([loss if isinstance(loss, float) else self.time[-1]])
-        off = part_of(self.told, np.zeros(round(HORIZON / self.period), dtype=int))
+        off = part_of(self.commands, np.zeros(round(HORIZON / self.period), dtype=int))
         off = replace(off, power=np.zeros(len(off.power)))
         travel, standing = np.zeros(len(instants)), np.zeros(len(instants))
         for i, instant in enumerate(instants):
@@ -409,22 +412,27 @@ class _Stage:
         return PowerLosses(instants, travel, standing)
 
     def _stop(self, state: Array, off: Commands, instant: float) -> tuple[float, float]:
-        """Return the travel of the tip (m) and the time (s) until the arm stands still."""
+        """Simulate the arm without power, from a state (44,).
+
+        Returns the largest distance of the tip from its start, m, and the time until the arm
+        stands still, s. The time is infinite if the arm moves to the end of the commands.
+        """
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
-        states, chunk, still = [state[None, :]], 250, round(STILL / self.period)
+        states, chunk, still_periods = [state[None, :]], 250, round(STILL / self.period)
         for k in range(0, len(off.power), chunk):
             continuation = arm.play(
                 states[-1][-1], part_of(off, slice(k, k + chunk)), self.offsets, self.friction
             )
             states.append(continuation.states[1:])
-            if np.all(self._standing(continuation.states)[-still:]):
+            if np.all(self._standing(continuation.states)[-still_periods:]):
                 break
         path = np.vstack(states)
         moving = np.flatnonzero(np.logical_not(self._standing(path)))
-        standing = 0.0 if not len(moving) else float(self.period * (moving[-1] + 1))
+        stop_time = 0.0 if not len(moving) else float(self.period * (moving[-1] + 1))
         tips = tip_position(Mechanism.from_geometry(self.plan.robot.geometry), path[::5, Q])
-        stood = len(moving) == 0 or moving[-1] < len(path) - still
-        return float(np.linalg.norm(tips - tips[0], axis=1).max()), standing if stood else np.inf
+        stopped = len(moving) == 0 or moving[-1] < len(path) - still_periods
+        travel = float(np.linalg.norm(tips - tips[0], axis=1).max())
+        return travel, stop_time if stopped else np.inf
 
     def _standing(self, states: Array) -> Array:
         """Return flags (n,), True if every motor is at rest and every joint stands still."""
@@ -440,8 +448,8 @@ class _Stage:
         arm = self.arm(scenario.payload)
         return play_draws(
             arm,
-            arm.start(*self.begin, self.told),
-            self.told,
+            arm.start(*self.initial_motion, self.commands),
+            self.commands,
             offsets=self.offsets,
             friction=scenario.friction * frictions,
             planned=self.planned,
@@ -463,7 +471,7 @@ class _Stage:
             for j in robot.joints
         ]
         torque = played.states[1:, CURRENT] * np.array(constants)
-        on = (self.told.power > 0) & np.all(states[:, TRIP] == 0, axis=1)
+        on = (self.commands.power > 0) & np.all(states[:, TRIP] == 0, axis=1)
         powered = slice(0, max(int(np.sum(on)), 1))
         tripped = played.states[-1, TRIP] > 0
         error = (states[:, Q] - self.planned)[powered]
@@ -522,7 +530,7 @@ class _Stage:
             return following_error_window(axis, PERIOD)
         return max(round(window * abs(axis.increments_per_unit)), 1)
 
-    def _commands(self, given: Array) -> Commands:
+    def _commands(self, prescribed: Array) -> Commands:
         scenario = self.scenario
         streams = setpoints(self.plan, self.axes, PERIOD)
         if scenario.dropped is not None:
@@ -530,7 +538,9 @@ class _Stage:
             for stream in streams.values():
                 for column in stream.values():
                     column[min(lost, len(column) - 1)] = column[min(lost, len(column) - 1) - 1]
-        result = commands(streams, self.axes, self.controller, (self.time, given), PERIOD / 1000)
+        result = commands(
+            streams, self.axes, self.controller, (self.time, prescribed), PERIOD / 1000
+        )
         if scenario.wrong_direction is not None:
             k = JOINTS.index(scenario.wrong_direction)
             for column in (result.speed, result.acceleration, result.torque):
@@ -539,8 +549,8 @@ class _Stage:
         if isinstance(scenario.power_loss, float):
             result.power[self.time >= scenario.power_loss - 1e-9] = 0.0
         if scenario.stall is not None:
-            joint, begin = scenario.stall
-            result.stalled[self.time >= begin - 1e-9, JOINTS.index(joint)] = 1.0
+            joint, stall_time = scenario.stall
+            result.stalled[self.time >= stall_time - 1e-9, JOINTS.index(joint)] = 1.0
         return result
 
     def _notes(self) -> tuple[str, ...]:

@@ -419,7 +419,7 @@ def told_to_simulation(plan: Plan) -> np.ndarray:
     """Motor angles (periods, 4) that `simulate` demands of its drives."""
     return _Stage(
         plan, Scenario(), Controller(loop_period=LOOP_PERIOD, counts_per_turn=COUNTS)
-    ).told.demand
+    ).commands.demand
 
 
 def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:

@@ -137,7 +137,7 @@ def test_the_phase_margin_is_that_of_the_stated_loop_at_its_crossing(period, lag
 def test_a_loop_is_the_stated_pid():
     gains, period = Gains(p=3.0, i=40.0, d=0.02, ff_velocity=0.0, ff_acceleration=0.0), 4e-4
     x, e, w, f = ca.SX.sym("x", 3), ca.SX.sym("e", 2), ca.SX.sym("w"), ca.SX.sym("f")
-    step = loop_step(gains, MOTOR, period, error=e, before=x, w=w, feedforward=f)
+    step = loop_step(gains, MOTOR, period, error=e, previous=x, w=w, feedforward=f)
     function = ca.Function(
         "loop", [x, e, w, f], [step.current, step.saturated, step.integral, step.derivative]
     )
@@ -164,7 +164,7 @@ def test_a_loop_is_the_stated_pid():
 def test_an_integral_stops_where_the_current_is_cut_off():
     x, e = ca.SX.sym("x", 3), ca.SX.sym("e", 2)
     gains = Gains(p=100.0, i=1000.0, d=0.0, ff_velocity=0.0, ff_acceleration=0.0)
-    step = loop_step(gains, MOTOR, 4e-4, error=e, before=x, w=ca.SX(0), feedforward=ca.SX(0))
+    step = loop_step(gains, MOTOR, 4e-4, error=e, previous=x, w=ca.SX(0), feedforward=ca.SX(0))
     function = ca.Function("loop", [x, e], [step.current, step.saturated, step.integral])
     current, saturated, integral = (float(v) for v in function([5.0, 0.0, 0.0], [1.0, 1.0]))
     assert (current, saturated, integral) == (5.0, 1.0, 0.0)

@@ -51,9 +51,9 @@ def playback(
 
     arm = SimpleNamespace(
         robot=robot,
-        one=step("full"),
-        one_in_halves=step("half"),
-        halved=lambda told: np.zeros(PERIODS, dtype=bool) if halved is None else halved,
+        control_step=step("full"),
+        control_step_in_halves=step("half"),
+        needs_half_steps=lambda told: np.zeros(PERIODS, dtype=bool) if halved is None else halved,
         electrics={k: SimpleNamespace(torque_constant=c) for k, c in CONSTANTS.items()},
     )
     monkeypatch.setattr(module, "Vectorised", lambda function: function)

@@ -95,7 +95,10 @@ class Bench:
         for name, value in values.items():
             friction[INSERTION, FRICTION.index(name)] = value
         played = self.arm.play(
-            self.arm.start(*stage.begin, stage.told), stage.told, stage.offsets, friction.ravel()
+            self.arm.start(*stage.initial_motion, stage.commands),
+            stage.commands,
+            stage.offsets,
+            friction.ravel(),
         )
         none = PowerLosses(*np.zeros((3, 1)))
         path = write_recording(

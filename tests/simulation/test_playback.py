@@ -52,7 +52,7 @@ def commands(
         speed=ratios * (qd + t * qdd),
         acceleration=one * (ratios * qdd),
         torque=zero if torque is None else one * torque,
-        given=one * qdd,
+        prescribed=one * qdd,
         power=np.ones(periods),
         stalled=zero,
     )
@@ -121,11 +121,11 @@ def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, Controlled
     for first in (1, 2 * _CHUNK + 3, 3 * _CHUNK - 1, 3 * _CHUNK - _BREAKAWAY):
         told = commands(made, np.zeros(4), np.zeros(4), periods)
         told.speed[first : first + 2 * _CHUNK, 1] = 5.0
-        halved = made.halved(told)
+        halved = made.needs_half_steps(told)
         assert halved.shape == (periods,)
         chunks = np.arange(periods) // _CHUNK
         expected = {first // _CHUNK, (first + _BREAKAWAY) // _CHUNK}
         assert set(chunks[halved].tolist()) == expected
         assert set(chunks[~halved].tolist()) == set(range(6)) - expected
     moving = commands(made, QD_A, np.zeros(4), periods)
-    assert set((np.flatnonzero(made.halved(moving)) // _CHUNK).tolist()) == {0}
+    assert set((np.flatnonzero(made.needs_half_steps(moving)) // _CHUNK).tolist()) == {0}

@@ -231,7 +231,7 @@ def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None
     torque = axis.direction * np.array([7, 7, 11, 11, 11, 11]) * axis.rated_torque / 1000
     assert told.torque[:, 1] == pytest.approx(torque)
     assert not told.demand[:, [0, 2, 3]].any()
-    assert np.array_equal(told.given, given)
+    assert np.array_equal(told.prescribed, given)
     assert told.power.all()
     assert not told.stalled.any()
     without = Controller(torque_offset=False)

@@ -336,7 +336,7 @@ def test_what_cannot_happen_is_refused(plan, scenario):
 def test_a_second_with_controllers_takes_twenty_million_instructions_at_most(plan):
     """At 2.5 ns for each instruction of CasADi this is twenty times faster than real time."""
     stage = _Stage(plan, Scenario(), Controller())
-    assert stage.arm(0.0).one.n_instructions() / stage.period < 20e6
+    assert stage.arm(0.0).control_step.n_instructions() / stage.period < 20e6
 
 
 def test_draws_are_what_single_playbacks_are(short):
@@ -349,7 +349,7 @@ def test_draws_are_what_single_playbacks_are(short):
     found = play_draws(
         stage.arm(0.0),
         played.states[0],
-        stage.told,
+        stage.commands,
         offsets=stage.offsets,
         friction=frictions,
         planned=stage.planned,

@@ -51,7 +51,7 @@ class FakeArm:
     """An arm that records what it is told; its state counts the periods in joint 1's position."""
 
     def __init__(self, moves: Any = None) -> None:
-        self.told: list[Commands] = []
+        self.commands: list[Commands] = []
         self.begun: list[np.ndarray] = []
         self.moves = moves
 
@@ -69,13 +69,13 @@ class FakeArm:
     def play(
         self, state: np.ndarray, command: Commands, offsets: np.ndarray, friction: np.ndarray
     ) -> Played:
-        self.told.append(command)
+        self.commands.append(command)
         self.begun.append(state)
         n = len(command.power)
         states = np.tile(state, (n + 1, 1))
         if self.moves is not None:
             states = self.moves(state, n)
-        return Played(states, np.full((n, 4), len(self.told)), np.zeros((n, 4)))
+        return Played(states, np.full((n, 4), len(self.commands)), np.zeros((n, 4)))
 
 
 def stage(plan: Plan, **scenario: Any) -> _Stage:
@@ -94,7 +94,7 @@ def test_the_playback_ends_after_the_target_was_held_or_after_the_loss_of_power(
         moving = made.time <= DURATION
         assert made.planned[moving] == pytest.approx(plan.motion.sample(made.time[moving]).q)
         assert made.planned[~moving] == pytest.approx(np.tile(END, (int((~moving).sum()), 1)))
-        assert len(made.told.power) == len(made.time)
+        assert len(made.commands.power) == len(made.time)
 
 
 def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Plan) -> None:
@@ -102,23 +102,23 @@ def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Pla
     time = plain.time
 
     def differing(made: _Stage) -> dict[str, np.ndarray]:
-        own, other = vars(made.told), vars(plain.told)
+        own, other = vars(made.commands), vars(plain.commands)
         return {key: own[key] for key in own if not np.array_equal(own[key], other[key])}
 
     assert differing(stage(plan)) == {}
-    assert plain.told.power.all()
-    assert not plain.told.stalled.any()
+    assert plain.commands.power.all()
+    assert not plain.commands.stalled.any()
     stalled = differing(stage(plan, stall=("tilt", 0.1)))
     assert set(stalled) == {"stalled"}
     expected = np.zeros((len(time), 4))
     expected[time >= 0.1 - 1e-9, 1] = 1.0
     assert np.array_equal(stalled["stalled"], expected)
-    cut = vars(stage(plan, power_loss=0.1).told)["power"]
+    cut = vars(stage(plan, power_loss=0.1).commands)["power"]
     assert np.array_equal(cut, stage(plan, power_loss=0.1).time < 0.1 - 1e-9)
     turned = differing(stage(plan, wrong_direction="tilt"))
     assert set(turned) == {"demand", "speed", "acceleration", "torque"}
     for key, column in turned.items():
-        own = getattr(plain.told, key).copy()
+        own = getattr(plain.commands, key).copy()
         first = own[0, 1] if key == "demand" else 0.0
         own[:, 1] = 2 * first - own[:, 1]
         assert column == pytest.approx(own)
@@ -126,14 +126,14 @@ def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Pla
     assert set(lost) == {"demand", "speed", "acceleration", "torque"}
     # the drives interpolate to and from a set point that repeats the one before
     demand = lost["demand"]
-    changed = np.flatnonzero((demand != plain.told.demand).any(axis=1))
+    changed = np.flatnonzero((demand != plain.commands.demand).any(axis=1))
     assert time[changed].min() > 0.099 - 1e-9
     assert time[changed].max() < 0.101 + 1e-9
     at, before = (int(np.argmin(np.abs(time - t))) for t in (0.1, 0.099))
-    increment = np.abs(np.diff(plain.told.demand, axis=0)).max(axis=0)
-    assert np.all(np.abs(demand[at] - plain.told.demand[before]) <= increment)
+    increment = np.abs(np.diff(plain.commands.demand, axis=0)).max(axis=0)
+    assert np.all(np.abs(demand[at] - plain.commands.demand[before]) <= increment)
     last = differing(stage(plan, dropped=DURATION))
-    assert np.flatnonzero((last["speed"] != plain.told.speed).any(axis=1)).size > 0
+    assert np.flatnonzero((last["speed"] != plain.commands.speed).any(axis=1)).size > 0
 
 
 def test_joints_without_a_drive_are_prescribed_what_the_plan_accelerates_them_by(
@@ -142,9 +142,9 @@ def test_joints_without_a_drive_are_prescribed_what_the_plan_accelerates_them_by
     made = stage(plan)
     moving = made.time < DURATION - 2e-3
     middle = plan.motion.sample(made.time[moving] + made.period / 2).qdd
-    assert made.told.given[moving] == pytest.approx(middle, rel=1e-3, abs=1e-2)
-    assert not made.told.given[made.time > DURATION].any()
-    speed = np.cumsum(made.told.given[:, 2]) * made.period
+    assert made.commands.prescribed[moving] == pytest.approx(middle, rel=1e-3, abs=1e-2)
+    assert not made.commands.prescribed[made.time > DURATION].any()
+    speed = np.cumsum(made.commands.prescribed[:, 2]) * made.period
     assert speed[-1] == pytest.approx(0.0, abs=1e-9)
 
 
@@ -157,21 +157,21 @@ def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) ->
     n, change = len(made.time), round(pick / made.period)
     assert np.array_equal(made.friction, np.full(28, 2.0))
     assert np.array_equal(made.offsets, np.arange(4.0))
-    assert [len(told.power) for told in empty.told] == ([change] if change else [])
-    assert [len(told.power) for told in loaded.told] == [n - change]
+    assert [len(told.power) for told in empty.commands] == ([change] if change else [])
+    assert [len(told.power) for told in loaded.commands] == [n - change]
     assert played.states.shape == (n + 1, WHOLE)
     assert played.error.shape == played.saturated.shape == (n, 4)
     begin = loaded.begun[0]
     assert begin[Q] == pytest.approx(made.planned[0] + change)
     assert np.array_equal(played.states[change], begin)
-    told = np.vstack([arm.demand for arm in (*empty.told, *loaded.told)])
-    assert np.array_equal(told, made.told.demand)
+    told = np.vstack([arm.demand for arm in (*empty.commands, *loaded.commands)])
+    assert np.array_equal(told, made.commands.demand)
     # a loss of power before the payload is picked up is one of the empty arm
-    off = Commands(**{key: column[:1000] for key, column in vars(made.told).items()})
+    off = Commands(**{key: column[:1000] for key, column in vars(made.commands).items()})
     for instant, arm in ((0.05, loaded if pick == 0.0 else empty), (0.2, loaded)):
-        count = len(arm.told)
+        count = len(arm.commands)
         made._stop(arm.start(START), off, instant)
-        assert len(arm.told) > count
+        assert len(arm.commands) > count
 
 
 def falling(seconds: float, period: float) -> Any:
@@ -208,9 +208,9 @@ def test_after_a_loss_of_power_travel_and_time_are_those_of_the_motion(
     ways[1, 3] -= 2e-3 * min(HORIZON / seconds, 1.0)
     tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ways)
     assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-2)
-    told = arm.told[-1]
+    told = arm.commands[-1]
     assert not told.power.any()
-    assert np.array_equal(told.demand, np.tile(made.told.demand[0], (len(told.power), 1)))
+    assert np.array_equal(told.demand, np.tile(made.commands.demand[0], (len(told.power), 1)))
 
 
 def test_travel_counts_from_the_loss_of_power(plan: Plan) -> None:
@@ -399,7 +399,7 @@ def test_draws_play_the_same_commands_under_scaled_frictions(
     made.play()
     played: Any = made.draws(print)
     (used, state, told), named = played
-    assert (used, told, named["progress"]) == (arm, made.told, print)
+    assert (used, told, named["progress"]) == (arm, made.commands, print)
     assert asked == [(plan.robot, 3, 0.2)]
     assert np.array_equal(state, arm.start(made.planned[0]))
     assert np.array_equal(named["friction"], np.full((3, 28), 1.5))
@@ -414,11 +414,11 @@ def test_draws_play_the_same_commands_under_scaled_frictions(
 def test_a_lost_set_point_repeats_the_one_before(plan: Plan, dropped: float, lost: int) -> None:
     """A set point holds for a period, and the last one to the end."""
     plain, made = stage(plan), stage(plan, dropped=dropped)
-    speed, period = plain.told.speed, round(1e-3 / plain.period)
+    speed, period = plain.commands.speed, round(1e-3 / plain.period)
     expected = speed.copy()
-    changed = np.flatnonzero((made.told.speed != speed).any(axis=1))
+    changed = np.flatnonzero((made.commands.speed != speed).any(axis=1))
     expected[changed] = speed[changed[0] - period] if lost > 1 else 0.0
-    assert made.told.speed == pytest.approx(expected, abs=1e-12)
+    assert made.commands.speed == pytest.approx(expected, abs=1e-12)
     first, last = plain.time[changed[[0, -1]]]
     assert first == pytest.approx(1e-3 * (lost - 1), abs=1.1 * plain.period)
     end = plain.time[-1] if dropped == DURATION else 1e-3 * lost - plain.period
