@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from concurrent.futures import ProcessPoolExecutor
@@ -376,9 +377,15 @@ def test_a_motion_from_arrays_becomes_a_plan_that_keeps_its_certificate(
     assert plan.passed
     assert plan.certificate == check(plan.motion, robot, plan.limits, seal=True)
     assert plan.motion.duration == pytest.approx(2.0)
+    assert [(span.name, span.start, span.end) for span in plan.motion.phases] == [
+        ("free", 0.0, 2.0)
+    ]
     np.testing.assert_allclose(plan.motion.sample(t - 3.0).q, motion.sample(t).q, atol=1e-12)
     plan.save(tmp_path / "saved")
-    assert load_plan(tmp_path / "saved").passed
+    saved = load_plan(tmp_path / "saved")
+    assert saved.passed
+    content = (tmp_path / "saved/plan.json").read_bytes()
+    assert saved.file_sha256 == hashlib.sha256(content).hexdigest()
     _, manifest = export(motion, "csv", tmp_path / "csv", robot=robot)
     assert manifest["verified"]
     with pytest.raises(TrajectoryError, match="pass robot"):

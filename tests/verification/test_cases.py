@@ -16,6 +16,7 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification import bernstein, cases
+from ssm_planner.verification.check import check
 
 
 def test_outermost_sets_are_those_that_no_other_exceeds_or_is_below() -> None:
@@ -75,6 +76,34 @@ def test_payloads_alone_are_named_and_keep_the_stated_friction(robot: Robot) -> 
         assert case.words == f"payload {1e3 * case.payload:g} g"
         masses.add(case.payload)
     assert masses == {0.0, 0.01, 0.05}
+
+
+@pytest.mark.parametrize("lacking", ["motor", "drive"])
+def test_a_joint_without_motor_or_drive_has_no_cases(robot: Robot, lacking: str) -> None:
+    tilt = replace(robot.joints[1], **{lacking: None})
+    lesser = replace(robot, joints=(robot.joints[0], tilt, *robot.joints[2:]))
+    quantities = cases.worst_cases(motion(), lesser, TaskLimits(payload=(0.01, 0.05)))
+    assert {quantity.index for quantity in quantities} == {0, 3}
+
+
+def test_the_check_reports_the_worst_of_all_payloads(robot: Robot) -> None:
+    """Each torque is that of the payload that loads the motor most, whatever their order."""
+    payloads = (0.0, 0.08, 0.03)
+    certificate = check(motion(), robot, TaskLimits(payload=payloads))
+    alone = [check(motion(), with_payload(robot, mass)) for mass in payloads]
+    torques = 0
+    for line in certificate.limits:
+        same = [
+            other.margin
+            for single in alone
+            for other in single.limits
+            if (other.name, other.joint) == (line.name, line.joint)
+        ]
+        if line.name == "motor torque":
+            torques += 1
+            assert line.margin == pytest.approx(min(same), rel=1e-3)
+            assert max(same) > min(same)
+    assert torques == 3
 
 
 def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:

@@ -107,6 +107,33 @@ def test_speeds_of_the_tool_are_reduced_by_what_rounding_explains(
     assert within.worst == pytest.approx(tip_speed(q, qd).max(), rel=0.05)  # kept as it was found
 
 
+def test_the_tool_speed_that_rounding_leaves_may_be_of_another_piece(robot: Robot) -> None:
+    """The fastest piece is so short that rounding explains most of its speed."""
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    lengths = np.array([0.5, 0.4, 0.01, 0.3, 0.5])
+    steps = np.array(
+        [[0, 0, 0, 0], [0.02, 0.05, 0, 0], [6e-3, 0, 0, 0], [0, -0.06, 0, 1e-3], [0] * 4]
+    )
+    times = np.append(0.0, np.cumsum(lengths))
+    moved = through(START + np.vstack([np.zeros(4), np.cumsum(steps, axis=0)]), times)
+    resolution = np.array([2e-3, 1e-5, 1e-5, 1e-8])
+    q, qd = moved.pieces(slice(0, 5))[:, 0], moved.pieces(slice(0, 5))[:, 1]
+
+    def speed(where: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        h = 1e-6
+        ahead, behind = (tip_position(mechanism, where + side * h * rates) for side in (1, -1))
+        return np.linalg.norm(ahead - behind, axis=1) / (2 * h)
+
+    wrong = 2 * resolution / lengths[:, None]
+    left = np.maximum(speed(q, qd) - sum(speed(q, np.eye(4)[i] * wrong) for i in range(4)), 0.0)
+    assert int(speed(q, qd).argmax()) == 2
+    assert int(left.argmax()) == 3
+    certificate = check(moved, robot, TaskLimits((TipSpeed(1e-6),)), resolution=resolution)
+    line = of_joint(certificate, "tip speed", None)
+    assert line.worst == pytest.approx(left[3], rel=1e-6)
+    assert line.time == pytest.approx(times[3])
+
+
 def test_points_with_velocities_are_judged_by_these(robot: Robot) -> None:
     """Pieces that are no straight lines have the speeds that their polynomials say, whatever the rounding."""
     coefficients = np.zeros((2, 6, 4))

@@ -108,6 +108,11 @@ def test_values_are_those_at_the_ends_and_the_active_row_is_the_largest() -> Non
     assert not scaled.bind(np.array([], dtype=int), grid, x)
     capped = replace(scaled, ceiling=middle(np.append(x, x[-1])) * 0.5)
     assert (capped.active(grid, x) == CEILING).all()
+    # The ceiling binds where the squared speed reaches it, and not where it has a tenth to spare.
+    free = replace(scaled, **{key: getattr(rows, key) * 0 for key in "abck"})
+    for share, binding in ((1.0, CEILING), (0.9, NONE)):
+        reached = replace(free, ceiling=x / share)
+        assert (reached.active(grid, x) == binding).all()
 
 
 def test_acceleration_rows_are_the_joints(path: PolylinePath, robot: Robot) -> None:

@@ -54,6 +54,14 @@ def test_a_slow_motion_is_faster_along_its_own_path(mechanism: Mechanism, robot:
     ends = motion.sample(motion.breaks[[0, -1]]).q
     assert ends == pytest.approx(path.trajectory.sample(np.array([0.0, 3.0])).q)
     assert len(motion.breaks) == len(found.s) - 1  # both sides of the break are one
+    # Beside the break, the time of the motion passes at the mean of the squared speeds.
+    t, x = 3.0 * found.s, 9.0 * found.speed_squared
+    behind = int(np.searchsorted(t, 1.0))
+    joined = motion.breaks[behind - 1]
+    q, qd = (getattr(path.trajectory.sample(np.array([1.0])), key) for key in ("q", "qd"))
+    passing = motion.sample(np.array([joined]))
+    assert passing.q == pytest.approx(q)
+    assert passing.qd == pytest.approx(qd * np.sqrt((x[behind - 1] + x[behind]) / 2))
     original = path.trajectory.sample(np.linspace(0, 3, 601)).q
     for q in motion.sample(np.linspace(0, motion.duration, 40)).q:
         assert np.abs(original - q).max(axis=1).min() < 2e-3
