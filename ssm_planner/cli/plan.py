@@ -51,7 +51,10 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-v", "--verbose", action="store_true", help="print all phases, motors, limits and unknowns"
     )
-    output_arguments(parser, "result folder (default: results/<problem name>)")
+    output_arguments(
+        parser,
+        "result folder (default: results/<problem name>, or <problem name>_replanned with --from)",
+    )
 
 
 def run_plan(options: argparse.Namespace) -> int:
@@ -75,7 +78,9 @@ def run_plan(options: argparse.Namespace) -> int:
         problem = load_problem(options.problem)
         if options.moving is not None:
             problem = starting_from(problem, load_plan(options.moving), options.at)
-        folder = options.output or Path("results") / file_name(problem.name)
+        # A plan must not replace the one that the robot is executing.
+        name = file_name(problem.name) + ("" if options.moving is None else "_replanned")
+        folder = options.output or Path("results") / name
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress("done")
     text = summary_lines(result, folder if files else None, options.verbose)

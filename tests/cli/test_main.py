@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.cli import main
-from tests.support.paths import ROOT
+from tests.support.paths import RESULTS, ROOT
 
 Edit = Callable[[str], str]
 
@@ -324,6 +324,21 @@ def test_a_problems_name_chooses_no_folder(files: Path, monkeypatch: pytest.Monk
     assert [path.name for path in (files / "a/b/results").iterdir()] == ["_.._x"]
     assert not (files / "x").exists()
     assert not (files / "a/x").exists()
+
+
+def test_a_plan_that_takes_over_from_another_does_not_replace_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(RESULTS / "tilt_insert", "results/tilt_insert")
+    before = {path.name: path.read_bytes() for path in Path("results/tilt_insert").iterdir()}
+    assert main(["plan", "tilt_insert", "--from", "results/tilt_insert", "--at", "3.3s"]) == 0
+    assert {path.name for path in Path("results").iterdir()} == {
+        "tilt_insert",
+        "tilt_insert_replanned",
+    }
+    after = {path.name: path.read_bytes() for path in Path("results/tilt_insert").iterdir()}
+    assert after == before
 
 
 def test_joint_names_of_a_plan_are_no_paths(
