@@ -326,6 +326,7 @@ def test_a_problems_name_chooses_no_folder(files: Path, monkeypatch: pytest.Monk
     assert not (files / "a/x").exists()
 
 
+@pytest.mark.slow
 def test_a_plan_that_takes_over_from_another_does_not_replace_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
