@@ -18,7 +18,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import JUMP
+from ssm_planner.verification.limits import JUMP, JUMP_RATE
 from ssm_planner.verification.pieces import Pieces
 
 _jump, _end_velocity = lru_cache(maxsize=256)(Jump), lru_cache(maxsize=256)(EndVelocity)
@@ -33,6 +33,14 @@ class Jumps:
         self.worst = np.zeros((3, 4))
         self.time = np.zeros((3, 4))
         self._last: Array | None = None
+        v, a, jerk = (
+            np.array([getattr(joint, name) for joint in robot.joints], dtype=float)
+            for name in ("velocity", "acceleration", "jerk")
+        )
+        self._tolerance = JUMP * np.array([np.ones(4), v, a])
+        # Without a jerk limit, time excuses any sum of jumps of the acceleration.
+        self._excused = JUMP_RATE * np.array([v, a, np.nan_to_num(jerk, nan=1e100)])
+        self._level, self._level_time = np.zeros((3, 4)), 0.0
 
     def look(self, pieces: Pieces) -> None:
         starts, ends = pieces.ends
@@ -42,9 +50,26 @@ class Jumps:
         )
         self._last = ends[-1]
         jump = np.abs(starts - before)
+        level = self._accumulated(jump, pieces.start)
+        # A jump that alone exceeds its tolerance is reported as it is.
+        added_up = (level > self._tolerance) & (jump <= self._tolerance)
+        jump = np.where(added_up, level, jump)
         largest, k = jump.max(axis=0), jump.argmax(axis=0)
         self.time = np.where(largest > self.worst, pieces.start[k], self.time)
         self.worst = np.maximum(largest, self.worst)
+
+    def _accumulated(self, jump: Array, time: Array) -> Array:
+        """Return the largest sum of jumps up to each one, less what the time between excuses.
+
+        jump: (m, 3, 4); time: (m,). Every jump is within its tolerance in a motion that teleports
+        by many small ones. A sum is thus excused only by the small share JUMP_RATE of the next
+        limit: Σ jumps ≤ tolerance + JUMP_RATE · limit · time, for every interval of time.
+        """
+        rise = np.cumsum(jump, axis=0) - self._excused * (time - self._level_time)[:, None, None]
+        lowest = np.minimum.accumulate(np.concatenate([-self._level[None], rise - jump]))[1:]
+        level: Array = rise - lowest
+        self._level, self._level_time = level[-1], float(time[-1])
+        return level
 
     def checks(self, straight: bool = False) -> list[LimitCheck]:
         """Return the results for each joint.

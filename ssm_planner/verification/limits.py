@@ -30,6 +30,11 @@ JUMP = 1e-6
 
 Jumps of velocity and acceleration are relative to their limits.
 """
+JUMP_RATE = 1e-3
+"""Share of a limit by which jumps of the quantity below it may add up.
+
+Positions may jump by this share of the velocity limit per second, for example.
+"""
 
 
 @dataclass(frozen=True)

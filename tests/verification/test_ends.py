@@ -20,6 +20,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification.check import check
 from ssm_planner.verification.ends import end_velocities
+from ssm_planner.verification.limits import JUMP, JUMP_RATE
 from tests.support.paths import ROOT
 from tests.support.plans import read_back, trapezoids
 
@@ -148,3 +149,62 @@ def test_limits_of_a_slower_motion_ask_for_slower_ends() -> None:
     assert limits.slower(2.0).end_rate == {"tilt": 0.1}
     assert limits.slower(2.0).start_rate == {}
     assert dataclasses.replace(limits, end_rate=None).slower(2.0).end_rate is None
+
+
+def stairs(order: int, joint: int, size: float, pieces: int, length: float) -> Trajectory:
+    """Equal jumps of position or speed (order 0 or 1) at every break, upwards and downwards."""
+    breaks = length * np.arange(pieces + 1)
+    coefficients = np.zeros((pieces, 6, 4))
+    coefficients[:, 0] = [0.3, 1.15, 0.1, -0.02]
+    level = size * np.minimum(np.arange(pieces), np.arange(pieces)[::-1])
+    coefficients[:, order, joint] += level
+    if order == 1:
+        coefficients[1:, 0, joint] += np.cumsum(level[:-1]) * length
+    return Trajectory(breaks, coefficients, ())
+
+
+@pytest.mark.parametrize("length", [1e-9, 1e-6, 1e-4])
+@pytest.mark.parametrize("joint", [0, 3])
+def test_small_jumps_that_add_up_to_a_teleport_are_refused(
+    robot: Robot, joint: int, length: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each jump is within its tolerance. Their sum is a motion that no motor can follow."""
+    size = 0.999 * JUMP
+    motion = stairs(0, joint, size, 4001, length)
+    name = robot.joints[joint].name
+    blocks = []
+    for block in (8192, 37):
+        monkeypatch.setattr("ssm_planner.verification.pieces.BLOCK", block)
+        certificate = check(motion, robot)
+        (line,) = (c for c in certificate.limits if (c.name, c.joint) == ("position jump", name))
+        assert not line.passed
+        allowed = JUMP_RATE * robot.joints[joint].velocity * length
+        assert line.worst == pytest.approx(4000 * size - 3999 * allowed, rel=1e-6)
+        blocks.append(line)
+    assert blocks[0].worst == pytest.approx(blocks[1].worst, rel=1e-9)
+    other = [c for c in certificate.limits if c.name == "position jump" and c.joint != name]
+    assert all(c.worst == 0.0 for c in other)
+
+
+def test_small_jumps_of_velocity_add_up_to_an_acceleration(robot: Robot) -> None:
+    joint = robot.joints[0]
+    jump = 0.999 * JUMP * joint.velocity
+    limit = joint.acceleration
+    for share, passes in ((0.5 * JUMP_RATE, True), (2 * JUMP_RATE, False), (1.0, False)):
+        motion = stairs(1, 0, jump, 2001, jump / (share * limit))
+        certificate = check(motion, robot)
+        lines = [c for c in certificate.limits if (c.name, c.joint) == ("velocity jump", "roll")]
+        assert [line.passed for line in lines] == [passes]
+
+
+def test_jumps_that_time_excuses_do_not_add_up(robot: Robot) -> None:
+    """The reported jump is the largest single one, to the last bit."""
+    rng = np.random.default_rng(8)
+    motion = stairs(0, 0, 0.0, 400, 0.05)
+    coefficients = motion.coefficients.copy()
+    noise = rng.uniform(-1, 1, 400) * 1e-6 * 0.2 * robot.joints[0].velocity * 0.05
+    coefficients[:, 0, 0] += noise
+    certificate = check(Trajectory(motion.breaks, coefficients, ()), robot)
+    (line,) = (c for c in certificate.limits if (c.name, c.joint) == ("position jump", "roll"))
+    assert line.passed
+    assert line.worst == np.abs(np.diff(coefficients[:, 0, 0])).max()
