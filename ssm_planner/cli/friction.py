@@ -68,22 +68,25 @@ def run_identify(options: argparse.Namespace) -> int:
         free=tuple(options.free),
         progress=progress,
     )
-    result = {**found.to_dict(), "files": _write_drive(found, options.drive, options.output)}
+    result: dict[str, Any] = {**found.to_dict(), "files": {}}
+    lines = _identified_lines(result, found.drive)
+    result["files"] = _write_drive(found, options.drive, options.output, lines)
     progress("done")
     show(options.json, result, lambda: _identified_lines(result, found.drive))
     return OK
 
 
 def _write_drive(
-    identification: Identification, drive: Path, output: Path | None
+    identification: Identification, drive: Path, output: Path | None, lines: list[str]
 ) -> dict[str, str]:
-    """Write the identified drive file and its map, and return their paths by name.
+    """Write the identified drive file, its map and a page, and return their paths by name.
 
     Raises ExportError.
     """
     from ssm_planner.publishing import publishing
     from ssm_planner.reporting.figures.sizing import map_figure
     from ssm_planner.reporting.figures.style import save_figure
+    from ssm_planner.reporting.html.outcome import write_outcome
 
     path = output_file(output, ".yaml", Path("results") / drive.stem / f"{drive.stem}.yaml")
     with publishing(path.parent) as temporary:
@@ -92,8 +95,15 @@ def _write_drive(
             map_figure(identification.fit, identification.data, identification.load),
             temporary / f"{path.stem}_map",
         )
+        page = temporary / f"{path.stem}.html"
+        write_outcome(page, path.stem, "; ".join(lines[-2:]), lines, figures=figures.values())
     names = (str(path.with_name(figure.name)) for figure in figures.values())
-    return {"drive": str(path), **dict(zip(("map", "map_pdf"), names, strict=True))}
+    page = path.with_suffix(".html")
+    return {
+        "drive": str(path),
+        "page": str(page),
+        **dict(zip(("map", "map_pdf"), names, strict=True)),
+    }
 
 
 def _known(text: str) -> tuple[str, float]:
@@ -200,12 +210,15 @@ def run_predict(options: argparse.Namespace) -> int:
                 "files": _write_figures(prediction, options.output),
             }
         )
+    lines = [line for result in results for line in _predicted_lines(result)]
+    if options.output is not None:
+        from ssm_planner.reporting.html.outcome import write_outcome
+
+        figures = [Path(path) for result in results for path in result["files"].values()]
+        page = options.output / "prediction.html"
+        write_outcome(page, "prediction", lines[0], lines, figures=figures)
     progress("done")
-    show(
-        options.json,
-        results,
-        lambda: [line for result in results for line in _predicted_lines(result)],
-    )
+    show(options.json, results, lambda: lines)
     return OK
 
 

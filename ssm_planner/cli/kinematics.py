@@ -82,7 +82,14 @@ def run_workspace(options: argparse.Namespace) -> int:
     else:
         low, high = sorted(options.reach)
         result = _designs((low, high), options.margin, robot, options.output)
-    show(options.json, result, lambda: _workspace_lines(result))
+    lines = _workspace_lines(result)
+    if options.output is not None:
+        from ssm_planner.reporting.html.outcome import write_outcome
+
+        name = "workspace" if "tilt_range" in result else "design_region"
+        figures = map(Path, result["files"].values())
+        write_outcome(options.output / f"{name}.html", name, lines[0], lines, figures=figures)
+    show(options.json, result, lambda: lines)
     return OK if result.get("reachable", True) else FAILED
 
 
@@ -146,9 +153,9 @@ def _workspace_lines(result: dict[str, Any]) -> list[str]:
     if "tilt_range" in result:
         low, high = result["tilt_range"]
         lines += [
+            f"tilt range  {degrees(low)} to {degrees(high)} ({degrees(high - low)})",
             f"alpha       {degrees(result['alpha'])}",
             f"beta        {degrees(result['beta'])}",
-            f"tilt range  {degrees(low)} to {degrees(high)} ({degrees(high - low)})",
             f"home        roll {degrees(result['home']['roll'])}, tilt "
             f"{degrees(result['home']['tilt'])}",
         ]

@@ -83,7 +83,8 @@ def run_plan(options: argparse.Namespace) -> int:
         folder = options.output or Path("results") / name
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress("done")
-    text = summary_lines(result, folder if files else None, options.verbose)
+    text = summary_lines(result, folder if result.passed else None, options.verbose)
+    text += [f"file     {files['page']}"] if "page" in files else []
     document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
     show(
         options.json,

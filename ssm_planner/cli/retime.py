@@ -71,6 +71,7 @@ def run_retime(options: argparse.Namespace) -> int:
         "off_lines": deviation.tolist(),
         "duration_in_file": before,
     }
-    shown = [*lines, *summary_lines(result, folder if files else None, verbose=True)]
+    shown = [*lines, *summary_lines(result, folder if result.passed else None, verbose=True)]
+    shown += [f"file     {files['page']}"] if "page" in files else []
     show(options.json, document, lambda: shown)
     return OK if result.passed else FAILED

@@ -15,8 +15,7 @@ from ssm_planner.cli.shared import (
     progress_reporter,
     quantity_argument,
     share,
-    show,
-    write_results,
+    show_results,
 )
 from ssm_planner.errors import ProblemError
 
@@ -131,14 +130,8 @@ def run_simulate(options: argparse.Namespace) -> int:
         page = write_simulation_page(plan, result, folder / "simulation.html")
         return {"page": page, **recordings, **write_simulation_figures(result, folder)}
 
-    document["files"] = write_results(options.output, "simulation", document, write)
     progress("done")
-    files = document["files"].values()
-    show(
-        options.json,
-        document,
-        lambda: [*(f"file: {path}" for path in files), *simulation_lines(result, stops)],
-    )
+    show_results(options, "simulation", document, ([], simulation_lines(result, stops)), write)
     return OK if result.passed else FAILED
 
 

@@ -15,8 +15,7 @@ from ssm_planner.cli.shared import (
     plan_argument,
     progress_reporter,
     quantity_argument,
-    show,
-    write_results,
+    show_results,
 )
 from ssm_planner.errors import ProblemError, TrajectoryError
 
@@ -138,17 +137,8 @@ def run_size(options: argparse.Namespace) -> int:
 
         return write_sizing_figures(sizing, folder)
 
-    document["files"] = write_results(options.output, "sizing", document, write)
     progress("done")
-    show(
-        options.json,
-        document,
-        lambda: [
-            *lines,
-            *(f"file: {path}" for path in document["files"].values()),
-            *sizing_verdict(sizing),
-        ],
-    )
+    show_results(options, "sizing", document, (lines, sizing_verdict(sizing)), write)
     return FAILED if sizing.adequate is False else OK
 
 
@@ -191,17 +181,9 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
         "selection": [joint.to_dict(options.rank, SHOWN) for joint in joints],
         "notes": notes if options.gears else list(duty.notes),
     }
-    document["files"] = write_results(options.output, "selection", document, lambda folder: {})
     lines = [duty.name, *document["notes"], *selection_lines(document["selection"])]
-    show(
-        options.json,
-        document,
-        lambda: [
-            *lines,
-            *(f"file: {path}" for path in document["files"].values()),
-            f"every joint has a suitable motor: {LOUD[adequate]}",
-        ],
-    )
+    verdict = [f"every joint has a suitable motor: {LOUD[adequate]}"]
+    show_results(options, "selection", document, (lines, verdict))
     return FAILED if adequate is False else OK
 
 

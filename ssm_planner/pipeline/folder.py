@@ -10,6 +10,9 @@ from ssm_planner.plans import FILE, Plan
 if TYPE_CHECKING:
     from ssm_planner.reporting.figures.process import FigureProcess
 
+NO_PLAN = "no_plan.html"
+"""Page in the folder of a problem without a certified motion."""
+
 
 def write_folder(
     plan: Plan, folder: Path, drawer: FigureProcess | None = None, rate: float | None = None
@@ -51,4 +54,5 @@ def write_folder(
             ),
             **write_figures(plan, temporary, drawer),
         }
+    (folder / NO_PLAN).unlink(missing_ok=True)
     return {name: folder / path.name for name, path in paths.items()}

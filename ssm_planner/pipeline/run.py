@@ -23,7 +23,7 @@ from ssm_planner.kinematics.task import task_rates
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.branches import StopAt, on_any_branch
 from ssm_planner.pipeline.certified import Outcome, Progress, plan_and_check, silent
-from ssm_planner.pipeline.folder import write_folder
+from ssm_planner.pipeline.folder import NO_PLAN, write_folder
 from ssm_planner.pipeline.relaxation import search
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
 from ssm_planner.planning.cache import cache_scope
@@ -429,7 +429,7 @@ def plan_to_folder(
 ) -> tuple[Plan, dict[str, Path]]:
     """Plan a problem, and write plan.json, trajectory.csv, the report and the figures.
 
-    Nothing is written unless the plan has passed the check. The first Ctrl-C during a search for
+    Only the page no_plan.html is written unless the plan has passed the check. The first Ctrl-C during a search for
     something faster ends that search. `drawer` and `rate` are those of `write_folder`.
 
     Returns
@@ -437,7 +437,7 @@ def plan_to_folder(
     plan : Plan
         The plan.
     paths : dict
-        Paths of the files by name. Empty without a certified motion.
+        Paths of the files by name.
     """
 
     def draw(trajectory: Trajectory) -> None:
@@ -445,7 +445,9 @@ def plan_to_folder(
             drawer.draw("motion", trajectory, problem.robot)
 
     result = plan(problem, progress, draw, stoppable=True)
-    if not result.passed:
-        return result, {}
     progress("writing results")
+    if not result.passed:
+        from ssm_planner.reporting.html.report import write_no_plan
+
+        return result, {"page": write_no_plan(result, folder / NO_PLAN)}
     return result, write_folder(result, folder, drawer, rate)

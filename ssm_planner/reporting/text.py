@@ -794,8 +794,8 @@ def sizing_verdict(sizing: Sizing) -> list[str]:
         ]
     _, outcome, reason = motors_verdict(sizing.to_dict())
     if sizing.adequate is not None:
-        outcome, reason = f"{LOUD[sizing.adequate]} (motors and gears)", ""
-    return [*lines, *([f"  why        {reason}"] if reason else []), f"  all        {outcome}"]
+        return [*lines, f"Motors and gears suffice: {LOUD[sizing.adequate]}"]
+    return [*lines, f"  why        {reason}", outcome]
 
 
 def _joint_verdict(joint: JointSizing, confidence: float) -> str:

@@ -172,12 +172,15 @@ def test_an_infeasible_problem_gives_its_reason_and_status_1(
     printed = json.loads(capsys.readouterr().out)
     assert printed["status"] == "infeasible"
     assert printed["passed"] is False
-    assert printed["files"] == {}
     reason = printed["reason"]
     assert (reason["constraint"], reason["joint"]) == ("motor torque", "roll")
     assert reason["required"] > reason["available"] == pytest.approx(0.015)
-    assert reason["relaxation"]
-    assert not (files / "out").exists()
+    page = Path(printed["files"]["page"])
+    assert [*(files / "out").iterdir()] == [page]
+    text = page.read_text(encoding="utf-8")
+    begin = text.index("No motion keeps every limit: ")
+    assert begin < text.index(reason["message"]) < text.index(reason["relaxation"])
+    assert begin < text.index("<h1>")
 
 
 @pytest.mark.slow

@@ -227,7 +227,7 @@ LAST = {
         ["check", PLAN, "--tip-speed", "1 mm/s"],
         r"check: FAILED: \d+ of \d+ limits exceeded",
     ),
-    "size": (["size", PLAN, "--what-if"], r"  all        Motors suffice with [\d.]+ % margin"),
+    "size": (["size", PLAN, "--what-if"], r"Motors suffice with [\d.]+ % margin"),
     "select": (["size", PLAN, "--catalogue", CATALOGUE], "every joint has a suitable motor: not"),
     "simulate": (["simulate", PLAN], "(NOT )?PASSED"),
     "compare": (

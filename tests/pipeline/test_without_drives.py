@@ -74,8 +74,8 @@ def test_without_drives_sizing_knows_nothing(
     assert main(["size", str(files["plan"]), "-o", str(tmp_path / "size")]) == 0
     out = capsys.readouterr().out
     assert "no joint has a drive" in out
-    assert "yes (motors" not in out
-    assert {path.name for path in (tmp_path / "size").iterdir()} == {"sizing.json"}
+    assert "suffice: yes" not in out
+    assert {path.name for path in (tmp_path / "size").iterdir()} == {"sizing.json", "sizing.html"}
     assert main(["report", str(files["plan"]), "--figures", str(tmp_path / "figures")]) == 0
 
 

@@ -24,6 +24,7 @@ from ssm_planner.problem.robot import Joint
 from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
+from ssm_planner.reporting.html.outcome import write_outcome
 from ssm_planner.reporting.html.page import render, write_page
 from ssm_planner.reporting.html.panels import (
     TEMPERATURE,
@@ -107,17 +108,31 @@ def report_page(plan: Plan) -> str:
             [*missing_figures(judged(plan))],
         ),
         repeated=repeated(plan.problem.duty),
-        motion=_motion(plan),
-        task_limits=Table(
-            ("limit", "from", "to", "unit"), limit_rows(plan.limits), (1, 2), "Limits of the task"
-        ),
-        joints=Table(
-            JOINT_COLUMNS,
-            [_joint_row(joint) for joint in plan.robot.joints],
-            (2, 3, 4, 5),
-            "Joints",
-        ),
+        problem=problem_tables(plan),
     )
+
+
+def write_no_plan(plan: Plan, out: Path) -> Path:
+    """Write the page of a problem without a certified motion. Raises ExportError."""
+    reason = plan.reason
+    if reason is None:
+        conclusion = f"The motion is not certified: {_certified(plan)[2]}."
+    else:
+        conclusion = f"No motion keeps every limit: {reason.message}."
+        if reason.relaxation:
+            conclusion += f" A change that permits a motion: {reason.relaxation}."
+    return write_outcome(out, plan.problem.name, conclusion, tables=problem_tables(plan))
+
+
+def problem_tables(plan: Plan) -> list[Table]:
+    """Return the motion, the limits of the task and the joints of a problem as tables."""
+    joints = [_joint_row(joint) for joint in plan.problem.robot.joints]
+    limits = limit_rows(plan.limits)
+    return [
+        _motion(plan),
+        Table(("limit", "from", "to", "unit"), limits, (1, 2), "Limits of the task"),
+        Table(JOINT_COLUMNS, joints, (2, 3, 4, 5), "Joints"),
+    ]
 
 
 def repeated(duty: float | None) -> str:
