@@ -7,7 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.shared import OK, output_arguments, output_file, progress_reporter, show
+from ssm_planner.cli.shared import (
+    OK,
+    output_arguments,
+    output_file,
+    progress_reporter,
+    show_with_page,
+)
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -68,25 +74,26 @@ def run_identify(options: argparse.Namespace) -> int:
         free=tuple(options.free),
         progress=progress,
     )
-    result: dict[str, Any] = {**found.to_dict(), "files": {}}
-    lines = _identified_lines(result, found.drive)
-    result["files"] = _write_drive(found, options.drive, options.output, lines)
+    result: dict[str, Any] = {
+        **found.to_dict(),
+        "files": _write_drive(found, options.drive, options.output),
+    }
     progress("done")
-    show(options.json, result, lambda: _identified_lines(result, found.drive))
+    lines = _identified_lines(result, found.drive)
+    show_with_page(options, options.drive.stem, result, lines, result["files"].values())
     return OK
 
 
 def _write_drive(
-    identification: Identification, drive: Path, output: Path | None, lines: list[str]
+    identification: Identification, drive: Path, output: Path | None
 ) -> dict[str, str]:
-    """Write the identified drive file, its map and a page, and return their paths by name.
+    """Write the identified drive file and its map, and return their paths by name.
 
     Raises ExportError.
     """
     from ssm_planner.publishing import publishing
     from ssm_planner.reporting.figures.sizing import map_figure
     from ssm_planner.reporting.figures.style import save_figure
-    from ssm_planner.reporting.html.outcome import write_outcome
 
     path = output_file(output, ".yaml", Path("results") / drive.stem / f"{drive.stem}.yaml")
     with publishing(path.parent) as temporary:
@@ -95,15 +102,8 @@ def _write_drive(
             map_figure(identification.fit, identification.data, identification.load),
             temporary / f"{path.stem}_map",
         )
-        page = temporary / f"{path.stem}.html"
-        write_outcome(page, path.stem, "; ".join(lines[-2:]), lines, figures=figures.values())
     names = (str(path.with_name(figure.name)) for figure in figures.values())
-    page = path.with_suffix(".html")
-    return {
-        "drive": str(path),
-        "page": str(page),
-        **dict(zip(("map", "map_pdf"), names, strict=True)),
-    }
+    return {"drive": str(path), **dict(zip(("map", "map_pdf"), names, strict=True))}
 
 
 def _known(text: str) -> tuple[str, float]:
@@ -173,11 +173,8 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
             for o in result["outliers"]
         ]
     lines += ["", *(f"{name}: {path}" for name, path in result["files"].items())]
-    return [
-        *lines,
-        f"law         {result['law']}{likely}",
-        f"map NRMSD   {fixed(result['nrmsd'], 4)}",
-    ]
+    error = fixed(result["nrmsd"], 4)
+    return [*lines, f"friction law {result['law']}{likely}, map NRMSD {error}"]
 
 
 def predict_arguments(parser: argparse.ArgumentParser) -> None:
@@ -210,15 +207,12 @@ def run_predict(options: argparse.Namespace) -> int:
                 "files": _write_figures(prediction, options.output),
             }
         )
-    lines = [line for result in results for line in _predicted_lines(result)]
-    if options.output is not None:
-        from ssm_planner.reporting.html.outcome import write_outcome
-
-        figures = [Path(path) for result in results for path in result["files"].values()]
-        page = options.output / "prediction.html"
-        write_outcome(page, "prediction", lines[0], lines, figures=figures)
     progress("done")
-    show(options.json, results, lambda: lines)
+    lines = [line for result in results for line in _predicted_lines(result)]
+    files = [path for result in results for path in result["files"].values()]
+    worst = max(result["nrmsd"] for result in results)
+    lines.append(f"largest NRMSD of {len(results)} recordings: {worst:.4f}")
+    show_with_page(options, "prediction", results, lines, files)
     return OK
 
 

@@ -8,7 +8,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, quantity_argument, show
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    output_arguments,
+    quantity_argument,
+    show,
+    show_with_page,
+)
 from ssm_planner.display import fixed
 from ssm_planner.errors import ProblemError
 
@@ -82,14 +89,10 @@ def run_workspace(options: argparse.Namespace) -> int:
     else:
         low, high = sorted(options.reach)
         result = _designs((low, high), options.margin, robot, options.output)
-    lines = _workspace_lines(result)
-    if options.output is not None:
-        from ssm_planner.reporting.html.outcome import write_outcome
-
-        name = "workspace" if "tilt_range" in result else "design_region"
-        figures = map(Path, result["files"].values())
-        write_outcome(options.output / f"{name}.html", name, lines[0], lines, figures=figures)
-    show(options.json, result, lambda: lines)
+    name = "workspace" if "tilt_range" in result else "design_region"
+    files = result.get("files", {}).values()
+    lines = [*(f"figure: {path}" for path in files), *_workspace_lines(result)]
+    show_with_page(options, name, result, lines, files)
     return OK if result.get("reachable", True) else FAILED
 
 
@@ -153,21 +156,21 @@ def _workspace_lines(result: dict[str, Any]) -> list[str]:
     if "tilt_range" in result:
         low, high = result["tilt_range"]
         lines += [
-            f"tilt range  {degrees(low)} to {degrees(high)} ({degrees(high - low)})",
             f"alpha       {degrees(result['alpha'])}",
             f"beta        {degrees(result['beta'])}",
             f"home        roll {degrees(result['home']['roll'])}, tilt "
             f"{degrees(result['home']['tilt'])}",
+            f"tilt range  {degrees(low)} to {degrees(high)} ({degrees(high - low)})",
         ]
     elif not result["reachable"]:
         lines.append("no mechanism of this kind reaches the range")
     else:
         lines += [
+            "corners (alpha, beta) of all that reach the range:",
+            *(f"  {degrees(alpha)}, {degrees(beta)}" for alpha, beta in result["region"]),
             f"smallest alpha that reaches the range: alpha {degrees(result['alpha'])}, beta "
             f"{degrees(result['beta'])}",
-            "corners (alpha, beta) of all that reach it:",
-            *(f"  {degrees(alpha)}, {degrees(beta)}" for alpha, beta in result["region"]),
         ]
         if "robot" in result:
             lines.append(f"the robot has {degrees(result['robot']['margin'])} to spare")
-    return [*lines, *(f"figure: {path}" for path in result.get("files", {}).values())]
+    return lines

@@ -7,7 +7,7 @@ import json
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -149,49 +149,42 @@ def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> No
         printed(lines())
 
 
-def show_results(
+def show_with_page(
     options: argparse.Namespace,
     name: str,
-    document: dict[str, Any],
-    lines: tuple[list[str], list[str]],
-    write: Callable[[Path], Mapping[str, Path]] = lambda _: {},
+    document: Any,
+    lines: Sequence[str],
+    files: Iterable[str] = (),
 ) -> None:
-    """Print a result, and write it into the folder of -o with a page and the files of `write`.
+    """Print a result that ends with its verdict, and write it as a page into the folder of -o.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-    name : str
-        Stem of the JSON file and of the page.
-    document : dict
-        Result as JSON. The paths of the files are added.
-    lines : (2,) lists of str
-        The text, and the verdict that ends it.
-    write : callable
-        Writes further files into a folder. The page is left out if it writes one itself.
-
-    Raises
-    ------
-    ExportError
+    name: stem of the page. files: the PNG files among them appear in the page. Raises ExportError.
     """
-    folder, (text, verdict) = options.output, lines
-    document["files"] = {}
-    if folder is not None:
-        from ssm_planner.publishing import publishing
+    if options.output is not None:
         from ssm_planner.reporting.html.outcome import write_outcome
 
-        with publishing(folder) as temporary:
-            file = temporary / f"{name}.json"
-            written = {name: file, **write(temporary)}
-            file.write_text(_json(document) + "\n", encoding="utf-8")
-            if "page" not in written:
-                page, figures = file.with_suffix(".html"), written.values()
-                written["page"] = write_outcome(
-                    page, name, verdict[-1], [*text, *verdict], figures=figures
-                )
-        document["files"] = {key: str(folder / path.name) for key, path in written.items()}
-    files = (f"file: {path}" for path in document["files"].values())
-    show(options.json, document, lambda: [*text, *files, *verdict])
+        page = output_file(options.output, ".yaml", Path(f"{name}.yaml")).with_suffix(".html")
+        write_outcome(page, name, lines[-1], lines, figures=map(Path, files))
+        lines = [*lines[:-1], f"file: {page}", lines[-1]]
+    show(options.json, document, lambda: lines)
+
+
+def write_results(
+    folder: Path | None, name: str, document: Any, write: Callable[[Path], Mapping[str, Path]]
+) -> dict[str, str]:
+    """Write <name>.json and the files of `write` into the folder at once.
+
+    It returns their paths by name, or no paths without a folder. Raises ExportError.
+    """
+    if folder is None:
+        return {}
+    from ssm_planner.publishing import publishing
+
+    with publishing(folder) as temporary:
+        written = write(temporary)
+        file = temporary / f"{name}.json"
+        file.write_text(_json(document) + "\n", encoding="utf-8")
+    return {key: str(folder / path.name) for key, path in {name: file, **written}.items()}
 
 
 def _json(document: Any) -> str:

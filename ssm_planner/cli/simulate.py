@@ -15,7 +15,8 @@ from ssm_planner.cli.shared import (
     progress_reporter,
     quantity_argument,
     share,
-    show_results,
+    show,
+    write_results,
 )
 from ssm_planner.errors import ProblemError
 
@@ -130,8 +131,14 @@ def run_simulate(options: argparse.Namespace) -> int:
         page = write_simulation_page(plan, result, folder / "simulation.html")
         return {"page": page, **recordings, **write_simulation_figures(result, folder)}
 
+    document["files"] = write_results(options.output, "simulation", document, write)
     progress("done")
-    show_results(options, "simulation", document, ([], simulation_lines(result, stops)), write)
+    files = document["files"].values()
+    show(
+        options.json,
+        document,
+        lambda: [*(f"file: {path}" for path in files), *simulation_lines(result, stops)],
+    )
     return OK if result.passed else FAILED
 
 

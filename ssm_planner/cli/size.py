@@ -15,7 +15,8 @@ from ssm_planner.cli.shared import (
     plan_argument,
     progress_reporter,
     quantity_argument,
-    show_results,
+    show_with_page,
+    write_results,
 )
 from ssm_planner.errors import ProblemError, TrajectoryError
 
@@ -137,8 +138,11 @@ def run_size(options: argparse.Namespace) -> int:
 
         return write_sizing_figures(sizing, folder)
 
+    document["files"] = write_results(options.output, "sizing", document, write)
     progress("done")
-    show_results(options, "sizing", document, (lines, sizing_verdict(sizing)), write)
+    files = document["files"].values()
+    lines += [*(f"file: {path}" for path in files), *sizing_verdict(sizing)]
+    show_with_page(options, "sizing", document, lines, files)
     return FAILED if sizing.adequate is False else OK
 
 
@@ -181,9 +185,11 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
         "selection": [joint.to_dict(options.rank, SHOWN) for joint in joints],
         "notes": notes if options.gears else list(duty.notes),
     }
+    document["files"] = write_results(options.output, "selection", document, lambda folder: {})
     lines = [duty.name, *document["notes"], *selection_lines(document["selection"])]
-    verdict = [f"every joint has a suitable motor: {LOUD[adequate]}"]
-    show_results(options, "selection", document, (lines, verdict))
+    lines += [f"file: {path}" for path in document["files"].values()]
+    lines.append(f"every joint has a suitable motor: {LOUD[adequate]}")
+    show_with_page(options, "selection", document, lines)
     return FAILED if adequate is False else OK
 
 

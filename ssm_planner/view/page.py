@@ -15,6 +15,7 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import design_region, tilt_interval
+from ssm_planner.loading.files import shipped_names
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Task
 from ssm_planner.problem.problem import Problem
@@ -164,9 +165,10 @@ class Study:
         if file is None or not file.is_file():
             raise ProblemError("the problem was not read from a file")
         document = yaml.safe_load(file.read_text(encoding="utf-8"))
-        robot_file = file.parent / str(document["robot"])
-        if robot_file.is_file():
-            document["robot"] = str(robot_file.resolve())
+        robot = Path(str(document["robot"]))
+        shipped = shipped_names("robots").get(robot.stem)
+        if shipped is not None and (file.parent / robot).resolve() == shipped.resolve():
+            document["robot"] = robot.stem  # The name also works in another folder.
         document["start"] = _coordinates(problem.start)
         document["motion"] = [
             {"dwell": f"{step.duration:.12g} s"}

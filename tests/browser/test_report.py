@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -302,7 +303,7 @@ def test_whether_the_motors_suffice_is_said_above_and_shown_below(
                 100 * motor["margins"][name], abs=0.051
             )
         assert all(
-            needs in tables.nth(1).inner_text()
+            needs in tables.nth(1).text_content()
             for needs in " and ".join(motor["not_checked"].values()).split(" and ")
         )
 
@@ -362,12 +363,87 @@ def test_a_link_leads_to_its_instant(visit: Open, report: Path) -> None:
     page = visit(report.as_uri()).page
     page.evaluate("SSM.player.at(0.98)")
     t = page.evaluate("SSM.player.times[SSM.player.index]")
-    address = page.get_by_role("link", name="Link to this instant").get_attribute("href")
+    address = page.get_by_role("link", name="Link to this view").get_attribute("href")
     again = visit(report.as_uri() + address).page
     assert again.evaluate("SSM.player.times[SSM.player.index]") == pytest.approx(t, abs=1e-3)
     again.evaluate("location.hash = '#t=0'")
     again.wait_for_timeout(100)
     assert again.evaluate("SSM.player.index") == 0
+
+
+def test_a_link_restores_the_camera(visit: Open, in_eye_report: Path) -> None:
+    """Every corner of the eye is within a pixel of where the link was made; a wrong link does nothing."""
+    corners = """() => {
+      const { camera, size: [width, height] } = SSM.scene;
+      const { centre: [x, y, z], radius: r } = SSM.data().scene.eye;
+      camera.updateMatrixWorld();
+      return [[x - r, y, z], [x + r, y, z], [x, y - r, z + r], [x, y, z - r]].map((place) => {
+        const point = new THREE.Vector3(...place).project(camera);
+        return [point.x * width / 2, point.y * height / 2];
+      });
+    }"""
+    page = visit(in_eye_report.as_uri()).page
+    page.locator("#scene canvas").focus()
+    for key in ("ArrowLeft", "ArrowUp", "+"):
+        page.keyboard.press(key)
+    seen = page.evaluate(corners)
+    address = page.get_by_role("link", name="Link to this view").get_attribute("href")
+    again = visit(in_eye_report.as_uri() + address).page
+    np.testing.assert_allclose(again.evaluate(corners), seen, atol=1.0)
+    for wrong in ("nonsense", "1,2,3", "a,b,c,d,e,f"):
+        again.evaluate(f"location.hash = '#t=0&view={wrong}'")
+        again.wait_for_timeout(100)
+        np.testing.assert_allclose(again.evaluate(corners), seen, atol=1.0)
+    again.evaluate("location.hash = '#view=top'")
+    again.wait_for_timeout(100)
+    assert np.abs(np.array(again.evaluate(corners)) - seen).max() > 10
+
+
+def test_the_page_is_short_until_something_is_unfolded(
+    visit: Open, report: Path, in_eye_report: Path
+) -> None:
+    for page_file in (report, in_eye_report):
+        page = visit(page_file.as_uri()).page
+        for y in range(0, page.evaluate("document.body.scrollHeight"), 500):
+            page.evaluate(f"scrollTo(0, {y})")
+            page.wait_for_timeout(20)
+        assert page.evaluate("document.documentElement.scrollHeight") <= 6000
+        page.evaluate("document.querySelectorAll('details').forEach((e) => { e.open = true; })")
+        figures = page.locator("#plots figure")
+        for i in range(figures.count()):
+            figures.nth(i).scroll_into_view_if_needed()
+        page.wait_for_timeout(200)
+        assert page.locator("#plots figure .uplot").count() == figures.count()
+
+
+def test_picture_and_data_can_be_saved(visit: Open, report: Path) -> None:
+    page = visit(report.as_uri()).page
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save CSV").click()
+    header, *lines = Path(download.value.path()).read_text(encoding="utf-8").splitlines()
+    names = re.findall(r'"[^"]*"|[^,]+', header)
+    rows = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+    plan = load_plan(PLAN)
+    assert rows.shape == (page.evaluate("SSM.player.times.length"), len(names))
+    (tilt,) = (k for k, name in enumerate(names) if re.match(r'"Position.*, tilt \(°\)"$', name))
+    q = plan.motion.sample(np.clip(rows[:, 0], 0, plan.duration)).q
+    np.testing.assert_allclose(rows[:, tilt], np.rad2deg(q[:, 1]), atol=1e-6)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save picture").click()
+    picture = Image.open(download.value.path())
+    assert picture.format == "PNG"
+    assert len(picture.convert("RGB").getcolors(2**20) or []) > 20, "something is drawn"
+
+
+def test_without_javascript_the_mechanism_is_shown(browser: Any, in_eye_report: Path) -> None:
+    page = browser.new_context(java_script_enabled=False).new_page()
+    page.goto(in_eye_report.as_uri())
+    plan = load_plan(in_eye_report.with_name("plan.json"))
+    svg = page.locator(".still svg")
+    assert svg.is_visible()
+    assert svg.locator("circle").count() == 3, "the eye"
+    assert f"{plan.duration:.2f} s" in svg.text_content()
+    page.close()
 
 
 def test_the_motion_plays_once_by_itself_unless_motion_is_reduced(

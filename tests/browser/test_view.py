@@ -185,6 +185,34 @@ def test_a_motion_that_cannot_be_is_refused_at_its_field(visit: Open, server: Vi
     assert page.locator("#outcome").bounding_box()["y"] < page.evaluate("scrollY + innerHeight")
 
 
+def test_a_verdict_holds_for_its_settings_only(visit: Open, server: ViewServer) -> None:
+    opened = visit(server.url)
+    page = opened.page
+    assert page.is_disabled("#plan"), "a motion to its own start goes nowhere"
+    assert "Move a slider" in page.inner_text("#why")
+    type_in(page, "tilt", "-100")
+    page.click("#plan")
+    opened.wait("document.querySelector('.outcome')?.textContent.includes('check')", seconds=60)
+    assert not page.is_visible("#stale")
+    assert page.is_visible("#result iframe")
+    draw = random.Random(4)
+    for field in ("alpha", "beta", "tilt", "depth", "roll", "low"):
+        before = page.input_value(f"#{field}-number")
+        low, high = (float(page.get_attribute(f"#{field}", end)) for end in ("min", "max"))
+        type_in(page, field, f"{float(before) + draw.choice([0.1, 0.3]):.3f}")
+        assert low < high
+        assert page.is_visible("#stale"), field
+        assert not page.is_visible("#result iframe")
+        reloaded = visit(page.url).page
+        reloaded.wait_for_timeout(500)
+        assert reloaded.is_visible("#stale"), "after a reload too"
+        type_in(page, field, before)
+        if field in ("alpha", "beta"):
+            page.click("#own")
+        page.wait_for_timeout(50)
+    page.click("#own")
+
+
 def test_cancel_and_plan_again(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     page = opened.page

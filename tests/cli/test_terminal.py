@@ -234,7 +234,10 @@ LAST = {
         ["compare", PLAN, "roll.csv", "tilt.csv", "--counts-per-turn", str(COUNTS)],
         "margins: held in reality",
     ),
-    "identify": (["identify", RIG, "--law", "coulomb", "-o", "out"], r"law +coulomb"),
+    "identify": (
+        ["identify", RIG, "--law", "coulomb", "-o", "out"],
+        "friction law coulomb, map NRMSD",
+    ),
     "study": (["study", STUDY, "-o", "out"], "vitreoretinal: 40 candidates: .* on the front"),
 }
 """Commands with the words of their verdicts; a plan and its answers have their own test."""

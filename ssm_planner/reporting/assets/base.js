@@ -13,13 +13,17 @@ SSM.element = (name, attributes = {}, ...children) => {
   return node;
 };
 
-// a table that the keyboard scrolls too
-SSM.scrolling = (table) => SSM.element("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Table" }, table);
-
 // a line across its frame at a share of the width; moved without a new layout
 SSM.cursor = () => {
   const node = SSM.element("span", { class: "cursor" });
   return { node, at: (share) => { node.style.transform = `translateX(${100 * share}%)`; } };
+};
+
+// saves a file with this content
+SSM.download = (name, content, type) => {
+  const href = URL.createObjectURL(new Blob([content], { type }));
+  SSM.element("a", { href, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 1000);
 };
 
 // text of a node, written where it changed
@@ -90,15 +94,20 @@ SSM.fitting = (name, width) => {
 
 // a short line in a colour and dash, as a key beside text
 SSM.swatch = (colour, dash, width = 2.5) => {
-  const space = "http://www.w3.org/2000/svg";
-  const svg = document.createElementNS(space, "svg");
-  const line = document.createElementNS(space, "line");
-  for (const [key, value] of [["width", 28], ["height", 8], ["aria-hidden", "true"]]) svg.setAttribute(key, value);
-  for (const [key, value] of [["x1", 0], ["x2", 28], ["y1", 4], ["y2", 4], ["stroke-width", width]]) {
-    line.setAttribute(key, value);
-  }
-  line.style.stroke = SSM.paint(colour);
-  line.setAttribute("stroke-dasharray", dash.join(" "));
-  svg.append(line);
+  const holder = SSM.element("span");
+  holder.innerHTML = `<svg width=28 height=8 aria-hidden=true><line x2=28 y1=4 y2=4 stroke-width=${width} stroke-dasharray="${dash.join(" ")}" /></svg>`;
+  const svg = holder.firstChild;
+  svg.firstChild.style.stroke = SSM.paint(colour);
   return svg;
+};
+
+// the least and the largest of values, without those that are null
+SSM.extremes = (values) => {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) {
+    if (value === null) continue;
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return [low, high];
 };

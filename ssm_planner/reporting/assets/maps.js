@@ -3,7 +3,7 @@
 SSM.maps = (container, data, channels, player) => {
   if (!data.maps.length) return;
   const grid = SSM.element("div", { class: "grid" });
-  container.append(SSM.element("h2", {}, "Motor torque against speed"), grid);
+  SSM.section(container, "Motor torque against speed", grid, true);
   for (const map of data.maps) SSM.map(grid, map, data, channels, player);
 };
 

@@ -182,7 +182,7 @@ SSM.eye = (eye) => {
   macula.position.copy(centre).addScaledVector(front, -eye.radius);
   macula.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);
   group.add(macula);
-  const port = new THREE.Mesh(new THREE.LatheGeometry([new THREE.Vector2(0.0007, -0.0004), new THREE.Vector2(0.0011, -0.0004), new THREE.Vector2(0.0011, 0.0004), new THREE.Vector2(0.0007, 0.0004)], 24),
+  const port = new THREE.Mesh(new THREE.LatheGeometry([[7, -4], [11, -4], [11, 4], [7, 4]].map(([x, y]) => new THREE.Vector2(x / 1e4, y / 1e4)), 24),
     new THREE.MeshLambertMaterial({ color: "#3c4650", side: 2 }));
   port.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), centre.clone().normalize());
   group.add(port);

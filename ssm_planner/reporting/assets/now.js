@@ -40,15 +40,10 @@ SSM.timeline = (container, data, player) => {
   };
   const row = (name, bars, said) => {
     const cursor = SSM.cursor();
-    const track = SSM.element("div", { class: "track", role: "img", "aria-label": `${name}: active ${said}`, onpointerdown: (event) => follow(event, track),
-      onpointermove: (event) => event.pointerType === "mouse" && follow(event, track) }, ...bars, cursor.node);
+    const track = SSM.element("div", { class: "track", role: "img", "aria-label": `${name}: active ${said}`, onpointerdown: (event) => player.point(event),
+      onpointermove: (event) => event.pointerType === "mouse" && player.point(event) }, ...bars, cursor.node);
     cursors.push(cursor);
     return SSM.element("div", { class: "row" }, SSM.element("span", { class: "name" }, name), track);
-  };
-  const follow = (event, track) => {
-    const box = track.getBoundingClientRect();
-    player.pause();
-    player.at((end * (event.clientX - box.left)) / box.width);
   };
   const cursors = [];
   const groups = new Map();

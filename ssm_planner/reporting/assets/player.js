@@ -14,18 +14,26 @@ SSM.Player = class {
     this.clock = SSM.element("output", { class: "clock" });
     const speeds = [0.1, 0.25, 0.5, 1, 2].map((x) => SSM.element("option", { value: x, selected: x === 1 }, `${x} ×`));
     this.speed = SSM.element("select", { "aria-label": "Speed" }, ...speeds);
-    this.link = SSM.element("a", { class: "link" }, "Link to this instant");
-    container.replaceChildren(this.button, this.range, this.speed, this.clock, this.link, ...this.#strip());
+    this.link = SSM.element("a", { class: "link" }, "Link to this view");
+    this.saves = SSM.element("span", { class: "saves" }, this.link);
+    container.replaceChildren(this.button, this.range, this.speed, this.clock, this.saves, ...this.#strip());
     this.set(0);
     document.addEventListener("keydown", (event) => this.#key(event));
     window.addEventListener("hashchange", () => this.linked());
   }
 
-  // goes to the instant that the address names
+  // goes to the instant and the camera that the address names
   linked() {
-    const time = location.hash.match(/^#t=([\d.]+)$/)?.[1];
+    const parts = new URLSearchParams(location.hash.slice(1));
+    const time = parts.get("t");
     if (time) this.at(Number(time));
+    if (parts.get("view")) this.scene?.look(parts.get("view"));
     return time;
+  }
+
+  // a button beside the link
+  tool(text, onclick) {
+    this.saves.append(SSM.element("button", { type: "button", class: "tool", onclick }, text));
   }
 
   listen(listener) {
@@ -40,9 +48,14 @@ SSM.Player = class {
     this.range.value = this.index;
     this.range.setAttribute("aria-valuetext", `${t.toFixed(3)} seconds${phase ? `, ${phase.name}` : ""}`);
     this.clock.textContent = `${t.toFixed(3)} s${phase ? ` · ${phase.name}` : ""}`;
-    this.link.href = `#t=${t.toFixed(5)}`;
+    this.address();
     this.cursor.at(this.index / (this.times.length - 1));
     for (const listener of this.listeners) listener(this.index);
+  }
+
+  // the address of this instant and of the camera
+  address() {
+    this.link.href = `#t=${this.times[this.index].toFixed(5)}${this.scene?.renderer ? `&view=${this.scene.place()}` : ""}`;
   }
 
   // the phases beside the slider, each named as far as there is room; for a reader of screens the slider says them
@@ -55,13 +68,16 @@ SSM.Player = class {
       part.style.width = `${(100 * (phase.end - phase.start)) / end}%`;
       return part;
     });
-    const strip = SSM.element("div", { class: "track strip", "aria-hidden": "true", onpointerdown: (event) => {
-      const box = strip.getBoundingClientRect();
-      this.pause();
-      this.at(first + (end * (event.clientX - box.left)) / box.width);
-    } }, ...parts, this.cursor.node);
+    const strip = SSM.element("div", { class: "track strip", "aria-hidden": "true", onpointerdown: (event) => this.point(event) }, ...parts, this.cursor.node);
     new ResizeObserver(() => parts.forEach((part, i) => { part.textContent = SSM.fitting(this.phases[i].name, part.clientWidth); })).observe(strip);
     return this.phases.length ? [strip] : [];
+  }
+
+  // goes to where the pointer is on a track
+  point({ currentTarget, clientX }) {
+    const { left, width } = currentTarget.getBoundingClientRect();
+    this.pause();
+    this.set(((this.times.length - 1) * (clientX - left)) / width);
   }
 
   at(time) {

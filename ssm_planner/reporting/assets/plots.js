@@ -1,8 +1,9 @@
 // Plots over time with limits, active stretches and phases; hovering moves the scrubber, and every plot says its values there.
 "use strict";
 SSM.Plots = class {
-  constructor(container, player, colours, phases) {
-    Object.assign(this, { container, player, colours, phases, all: [], section: null });
+  // folded: sections that begin with one of these words are closed
+  constructor(container, player, colours, phases, folded = /^$/) {
+    Object.assign(this, { container, player, colours, phases, folded, all: [], section: null });
     this.sizes = new ResizeObserver((entries) => entries.forEach(({ target }) => target.resize?.()));
     this.seen = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
       if (isIntersecting && target.build) target.build();
@@ -12,7 +13,7 @@ SSM.Plots = class {
     }), { rootMargin: "300px" });
     SSM.whenRedrawn(() => {
       if (SSM.printing) {
-        document.querySelectorAll("details.unknowns").forEach((each) => { each.open = true; });
+        document.querySelectorAll("details:not(.licences)").forEach((each) => { each.open = true; });
         container.querySelectorAll("figure").forEach((figure) => figure.build?.());
       }
       for (const { u, holder } of this.all) {
@@ -80,14 +81,14 @@ SSM.Plots = class {
   open(section) {
     this.section = section;
     this.grid = SSM.element("div", { class: "grid" });
-    this.container.append(SSM.element("h2", {}, section), this.grid);
+    SSM.section(this.container, section, this.grid, this.folded.test(section));
   }
 
   // words at the end of a section, which is opened if it is not there yet
   note(section, words) {
     if (!words.length) return;
     if (section !== this.section) this.open(section);
-    this.container.append(...words.map((text) => SSM.element("p", { class: "note" }, text)));
+    this.grid.after(...words.map((text) => SSM.element("p", { class: "note" }, text)));
   }
 
   #attach(u, holder, figure, keys, reset) {
@@ -165,17 +166,13 @@ SSM.Plots = class {
   }
 };
 
-SSM.height = (holder) => (holder.closest(".large") && !SSM.printing ? 420 : 190);
-
-SSM.extremes = (values) => {
-  let [low, high] = [Infinity, -Infinity];
-  for (const value of values) {
-    if (value === null) continue;
-    if (value < low) low = value;
-    if (value > high) high = value;
-  }
-  return [low, high];
+// a heading with its content, which opens at a click if it is folded
+SSM.section = (container, title, content, folded) => {
+  const heading = SSM.element("h2", {}, title);
+  container.append(...(folded ? [SSM.element("details", { class: "fold" }, SSM.element("summary", {}, heading), content)] : [heading, content]));
 };
+
+SSM.height = (holder) => (holder.closest(".large") && !SSM.printing ? 420 : 190);
 
 // a plot for those who do not see it
 SSM.inWords = (panel, lines, extremes) => {

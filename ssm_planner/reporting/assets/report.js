@@ -8,7 +8,7 @@
   player.listen(SSM.cells(data, (name) => channels[name]));
   player.listen(SSM.active(document.querySelector(".chips"), data, times));
   SSM.timeline(document.getElementById("active"), data, player);
-  const plots = new SSM.Plots(document.getElementById("plots"), player, data.colours, data.phases);
+  const plots = new SSM.Plots(document.getElementById("plots"), player, data.colours, data.phases, /^(Joint|Motor|Part|Steady)/);
   for (const panel of data.panels) {
     plots.add(panel, times, () => panel.series.map(({ channel, label, joint }) => ({
       label, colour: data.colours[joint], dash: SSM.dashes[joint], values: channels[channel].map((x) => x * panel.scale),
@@ -18,6 +18,7 @@
   for (const [section, notes] of Object.entries(data.notes)) plots.note(section, notes);
   document.querySelectorAll("table.sortable").forEach(SSM.sortable);
   SSM.moments(player);
+  player.tool("Save CSV", () => SSM.download("motion.csv", SSM.csv(data, channels), "text/csv"));
   // the page is readable before the 3D view starts
   requestAnimationFrame(() => setTimeout(() => {
     const path = Float32Array.from({ length: 3 * times.length }, (_, i) => channels[`tip${i % 3}`][Math.floor(i / 3)]);
@@ -25,6 +26,10 @@
       begin: [0, 1, 2, 3].map((i) => channels[`q${i}`][0]) }]);
     player.listen((index) => scene.pose(0, [0, 1, 2, 3].map((i) => channels[`q${i}`][index])));
     if (scene.views.eye) scene.look("eye");
+    player.scene = scene;
+    player.address();
+    scene.controls?.addEventListener("change", () => player.address());
+    if (scene.renderer) player.tool("Save picture", () => scene.picture());
     Object.assign(SSM, { player, scene, channels, ready: performance.now() });
     if (!player.linked() && !SSM.calm) player.toggle();
   }));

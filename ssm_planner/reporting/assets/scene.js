@@ -126,14 +126,28 @@ SSM.Scene = class {
     return robot.slide.localToWorld(new THREE.Vector3()).toArray();
   }
 
+  // name: of a view, or the numbers of place()
   look(name) {
-    const [from, to] = this.views[name];
+    const numbers = name.split(",").map(Number);
+    const [from, to] = this.views[name] ?? [numbers.slice(0, 3), numbers.slice(3)];
+    if (!this.renderer || to.length !== 3 || ![...from, ...to].every(Number.isFinite)) return;
     this.camera.position.set(...from);
     this.controls.target.set(...to);
     this.controls.update();
-    this.inset.hidden = name !== "eye";
+    this.inset.hidden = !this.views.eye || this.controls.target.distanceTo(SSM.vector(this.views.eye[1])) > 1e-5;
     this.#cover();
     this.render();
+  }
+
+  // places of the camera and of what it looks at, as text, m
+  place() {
+    return [...this.camera.position.toArray(), ...this.controls.target.toArray()].map((x) => Number(x.toFixed(6))).join();
+  }
+
+  // saves what is shown, without labels
+  picture() {
+    this.#draw();
+    this.canvas.toBlob((blob) => SSM.download("motion.png", blob, blob.type));
   }
 
   // draws once in the next frame, however often it is asked

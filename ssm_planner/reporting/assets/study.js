@@ -30,12 +30,7 @@ const surface = (id, draw) => {
 };
 
 const extent = (values) => {
-  let low = Infinity, high = -Infinity;
-  for (const value of values) {
-    if (value === null) continue;
-    low = Math.min(low, value);
-    high = Math.max(high, value);
-  }
+  const [low, high] = SSM.extremes(values);
   return low < high ? [low, high] : [low - 1, high + 1];
 };
 const ticks = ([low, high]) => {

@@ -19,6 +19,14 @@ SSM.sortable = (table) => {
   });
 };
 
+// everything plotted, in the units of the plots, as CSV
+SSM.csv = (data, channels) => {
+  const columns = [["time (s)", channels.t, 1], ...data.panels.flatMap(({ title, unit, scale, series }) =>
+    series.map(({ channel, label }) => [`"${title}, ${label} (${unit})"`, channels[channel], scale]))];
+  const rows = [...channels.t].map((_, i) => columns.map(([, values, scale]) => Number((values[i] * scale).toPrecision(9))).join());
+  return [columns.map(([name]) => name), ...rows].join("\n");
+};
+
 SSM.moments = (player) => {
   for (const button of document.querySelectorAll("button.moment")) {
     button.addEventListener("click", () => player.at(Number(button.dataset.time)));

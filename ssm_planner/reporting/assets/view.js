@@ -116,9 +116,16 @@
     SSM.ready ??= performance.now();
   });
 
+  // a verdict holds for the settings that it judged
+  const judged = () => JSON.stringify(wanted());
   const whyNot = () => {
+    const stale = Boolean(state.judged) && state.judged !== judged();
+    find("stale").hidden = !stale;
+    find("outcome").classList.toggle("old", stale);
+    find("result").hidden = stale;
     const reason = !start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
-      : !state.own ? "The link masses are only known for the robot's own α and β. Restore these angles to plan." : "";
+      : !state.own ? "The link masses are only known for the robot's own α and β. Restore these angles to plan."
+      : !state.steps.length && String(pose()) === String(state.from) ? "The pose is the start of the motion. Move a slider of the pose, or plan the motion of the problem file." : "";
     find("why").textContent = reason;
     find("plan").disabled = Boolean(reason) || Boolean(state.job);
     find("save").disabled = Boolean(reason);
@@ -137,8 +144,9 @@
   // all that is set stands in the address: it can be reloaded, sent and bookmarked
   const kept = () => {
     places();
+    whyNot();
     const all = Object.fromEntries(names.map((name) => [name, value(name)]));
-    const text = JSON.stringify({ ...all, from: state.from, steps: state.steps, job: state.job ?? state.last });
+    const text = JSON.stringify({ ...all, from: state.from, steps: state.steps, job: state.job ?? state.last, judged: state.judged });
     history.replaceState(null, "", `#${encodeURIComponent(text)}`);
   };
 
@@ -169,7 +177,7 @@
 
   const wanted = () => ({ ...angles(), start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: range() });
   const link = (href, text, more = {}) => SSM.element("p", {}, SSM.element("a", { href, ...more }, text));
-  const follow = async (begin) => {
+  const follow = async (begin, inputs = judged()) => {
     const steps = SSM.element("ol", { class: "steps", "aria-live": "polite" });
     const message = SSM.element("p", { role: "status", class: "outcome" }, "Planning …");
     const bar = SSM.element("progress", { "aria-label": "Planning" });
@@ -177,7 +185,9 @@
     find("result").replaceChildren();
     ["from", "motion", "dwell"].forEach((name) => fault(name, ""));
     try {
+      state.judged = null;
       state.job = await begin();
+      state.judged = inputs;
       state.last = state.job;
       kept();
       whyNot();
@@ -215,9 +225,7 @@
   find("save").addEventListener("click", async () => {
     try {
       const { text } = await ask("/yaml", wanted());
-      const address = URL.createObjectURL(new Blob([text], { type: "application/yaml" }));
-      SSM.element("a", { href: address, download: "problem.yaml" }).click();
-      setTimeout(() => URL.revokeObjectURL(address), 1000);
+      SSM.download("problem.yaml", text, "application/yaml");
     } catch (error) { blame(error); }
   });
   find("here").addEventListener("click", () => { state.from = pose(); kept(); updateAll(); });
@@ -251,18 +259,14 @@
     if (isPose(held.from)) state.from = held.from;
     if (Array.isArray(held.steps)) state.steps = held.steps.filter((each) => each && (isPose(each.pose) || Number.isFinite(each.dwell)));
     if (typeof held.job === "string") {
-      ask("/progress", { job: held.job }).then(() => follow(async () => held.job)).catch(() => {});
+      ask("/progress", { job: held.job }).then(() => follow(async () => held.job, held.judged)).catch(() => {});
     }
   };
 
   for (const end of ["min", "max"]) {
     find("depth")[end] = (1000 * start.depth_range[end === "min" ? 0 : 1]).toFixed(3);
   }
-  put("alpha", start.alpha);
-  put("beta", start.beta);
-  put("low", start.tilt_range[0]);
-  put("high", start.tilt_range[1]);
-  ["roll", "tilt", "spin", "depth"].forEach((name, i) => put(name, start.pose[i]));
+  [start.alpha, start.beta, ...start.tilt_range, ...start.pose].forEach((si, i) => put(names[i], si));
   recall();
   places();
   whyNot();

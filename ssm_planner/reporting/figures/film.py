@@ -142,6 +142,24 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     return _arc(axis1, axis2) @ VIEW.T, _arc(axis2, outward) @ VIEW.T, tool @ VIEW.T
 
 
+def still(plan: Plan) -> dict[str, Any]:
+    """Return lines of the mechanism at the start, halfway and at the end for an SVG, in mm."""
+    t = plan.motion.duration * np.array([0.0, 0.5, 1.0])
+    flip, eye = np.array([1e3, -1e3]), plan.limits.eye
+    lines = [
+        flip * line
+        for line in mechanism_lines(plan.robot, plan.motion.sample(plan.motion.breaks[0] + t).q)
+    ]
+    points = [
+        [" ".join(f"{x:.2f},{y:.2f}" for x, y in line[k]) for line in lines] for k in range(3)
+    ]
+    return {
+        "reach": 1.05 * max(np.abs(line).max() for line in lines),
+        "instants": [*zip(t.tolist(), points, strict=True)],
+        "eye": None if eye is None else [*flip * (VIEW @ eye.centre), 1e3 * eye.radius],
+    }
+
+
 def _arc(first: Array, second: Array) -> Array:
     """Return arcs (n, 40, 3) with the radius LINK between directions (n, 3)."""
     angle = np.arccos(np.clip(np.sum(first * second, axis=1), -1.0, 1.0))[:, None]

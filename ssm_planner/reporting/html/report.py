@@ -22,6 +22,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.robot import Joint
 from ssm_planner.problem.serialization import plain
+from ssm_planner.reporting.figures.film import still
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH
 from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
 from ssm_planner.reporting.html.outcome import write_outcome
@@ -109,6 +110,7 @@ def report_page(plan: Plan) -> str:
         ),
         repeated=repeated(plan.problem.duty),
         problem=problem_tables(plan),
+        still=still(plan),
     )
 
 

@@ -20,7 +20,7 @@ WRITTEN = {
     "selection": (["size", PLAN, "--catalogue", CATALOGUE], "Every joint has a suitable motor"),
     "workspace": (["workspace", "vitreoretinal"], "Tilt range +"),
     "design_region": (["workspace", "--reach", " -140deg", " -80deg"], "Smallest alpha"),
-    "rig1_lead_screw": (["identify", RIG, "--law", "coulomb"], r"Law +coulomb; map NRMSD"),
+    "rig1_lead_screw": (["identify", RIG, "--law", "coulomb"], "Friction law coulomb, map NRMSD"),
 }
 
 
