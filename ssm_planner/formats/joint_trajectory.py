@@ -246,15 +246,14 @@ def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
 
 def _time(point: Any, k: int, where: str) -> float:
     stamp = point.get("time_from_start") if isinstance(point, dict) else None
-    try:
-        if isinstance(stamp, dict):
-            sec, nanosec = int(stamp.get("sec", 0)), int(stamp.get("nanosec", 0))
-            if abs(sec) <= LONGEST and abs(nanosec) <= LONGEST * TICKS:
-                return (sec * TICKS + nanosec) / TICKS
-    except (OverflowError, TypeError, ValueError):
-        stamp = None
+    if isinstance(stamp, dict):
+        sec, nanosec = stamp.get("sec", 0), stamp.get("nanosec", 0)
+        whole = type(sec) is int and type(nanosec) is int
+        if whole and abs(sec) <= LONGEST and 0 <= nanosec < TICKS:
+            return float((sec * TICKS + nanosec) / TICKS)
     raise TrajectoryError(
-        f"{where}: point {k}: time_from_start must have sec and nanosec, but is {stamp!r}"
+        f"{where}: point {k}: time_from_start is {str(stamp)[:80]}, but it must have whole numbers sec and "
+        f"nanosec, with nanosec from 0 to {TICKS - 1}"
     )
 
 

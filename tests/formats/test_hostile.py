@@ -243,6 +243,32 @@ def test_times_of_joint_states_count_from_the_first() -> None:
         _of_states([state(8, 0), bad])
 
 
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        {"sec": 0.9},
+        {"sec": 1, "nanosec": 9e9},
+        {"sec": 1, "nanosec": 10**9},
+        {"sec": 1, "nanosec": -1},
+        {"sec": "2"},
+        {"sec": True},
+        {"sec": 1e999},
+        {"sec": 10**30},
+        {"sec": None},
+        1.5,
+        [1, 0],
+        None,
+    ],
+)
+def test_a_time_must_be_whole_seconds_and_nanoseconds(stamp: object) -> None:
+    point = {"positions": [0.0] * 4, "time_from_start": stamp}
+    with pytest.raises(TrajectoryError, match=r"point 0: time_from_start is .* must have whole"):
+        message_from({"joint_names": list("abcd"), "points": [point]}, "t.yaml")
+    point["time_from_start"] = {"sec": 2, "nanosec": 999_999_999}
+    message = message_from({"joint_names": list("abcd"), "points": [point]}, "t.yaml")
+    assert message.time.tolist() == [2.999999999]
+
+
 @pytest.mark.parametrize("names", ["roll", {"roll": 1}, ["roll", 3], [None, "tilt"]])
 def test_joint_names_are_a_list_of_texts(names: object) -> None:
     with pytest.raises(TrajectoryError, match="joint_names is not a list of names"):
