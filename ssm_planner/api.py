@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner import stopping
+from ssm_planner.arguments import checked
 from ssm_planner.comparison.compare import LAG, Comparison
 from ssm_planner.comparison.compare import compare as compare_recordings
 from ssm_planner.comparison.measured import assign, read_measured
-from ssm_planner.errors import TrajectoryError
+from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.loading.load import load_motor
 from ssm_planner.plans import Plan, as_plan
@@ -29,6 +30,7 @@ from ssm_planner.verification.slower import SLOWEST, SpeedRange, check_slower
 from ssm_planner.verification.slower import check_speeds as check_every_speed
 
 
+@checked
 def check(
     motion: Plan | Trajectory | str | Path,
     robot: Robot | None = None,
@@ -61,20 +63,21 @@ def check(
     if speed != 1.0:
         return check_slower(*_smooth(motion, robot, limits), speed)
     if isinstance(motion, (str, Path)) and Path(motion).suffix.lower() != ".json":
-        robot = _given(robot, motion)
+        robot = _require_robot(robot, Path(motion))
         reading = read_trajectory(Path(motion), robot)
         limits = reading.ends_on(limits or TaskLimits(robot.limits))
-        found = checking.check(
+        certificate = checking.check(
             reading.trajectory,
             robot,
             limits,
             interpolation=reading.interpolation,
             resolution=reading.resolution,
         )
-        return found.with_more(reading.checks)
+        return certificate.with_more(reading.checks)
     return checking.check(*_smooth(motion, robot, limits), seal=True)
 
 
+@checked
 def check_speeds(
     motion: Plan | Trajectory | str | Path,
     robot: Robot | None = None,
@@ -89,6 +92,7 @@ def check_speeds(
     return check_every_speed(*_smooth(motion, robot, limits), slowest)
 
 
+@checked
 def controlled_stops(
     motion: Plan | Trajectory | str | Path,
     robot: Robot | None = None,
@@ -100,9 +104,12 @@ def controlled_stops(
     `instants` is the number of stops. motion, robot and limits are as for `check`, but a file must
     be a plan. Raises TrajectoryError or ProblemError.
     """
+    if instants < 1:
+        raise ProblemError("no instants", key="instants", value=instants, allowed="at least 1")
     return stopping.controlled_stops(*_smooth(motion, robot, limits), instants)
 
 
+@checked
 def size(
     plan: Plan | str | Path,
     motors: Mapping[str, Sequence[Motor | str | Path]] | None = None,
@@ -134,8 +141,8 @@ def size(
     """
     motion = as_plan(plan)
     candidates = {
-        joint: [motor if isinstance(motor, Motor) else load_motor(motor) for motor in listed]
-        for joint, listed in (motors or {}).items()
+        joint: [motor if isinstance(motor, Motor) else load_motor(motor) for motor in paths]
+        for joint, paths in (motors or {}).items()
     }
     duty = DutyCycle.of_trajectory(
         motion.motion, motion.robot, motion.problem.name if motion is plan else str(plan)
@@ -145,6 +152,7 @@ def size(
     )
 
 
+@checked
 def compare(
     plan: Plan | str | Path,
     recordings: Mapping[str, str | Path],
@@ -174,11 +182,14 @@ def compare(
     RecordingError, TrajectoryError or ProblemError
     """
     plan = as_plan(plan)
-    named = assign([f"{joint}={path}" for joint, path in recordings.items()], plan.robot)
-    measured = [read_measured(path, plan.robot, joint, counts_per_turn) for joint, path in named]
+    assignments = assign([f"{joint}={path}" for joint, path in recordings.items()], plan.robot)
+    measured = [
+        read_measured(path, plan.robot, joint, counts_per_turn) for joint, path in assignments
+    ]
     return compare_recordings(plan.motion, plan.robot, plan.certificate, measured, lag)
 
 
+@checked
 def report(
     plan: Plan | str | Path, path: str | Path | None = None, other: Plan | str | Path | None = None
 ) -> Path:
@@ -201,14 +212,16 @@ def _smooth(
     motion: Plan | Trajectory | str | Path, robot: Robot | None, limits: TaskLimits | None
 ) -> tuple[Trajectory, Robot, TaskLimits]:
     if isinstance(motion, Trajectory):
-        robot = _given(robot, "a trajectory")
+        robot = _require_robot(robot, "a trajectory")
         return motion, robot, limits or TaskLimits(robot.limits)
     plan = as_plan(motion)
     limits = limits or plan.limits
     return plan.motion, robot or plan.robot, limits if robot is None else limits.within(robot)
 
 
-def _given(robot: Robot | None, motion: str | Path) -> Robot:
+def _require_robot(robot: Robot | None, motion: str | Path) -> Robot:
     if robot is None:
+        if isinstance(motion, Path) and not motion.exists():
+            raise TrajectoryError(f"{motion}: no such file or folder")
         raise TrajectoryError(f"{motion}: the file does not name a robot: pass robot")
     return robot

@@ -25,7 +25,7 @@ SWEPT_AFTER = 60.0
 """Age in s at which an abandoned temporary folder is removed."""
 _temporaries: set[Path] = set()
 """Temporary files and folders of this process that still exist."""
-written: list[Path] = []
+written_files: list[Path] = []
 """Files that this process has completed, in order. The message of an interruption lists them."""
 
 
@@ -39,7 +39,7 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = None
     try:
         target = destination(path)
-        whole = not any(
+        must_create = not any(
             target.is_relative_to(stage) for stage in _temporaries
         )  # files in a temporary folder appear with the folder
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -49,14 +49,14 @@ def replacing(path: Path) -> Iterator[Path]:
         )
         _temporaries.add(temporary)
         yield temporary
-        if not whole:
+        if not must_create:
             temporary.replace(target)
             return
         sync(temporary)
         with held_signals():
             temporary.replace(target)
             sync(target.parent, content=False)
-            written.append(path)
+            written_files.append(path)
     except OSError as error:
         raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
@@ -109,11 +109,11 @@ def remove_temporaries() -> None:
 
 def _sweep(parent: Path, stem: str) -> None:
     """Remove temporary folders of killed processes, which no longer hold their lock."""
-    for left in parent.glob(f"{glob.escape(stem)}{'[0-9a-f]' * 12}"):
+    for stale_path in parent.glob(f"{glob.escape(stem)}{'[0-9a-f]' * 12}"):
         with suppress(OSError):
-            if time.time() - left.stat().st_mtime > SWEPT_AFTER:
-                with locked(left, wait=False):
-                    shutil.rmtree(left, ignore_errors=True)
+            if time.time() - stale_path.stat().st_mtime > SWEPT_AFTER:
+                with locked(stale_path, wait=False):
+                    shutil.rmtree(stale_path, ignore_errors=True)
 
 
 @contextmanager
@@ -150,14 +150,14 @@ def destination(path: Path, kind: int = stat.S_IFREG) -> Path:
     """
     target = Path(os.path.realpath(path))
     try:
-        found = stat.S_IFMT(target.stat().st_mode)
+        file_type = stat.S_IFMT(target.stat().st_mode)
     except FileNotFoundError:
         return target
-    if found != kind:
+    if file_type != kind:
         names = {stat.S_IFREG: "a file", stat.S_IFDIR: "a folder"}
-        wanted = "an export needs a folder" if kind == stat.S_IFDIR else "a file is needed"
-        what = names.get(found, "a device or another special file")
-        raise ExportError(f"{path}: cannot be written: is {what}; {wanted}")
+        requirement = "an export needs a folder" if kind == stat.S_IFDIR else "a file is needed"
+        description = names.get(file_type, "a device or another special file")
+        raise ExportError(f"{path}: cannot be written: is {description}; {requirement}")
     return target
 
 
@@ -188,18 +188,18 @@ def held_signals() -> Iterator[None]:
         yield
         return
     arrived: list[int] = []
-    before = {number: signal.getsignal(number) for number in HELD}
+    handlers = {number: signal.getsignal(number) for number in HELD}
 
     def note(number: int, _: FrameType | None) -> None:
         arrived.append(number)
 
     try:
-        for number, handler in before.items():
+        for number, handler in handlers.items():
             if callable(handler):  # signals that end the process at once cannot be delayed
                 signal.signal(number, note)
         yield
     finally:
-        for number, handler in before.items():
+        for number, handler in handlers.items():
             if callable(handler):
                 signal.signal(number, handler)
         for number in arrived[:1]:

@@ -1,4 +1,4 @@
-"""Python child processes that import nothing from the working directory and end with their parent."""
+"""Python child processes without modules of the working directory that end with their parent."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ if os.name == "posix":
 """
 
 
-def python_command(code: str, words: Sequence[str] = (), watch: bool = True) -> list[str]:
-    """Return the command that runs `code` in this interpreter with `words` as arguments.
+def python_command(code: str, arguments: Sequence[str] = (), watch: bool = True) -> list[str]:
+    """Return the command that runs `code` in this interpreter with `arguments` as arguments.
 
     The child ends with its parent if watch is True. Otherwise the code must compare `os.getppid()`
     with `parent` itself. The child imports modules from the same folders as this process and
     ignores the
     working directory and the environment.
     """
-    begin = f"import os, sys, threading, time; sys.path[:] = {module_folders()!r}; parent = {os.getpid()}\n"
-    return [sys.executable, "-I", "-c", begin + (_WATCH if watch else "") + code, *words]
+    preamble = (
+        f"import os, sys, threading, time; sys.path[:] = {module_folders()!r}; parent = "
+        f"{os.getpid()}\n"
+    )
+    return [sys.executable, "-I", "-c", preamble + (_WATCH if watch else "") + code, *arguments]
 
 
 def module_folders() -> list[str]:
@@ -35,6 +38,10 @@ def module_folders() -> list[str]:
     The working directory remains if it contains this package.
     """
     home = Path(__file__).resolve().parents[1]
-    here = Path.cwd()
+    current_folder = Path.cwd()
     folders = [os.path.abspath(entry) for entry in sys.path if entry]
-    return [folder for folder in folders if Path(folder).resolve() != here or here == home]
+    return [
+        folder
+        for folder in folders
+        if Path(folder).resolve() != current_folder or current_folder == home
+    ]

@@ -34,7 +34,7 @@ def number(value: float | None, digits: int = 3) -> str:
     return "0" if abs(value) < 1e-12 else minus(f"{value:.{digits}g}")
 
 
-def fixed(value: float | None, decimals: int) -> str:
+def format_fixed(value: float | None, decimals: int) -> str:
     """Return a number with fixed decimals and without a negative zero."""
     if value is None:
         return NOTHING
@@ -43,8 +43,8 @@ def fixed(value: float | None, decimals: int) -> str:
 
 def signed(value: float | None, decimals: int) -> str:
     """Return a difference with its sign, or 0 if it vanishes at these decimals."""
-    shown = fixed(value, decimals)
-    return f"+{shown}" if value is not None and round(value, decimals) > 0 else shown
+    text = format_fixed(value, decimals)
+    return f"+{text}" if value is not None and round(value, decimals) > 0 else text
 
 
 def percent(share: float | None, decimals: int = 1) -> str:
@@ -52,7 +52,7 @@ def percent(share: float | None, decimals: int = 1) -> str:
     return NOTHING if share is None else f"{signed(100.0 * share, decimals)} %"
 
 
-def words(name: str) -> str:
+def plain_words(name: str) -> str:
     """Return the name of a field or key as words."""
     return name.replace("_", " ")
 
@@ -65,17 +65,19 @@ def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> En
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    made = Environment(
+    result = Environment(
         loader=PackageLoader(package),
         autoescape=escape,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(number=number, fixed=fixed, signed=signed, percent=percent, **filters)
-    return made
+    result.filters.update(
+        number=number, fixed=format_fixed, signed=signed, percent=percent, **filters
+    )
+    return result
 
 
-def filled(templates: Environment, template: str, /, **values: Any) -> str:
+def render_template(templates: Environment, template: str, /, **values: Any) -> str:
     """Return a rendered template that ends with one newline."""
     return templates.get_template(template).render(values).rstrip("\n") + "\n"

@@ -43,10 +43,10 @@ class ProblemError(SsmPlannerError):
         super().__init__(reason)
 
     def __str__(self) -> str:
-        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
+        location = ":".join(str(item) for item in (self.file, self.line) if item is not None)
         if self.file is None and self.line is not None:
-            place = f"line {self.line}"
-        text = f"{place}: " if place else ""
+            location = f"line {self.line}"
+        text = f"{location}: " if location else ""
         if self.key is not None:
             text += f"{self.key}"
             if self.value is not None:
@@ -55,19 +55,19 @@ class ProblemError(SsmPlannerError):
         text += self.reason
         if self.allowed is not None:
             text += f" (allowed: {self.allowed})"
-        lines = [text, *(str(other) for other in self.others)]
+        lines = [text, *(str(error) for error in self.others)]
         if self.unshown:
             lines.append(f"… and {self.unshown} more")
         return "\n".join(lines)
 
 
 @contextmanager
-def within(place: str) -> Iterator[None]:
+def within(prefix: str) -> Iterator[None]:
     """Prefix the keys of problem errors in the block with a key such as motion[0].tilt."""
     try:
         yield
     except ProblemError as error:
-        error.key = f"{place}.{error.key}" if error.key else place
+        error.key = f"{prefix}.{error.key}" if error.key else prefix
         raise
 
 

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ssm_planner.arguments import checked
 from ssm_planner.atomic import locked, replacing
+from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.json_files import parse_json, read_json_in_parts
@@ -130,9 +132,9 @@ class PhaseSummary(ShortRepr):
 
     def to_dict(self) -> JsonObject:
         """Return JSON types without the fields that do not apply to this phase."""
-        found: JsonObject = plain(asdict(self))
+        data: JsonObject = plain(asdict(self))
         return {
-            name: value for name, value in found.items() if value is not None or name not in OF_SOME
+            name: value for name, value in data.items() if value is not None or name not in OF_SOME
         }
 
     @property
@@ -144,7 +146,7 @@ class PhaseSummary(ShortRepr):
         ratio = self.duration / self.toppra_duration
         if 1 / (1 + allowed) <= ratio <= 1 + allowed:
             return None
-        what = (
+        description = (
             "the motion is slower than necessary"
             if ratio > 1
             else "TOPP-RA's grid is too coarse, or a limit is missing"
@@ -152,7 +154,7 @@ class PhaseSummary(ShortRepr):
         return (
             f"{self.name}: {self.duration:.4f} s, and {self.toppra_duration:.4f} s by TOPP-RA "
             "along the same path "
-            f"({100 * (ratio - 1):+.2f} %, {100 * allowed:g} % are allowed): {what}"
+            f"({100 * (ratio - 1):+.2f} %, {100 * allowed:g} % are allowed): {description}"
         )
 
 
@@ -215,23 +217,23 @@ class Plan(ShortRepr):
     stopped: bool = False
     """True if the user ended the search for a faster motion."""
     candidates: tuple[tuple[Mapping[str, Any], ...], ...] = ()
-    """Tried candidates of each phase with kind, bound, estimate, duration (s), outcome and effort."""
+    """Tried candidates of each phase: kind, bound, estimate, duration (s), outcome and effort."""
     software: Mapping[str, str] = field(default_factory=software)
     """Versions of the software that made the plan."""
     file: Path | None = field(default=None, init=False)
     """plan.json from which it was loaded, or None for a plan that was made or changed in Python."""
     file_sha256: str | None = field(default=None, init=False)
     """SHA-256 of that file."""
-    doubt: str | None = field(default=None, init=False)
+    uncertified_reason: str | None = field(default=None, init=False)
     """Reason why a stored certificate is not valid (verification/certificate.py)."""
 
     def __post_init__(self) -> None:
         if self.certificate is None or self.trajectory is None:
             object.__setattr__(self, "certificate", None)
             return
-        doubt = broken_seal(self.certificate, self.trajectory, self.robot, self.limits)
-        if doubt is not None:
-            object.__setattr__(self, "doubt", doubt)
+        reason = broken_seal(self.certificate, self.trajectory, self.robot, self.limits)
+        if reason is not None:
+            object.__setattr__(self, "uncertified_reason", reason)
             object.__setattr__(self, "certificate", None)
 
     @property
@@ -248,8 +250,8 @@ class Plan(ShortRepr):
     def motion(self) -> Trajectory:
         """Trajectory of a plan that must have one. Raises TrajectoryError if there is none."""
         if self.trajectory is None:
-            where = self.problem.name if self.file is None else self.file
-            raise TrajectoryError(f"{where}: this plan has no trajectory (status: {self.status})")
+            origin = self.problem.name if self.file is None else self.file
+            raise TrajectoryError(f"{origin}: this plan has no trajectory (status: {self.status})")
         return self.trajectory
 
     @classmethod
@@ -307,29 +309,29 @@ class Plan(ShortRepr):
     def toppra_duration(self) -> float | None:
         """Duration by TOPP-RA for the same paths and limits, s, or None if a phase has none."""
         durations = [phase.toppra_duration for phase in self.phases]
-        known = [duration for duration in durations if duration is not None]
-        whole = self.trajectory is not None and 0 < len(known) == len(durations)
-        return float(sum(known)) if whole else None
+        planned_durations = [duration for duration in durations if duration is not None]
+        is_complete = self.trajectory is not None and 0 < len(planned_durations) == len(durations)
+        return float(sum(planned_durations)) if is_complete else None
 
     @property
     def confirmation(self) -> tuple[int, float] | None:
         """Number of iterations and largest difference of Ipopt's confirmations."""
-        found = [
+        statements = [
             (phase.confirmation_iterations or 0, phase.confirmation_difference)
             for phase in self.phases
             if phase.confirmation_difference is not None
         ]
-        if not found:
+        if not statements:
             return None
-        return sum(iterations for iterations, _ in found), max(
-            (difference for _, difference in found), key=abs
+        return sum(iterations for iterations, _ in statements), max(
+            (difference for _, difference in statements), key=abs
         )
 
     @property
     def lower_bound(self) -> float | None:
         """Duration that no motion along the same path within the same limits can beat, s."""
-        whole = self.trajectory is not None and self.phases
-        return float(sum(phase.lower_bound for phase in self.phases)) if whole else None
+        is_complete = self.trajectory is not None and self.phases
+        return float(sum(phase.lower_bound for phase in self.phases)) if is_complete else None
 
     @property
     def gap(self) -> float | None:
@@ -362,7 +364,11 @@ class Plan(ShortRepr):
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks on missing data and assumptions."""
-        notes = [] if self.doubt is None else [f"not certified: {self.doubt}: plan it again"]
+        notes = (
+            []
+            if self.uncertified_reason is None
+            else [f"not certified: {self.uncertified_reason}: plan it again"]
+        )
         for requirement in self.requirements:
             motor = requirement.motor
             if motor is None:
@@ -375,7 +381,7 @@ class Plan(ShortRepr):
                     f"({', '.join(motor.placeholders)})"
                 )
             notes += _extrapolation(self.robot, requirement)
-        notes += _wider_ranges(self.problem)
+        notes += _excess_ranges(self.problem)
         stays = ", ".join(phase.name for phase in self.phases if not phase.duration)
         notes += [f"skipped because the robot is already at the end: {stays}"] if stays else []
         notes += _whole_turns(self.problem, self.trajectory)
@@ -387,26 +393,27 @@ class Plan(ShortRepr):
         notes += [f"cross-check failed: {text}" for text in self.disagreements]
         notes += ["the search was stopped: other joints may be faster"] if self.stopped else []
         if self.certificate is not None:
-            notes += [f"not checked: {what}" for what in self.certificate.unchecked]
+            notes += [f"not checked: {subject}" for subject in self.certificate.unchecked]
         return tuple(notes)
 
-    def limits_unlike(self, robot: Robot) -> tuple[str, ...]:
+    def limit_differences(self, robot: Robot) -> tuple[str, ...]:
         """Return sentences on the different limits of another robot, its joints and motors."""
         of_robot = {limit.key: limit for limit in _limits_of(robot)}
         of_plan = {limit.key: limit for limit in _limits_of(self.robot)}
         notes = []
         for key in {**of_plan, **of_robot}:
-            own, other = of_plan.get(key), of_robot.get(key)
-            if own == other:
+            plan_bound, robot_bound = of_plan.get(key), of_robot.get(key)
+            if plan_bound == robot_bound:
                 continue
-            what = f"{key[0]} of joint {key[1]}" if key[1] else key[0]
-            shown = [
+            description = f"{key[0]} of joint {key[1]}" if key[1] else key[0]
+            bounds = [
                 f"{limit.low:.6g} to {limit.high:.6g} {limit.unit}" if limit else "none"
-                for limit in (own, other)
+                for limit in (plan_bound, robot_bound)
             ]
             notes.append(
-                f"the plan was made for another limit: {what}: {shown[0]}; the robot given has "
-                f"{shown[1]}"
+                f"the plan was made for another limit: {description}: {bounds[0]}; the robot given "
+                "has "
+                f"{bounds[1]}"
             )
         return tuple(notes)
 
@@ -418,8 +425,8 @@ class Plan(ShortRepr):
         """
         if self.robot.jerk_limited:
             return ()
-        found = (phase.disagreement for phase in self.phases)
-        return tuple(text for text in found if text is not None)
+        reasons = (phase.disagreement for phase in self.phases)
+        return tuple(text for text in reasons if text is not None)
 
     @property
     def path(self) -> Path:
@@ -484,24 +491,26 @@ class Plan(ShortRepr):
         file is named in messages. Raises TrajectoryError (unknown version or no trajectory) or
         ProblemError.
         """
-        return cls._of(parse_json(file, data), hashlib.sha256(data).hexdigest(), file)
+        return cls._from_document(parse_json(file, data), hashlib.sha256(data).hexdigest(), file)
 
     @classmethod
-    def _of(cls, found: Any, sha256: str, file: Path) -> Plan:
-        document = _document(found, file)
+    def _from_document(cls, data: Any, sha256: str, file: Path) -> Plan:
+        document = _document(data, file)
         problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
         if document.get("trajectory") is None:
             raise TrajectoryError(
                 f"{file}: this plan has no trajectory (status: {document.get('status')})"
             )
         try:
-            stated = document.get("certificate")
+            certificate_data = document.get("certificate")
             plan = cls(
                 problem=problem,
                 status=str(document.get("status")),
                 trajectory=Trajectory.from_dict(_mapping(document, "trajectory", file)),
                 phases=_phases(document.get("phases") or [], file),
-                certificate=None if stated is None else Certificate.from_dict(stated),
+                certificate=None
+                if certificate_data is None
+                else Certificate.from_dict(certificate_data),
                 nominal_duration=_number(document.get("nominal_duration"), path=file),
                 stopped=document.get("stopped") is True,
                 candidates=tuple(map(tuple, document.get("candidates") or ())),
@@ -533,7 +542,11 @@ class Plan(ShortRepr):
         write_folder = resolve_name(FOLDER_WRITER)
         return write_folder(self, Path(folder))
 
+    doubt = Renamed("uncertified_reason")
+    limits_unlike = Renamed("limit_differences")
 
+
+@checked
 def load_plan(path: str | Path) -> Plan:
     """Return the plan in a plan.json or in the result folder that contains one.
 
@@ -546,9 +559,9 @@ def load_plan(path: str | Path) -> Plan:
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"{path}: cannot be read: {error}") from error
     with locked(file.parent):  # no other process may replace the results
-        found, sha256 = read_json_in_parts(file, LARGEST_FILE, ("trajectory", "coefficients"))
+        data, sha256 = read_json_in_parts(file, LARGEST_FILE, ("trajectory", "coefficients"))
         check_generation(file.parent)
-    return Plan._of(found, sha256, file)
+    return Plan._from_document(data, sha256, file)
 
 
 def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) -> Plan:
@@ -602,15 +615,15 @@ def _limits_of(robot: Robot) -> list[Limit]:
     return [*(limit for joint in robot.joints for limit in joint.limits), *robot.limits]
 
 
-def _wider_ranges(problem: Problem) -> list[str]:
+def _excess_ranges(problem: Problem) -> list[str]:
     """Return notes on requested ranges that the robot or the travel of joint 4 narrows."""
     notes = []
-    for name, asked in problem.wider.items():
-        if (holds := problem.ranges.get(name)) is None:
+    for name, requested in problem.excess_ranges.items():
+        if (joint_range := problem.ranges.get(name)) is None:
             continue
         texts = (
             " to ".join(in_words(end, TaskRange(name, *ends).unit) for end in ends)
-            for ends in (asked, holds)
+            for ends in (requested, joint_range)
         )
         notes.append(
             "range of {} of {} asked for: the robot allows {}, which holds".format(name, *texts)
@@ -622,12 +635,12 @@ def _whole_turns(problem: Problem, trajectory: Trajectory | None) -> list[str]:
     """Return notes on joints that start a whole turn away from zero if the problem allows both."""
     if trajectory is None or isinstance(problem.start, Joints):
         return []
-    first = np.degrees(trajectory.sample(0.0).q[0])
+    start_angles = np.degrees(trajectory.sample(0.0).q[0])
     return [
         f"joint {joint.name} starts at {angle:.6g} deg, a whole turn from "
         f"{angle - math.copysign(360.0, angle):.6g} deg: "
         "from there the motion would leave its range"
-        for joint, angle in zip(problem.robot.joints, first, strict=True)
+        for joint, angle in zip(problem.robot.joints, start_angles, strict=True)
         if not joint.slides and abs(angle) > 180.0 + 1e-6
     ]
 
@@ -643,18 +656,19 @@ def _ways_round(
     ends = trajectory.sample(trajectory.breaks[0] + np.minimum(instants, trajectory.duration)).q
     branches = mechanism.branch_of(ends)
     notes = []
-    for phase, before, after, (first, last) in zip(
+    for phase, branch_before, branch_after, (start_joints, end_joints) in zip(
         phases, branches, branches[1:], pairwise(ends), strict=False
     ):
-        if before != after:
+        if branch_before != branch_after:
             notes.append(
-                f"{phase.name}: goes from branch {before:+d} of the inverse kinematics to branch "
-                f"{after:+d}"
+                f"{phase.name}: goes from branch {branch_before:+d} of the inverse kinematics to "
+                "branch "
+                f"{branch_after:+d}"
             )
         notes += [
             f"{phase.name}: joint {joint.name} turns by {angle:.6g} deg, not by "
             f"{angle - math.copysign(360.0, angle):.6g} deg"
-            for joint, angle in zip(joints, np.degrees(last - first), strict=True)
+            for joint, angle in zip(joints, np.degrees(end_joints - start_joints), strict=True)
             if not joint.slides and abs(angle) > 180.0 + 1e-6
         ]
     return notes
@@ -670,16 +684,17 @@ def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
             f"joint {requirement.joint}: a {drive.kind} drive does not lock itself: without power "
             "its load moves it"
         ]
-    known = drive.friction.identified_speed
-    if known is None:
+    identified_speed = drive.friction.identified_speed
+    if identified_speed is None:
         return [
             f"joint {requirement.joint}: the drive file does not say up to which speed "
             "friction was identified"
         ]
-    if requirement.peak_speed <= known:
+    if requirement.peak_speed <= identified_speed:
         return []
     return [
-        f"joint {requirement.joint}: friction extrapolated {requirement.peak_speed / known:.1f}× "
+        f"joint {requirement.joint}: friction extrapolated "
+        f"{requirement.peak_speed / identified_speed:.1f}× "
         "beyond the identified "
-        f"speeds ({known:.3g} rad/s, used up to {requirement.peak_speed:.3g} rad/s)"
+        f"speeds ({identified_speed:.3g} rad/s, used up to {requirement.peak_speed:.3g} rad/s)"
     ]

@@ -19,7 +19,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ssm_planner.atomic import destination, held_signals, locked, replacing, staging, sync, written
+from ssm_planner.atomic import (
+    destination,
+    held_signals,
+    locked,
+    replacing,
+    staging,
+    sync,
+    written_files,
+)
 from ssm_planner.errors import ExportError, TrajectoryError
 
 MANIFEST, PLAN = "manifest.json", "plan.json"
@@ -36,8 +44,8 @@ def file_name(text: str) -> str:
 
     Letters, digits, `-`, `_` and `.` remain.
     """
-    kept = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in text)
-    return kept.lstrip(".")[:LONGEST_NAME] or "unnamed"
+    cleaned = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in text)
+    return cleaned.lstrip(".")[:LONGEST_NAME] or "unnamed"
 
 
 def one_line(text: str, without: str = "") -> str:
@@ -123,7 +131,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     )
 
 
-def listed(manifest: Mapping[str, Any]) -> dict[str, str]:
+def listed_files(manifest: Mapping[str, Any]) -> dict[str, str]:
     """Return the SHA-256 by name of the files in a manifest.
 
     Names that leave its folder are omitted.
@@ -142,70 +150,79 @@ def check_generation(folder: Path) -> None:
     manifest = read_manifest(folder)
     if manifest.get(INCOMPLETE):
         raise TrajectoryError(
-            f"{folder}: publishing was interrupted, so the files may be of two plans: make them again"
+            f"{folder}: publishing was interrupted, so the files may be of two plans: make them "
+            "again"
         )
-    for name, sha in listed(manifest).items():
+    for name, sha in listed_files(manifest).items():
         if os.path.exists(folder / name) and not _is(folder / name, sha):
             raise TrajectoryError(
-                f"{folder / name}: is not the file that {MANIFEST} lists; re-create the results, or "
+                f"{folder / name}: is not the file that {MANIFEST} lists; re-create the results, "
+                "or "
                 f"remove {MANIFEST} if you changed the file yourself"
             )
 
 
-def _publish(source: Path, folder: Path, shown: Path) -> None:
+def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
     sync(source)
     with held_signals():
         if not folder.exists():
             with suppress(OSError):  # another process was faster
                 source.rename(folder)
                 sync(folder.parent, content=False)
-                written.append(shown)
+                written_files.append(displayed_path)
                 return
         folder.mkdir(parents=True, exist_ok=True)
         with locked(folder):
-            _exchange(source, folder, shown)
-        written.append(shown)
+            _exchange(source, folder, displayed_path)
+        written_files.append(displayed_path)
 
 
-def _exchange(source: Path, folder: Path, shown: Path) -> None:
+def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
     """Move the content of source into a folder, and move replaced files away."""
     manifest, old = read_manifest(source), read_manifest(folder)
-    kind = manifest.get("format")
-    if kind and old and old["format"] != kind:
-        what = "an export" if old["format"] == EXPORT else "the results of a plan"
-        raise ExportError(f"{shown}: holds {what}: choose another folder (nothing was written)")
-    ours = listed(old)
-    if kind == RESULTS and old and PLAN not in listed(manifest):
+    file_format = manifest.get("format")
+    if file_format and old and old["format"] != file_format:
+        description = "an export" if old["format"] == EXPORT else "the results of a plan"
+        raise ExportError(
+            f"{displayed_path}: holds {description}: choose another folder (nothing was written)"
+        )
+    ours = listed_files(old)
+    if file_format == RESULTS and old and PLAN not in listed_files(manifest):
         if old.get("plan") != manifest["plan"]:
             raise ExportError(
-                f"{shown}: holds results of another plan: choose another folder (nothing was "
+                f"{displayed_path}: holds results of another plan: choose another folder (nothing "
+                "was "
                 "written)"
             )
-        kept = {name: sha for name, sha in ours.items() if _is(folder / name, sha)}
-        manifest["files"] = dict(sorted({**kept, **manifest["files"]}.items()))
+        unchanged = {name: sha for name, sha in ours.items() if _is(folder / name, sha)}
+        manifest["files"] = dict(sorted({**unchanged, **manifest["files"]}.items()))
         (source / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
         sync(source / MANIFEST)
     entries = sorted(path for path in source.iterdir() if path.name != MANIFEST)
     for entry in entries:
         _check_way(
-            folder / entry.name, shown / entry.name, entry.is_dir(), ours, strict=kind == EXPORT
+            folder / entry.name,
+            displayed_path / entry.name,
+            entry.is_dir(),
+            ours,
+            strict=file_format == EXPORT,
         )
     replaced = source / ".replaced"
     replaced.mkdir()
-    if kind:
-        marked = {**manifest, INCOMPLETE: True, "files": {**ours, **listed(manifest)}}
-        begun = source / ".begun"
-        begun.write_text(json.dumps(marked, indent=1) + "\n", encoding="utf-8")
-        sync(begun)
-        begun.replace(folder / MANIFEST)
+    if file_format:
+        marked = {**manifest, INCOMPLETE: True, "files": {**ours, **listed_files(manifest)}}
+        marker = source / ".begun"
+        marker.write_text(json.dumps(marked, indent=1) + "\n", encoding="utf-8")
+        sync(marker)
+        marker.replace(folder / MANIFEST)
         sync(folder, content=False)
     for entry in entries:
         if entry.is_dir() and (folder / entry.name).exists():
             (folder / entry.name).rename(replaced / entry.name)
         entry.replace(folder / entry.name)
-    if kind:
+    if file_format:
         _remove_stale(
-            folder, {name: sha for name, sha in ours.items() if name not in listed(manifest)}
+            folder, {name: sha for name, sha in ours.items() if name not in listed_files(manifest)}
         )
         sync(folder, content=False)
         (source / MANIFEST).replace(folder / MANIFEST)
@@ -213,18 +230,19 @@ def _exchange(source: Path, folder: Path, shown: Path) -> None:
 
 
 def _check_way(
-    target: Path, shown: Path, is_folder: bool, ours: Mapping[str, str], strict: bool
+    target: Path, displayed_path: Path, is_folder: bool, ours: Mapping[str, str], strict: bool
 ) -> None:
     """Raise ExportError if a file or folder that no export wrote must be replaced."""
     if not os.path.lexists(target):
         return
     destination(target, kind=stat.S_IFDIR if is_folder else stat.S_IFREG)
-    inside = [path for path in target.rglob("*") if not path.is_dir()] if is_folder else [target]
-    for path in inside:
+    files = [path for path in target.rglob("*") if not path.is_dir()] if is_folder else [target]
+    for path in files:
         name = path.relative_to(target.parent).as_posix()
         if (strict or is_folder) and name not in ours:
             raise ExportError(
-                f"{shown}: is in the way, and no export wrote {name}: choose another folder, or "
+                f"{displayed_path}: is in the way, and no export wrote {name}: choose another "
+                "folder, or "
                 "move it away; nothing is written"
             )
 

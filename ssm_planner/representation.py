@@ -26,11 +26,11 @@ class ShortRepr:
 
     def __repr__(self) -> str:
         cls: Any = type(self)
-        parts = [
+        fields_text = [
             f"{field.name}={_abbreviated(getattr(self, field.name))}"
             for field in dataclasses.fields(cls)
         ]
-        text = f"{cls.__name__}({', '.join(parts)})"
+        text = f"{cls.__name__}({', '.join(fields_text)})"
         return text if len(text) <= LONGEST else text[: LONGEST - 2] + "…)"
 
 

@@ -42,16 +42,16 @@ class Stops(ShortRepr):
 
     def to_dict(self) -> JsonObject:
         """Return `stops` of plan.json, in SI units."""
-        longest, farthest = int(np.argmax(self.duration)), int(np.argmax(self.travel))
+        slowest_stop, longest_travel = int(np.argmax(self.duration)), int(np.argmax(self.travel))
         return {
             "passed": self.passed,
             "longest": {
-                "time": float(self.time[longest]),
-                "duration": float(self.duration[longest]),
+                "time": float(self.time[slowest_stop]),
+                "duration": float(self.duration[slowest_stop]),
             },
             "farthest": {
-                "time": float(self.time[farthest]),
-                "travel": float(self.travel[farthest]),
+                "time": float(self.time[longest_travel]),
+                "travel": float(self.travel[longest_travel]),
             },
             "limits": [limit.to_dict() for limit in self.certificate.limits],
             "time": self.time.tolist(),

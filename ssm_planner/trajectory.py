@@ -104,11 +104,11 @@ class Trajectory(ShortRepr):
             if not (finite and np.isfinite(coefficients).all()):
                 raise TrajectoryError("a trajectory holds only finite numbers")
             with np.errstate(over="ignore"):
-                moved = (
+                shifted = (
                     np.abs(coefficients)
                     * length[block, None, None] ** np.arange(DEGREE + 1)[:, None]
                 )
-            if moved.max() > LARGEST:
+            if shifted.max() > LARGEST:
                 raise TrajectoryError(
                     f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are none"
                 )
@@ -165,9 +165,9 @@ class Trajectory(ShortRepr):
         """Time between the first and the last break, s."""
         return float(self.breaks[-1] - self.breaks[0])
 
-    def pieces(self, chosen: Indices | slice) -> Array:
+    def pieces(self, index: Indices | slice) -> Array:
         """Return the coefficients (n, 6, 4) of the chosen pieces."""
-        return self.coefficients[chosen]
+        return self.coefficients[index]
 
     def piece_of(self, t: Array, side: Side = "right") -> Indices:
         """Return the index (n,) of the piece that contains each time t (n,).
@@ -210,24 +210,24 @@ class Trajectory(ShortRepr):
                 f"t = {times[error.argmax()]:g} s is not between {start:g} s and {end:g} s, "
                 "the first and the last time of this trajectory"
             )
-        piece = self.piece_of(clipped, side)
-        return self.sample_pieces(piece, clipped - self.breaks[piece])
+        index = self.piece_of(clipped, side)
+        return self.sample_pieces(index, clipped - self.breaks[index])
 
-    def sample_pieces(self, piece: Indices, local: Array) -> Samples:
+    def sample_pieces(self, index: Indices, local: Array) -> Samples:
         """Evaluate the motion at local times (n,), counted from the start of each piece (n,)."""
-        q, qd, qdd, qddd = self._derivatives(piece, local, 3)
-        return Samples(self.breaks[piece] + local, q, qd, qdd, qddd)
+        q, qd, qdd, qddd = self._derivatives(index, local, 3)
+        return Samples(self.breaks[index] + local, q, qd, qdd, qddd)
 
     def positions(self, t: Array) -> Array:
         """Return the positions q (n, 4) at times t (n,)."""
-        piece = self.piece_of(t)
-        return self._derivatives(piece, t - self.breaks[piece], 0)[0]
+        index = self.piece_of(t)
+        return self._derivatives(index, t - self.breaks[index], 0)[0]
 
-    def _derivatives(self, piece: Indices, local: Array, highest: int) -> list[Array]:
+    def _derivatives(self, index: Indices, local: Array, highest: int) -> list[Array]:
         """Return q and its derivatives up to order `highest`, each (n, 4), at local times (n,)."""
         derivatives = []
         # the values of one coefficient are contiguous in memory, which makes the loop fast
-        coefficients = np.ascontiguousarray(self.pieces(piece).transpose(1, 2, 0))
+        coefficients = np.ascontiguousarray(self.pieces(index).transpose(1, 2, 0))
         for order in range(highest + 1):
             value = coefficients[DEGREE - order].copy()
             for k in range(DEGREE - order - 1, -1, -1):
@@ -252,13 +252,13 @@ class Trajectory(ShortRepr):
 
         The start time does not change.
         """
-        begin, powers = self.breaks[0], speed ** np.arange(DEGREE + 1)[None, :, None]
+        start, powers = self.breaks[0], speed ** np.arange(DEGREE + 1)[None, :, None]
         spans = (
-            Span(p.name, begin + (p.start - begin) / speed, begin + (p.end - begin) / speed)
+            Span(p.name, start + (p.start - start) / speed, start + (p.end - start) / speed)
             for p in self.phases
         )
         return Trajectory(
-            begin + (self.breaks - begin) / speed, self.coefficients * powers, tuple(spans)
+            start + (self.breaks - start) / speed, self.coefficients * powers, tuple(spans)
         )
 
     def to_dict(self) -> JsonObject:
@@ -351,7 +351,7 @@ class Cubic:
     a1: Any
     h: Any
 
-    def at(self, c: Any) -> tuple[Any, Any, Any]:
+    def evaluate(self, c: Any) -> tuple[Any, Any, Any]:
         """Return u, u̇ and ü at t = c h."""
         t, rise = c * self.h, self.a1 - self.a0
         return (
@@ -399,15 +399,17 @@ def hold(q: Array) -> Array:
     return coefficients
 
 
-def join(parts: Sequence[tuple[str, Array, Array]]) -> Trajectory:
+def join(sections: Sequence[tuple[str, Array, Array]]) -> Trajectory:
     """Concatenate phases into one trajectory. Each is (name, breaks from 0, coefficients)."""
-    if not parts:
+    if not sections:
         raise TrajectoryError("a trajectory needs at least one phase")
     time = 0.0
     breaks = [np.zeros(1)]
     phases = []
-    for name, local, _ in parts:
+    for name, local, _ in sections:
         breaks.append(time + local[1:])
         phases.append(Span(name, time, float(time + local[-1])))
         time = float(time + local[-1])
-    return Trajectory(np.concatenate(breaks), np.concatenate([c for *_, c in parts]), tuple(phases))
+    return Trajectory(
+        np.concatenate(breaks), np.concatenate([c for *_, c in sections]), tuple(phases)
+    )

@@ -1,4 +1,4 @@
-"""Types of arrays, ranges and JSON objects, and the decorator of immutable records, that every room uses."""
+"""Types of arrays, ranges and JSON objects, and the decorator of immutable records."""
 
 from __future__ import annotations
 

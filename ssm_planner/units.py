@@ -120,17 +120,17 @@ def quantity(value: object, kind: str) -> float:
     """
     if kind == "number":
         return number(value)
-    wanted = KINDS[kind]
+    target = KINDS[kind]
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise BadQuantity(f"{describe(value)} where {wanted.name} is needed", wanted.expected)
+        raise BadQuantity(f"{describe(value)} where {target.name} is needed", target.expected)
     if not isinstance(value, str):
-        raise BadQuantity("a number without a unit", wanted.expected)
+        raise BadQuantity("a number without a unit", target.expected)
     match = _QUANTITY.fullmatch(_spell(value))
     if match is None:
-        raise BadQuantity("not a number with a unit", wanted.expected)
+        raise BadQuantity("not a number with a unit", target.expected)
     if not match[2]:
-        raise BadQuantity("a number without a unit", wanted.expected)
-    return _convert(float(match[1]), match[2], wanted)
+        raise BadQuantity("a number without a unit", target.expected)
+    return _convert(float(match[1]), match[2], target)
 
 
 def number(value: object) -> float:
@@ -154,12 +154,12 @@ def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     if isinstance(value, str) and (match := _VECTOR.fullmatch(_spell(value))):
         if not match[2]:
             raise BadQuantity("numbers without a unit", allowed)
-        value = [f"{part.strip()} {match[2]}" for part in match[1].split(",")]
+        value = [f"{item.strip()} {match[2]}" for item in match[1].split(",")]
     if not isinstance(value, (list, tuple)):
         raise BadQuantity(f"{describe(value)} where {len(kinds)} values are needed", allowed)
     if len(value) != len(kinds):
         raise BadQuantity(f"{len(value)} values", allowed)
-    return tuple(quantity(part, kind) for part, kind in zip(value, kinds, strict=True))
+    return tuple(quantity(item, kind) for item, kind in zip(value, kinds, strict=True))
 
 
 def interval(value: object, kind: str) -> tuple[float, float]:
@@ -170,35 +170,35 @@ def interval(value: object, kind: str) -> tuple[float, float]:
     return low, high
 
 
-def _convert(magnitude: float, unit: str, wanted: Kind) -> float:
+def _convert(magnitude: float, unit: str, target: Kind) -> float:
     if _UNIT.fullmatch(unit) is None:
         raise BadQuantity(
             f"{unit[:40]!r} is not a unit",
-            f"{wanted.expected}; units are joined by * and /, powers ^2",
+            f"{target.expected}; units are joined by * and /, powers ^2",
         )
     try:
         factor, dimensions = _parsed(unit)
     except KeyError as error:
-        raise BadQuantity(f"unknown unit {error.args[0]!r}", wanted.expected) from None
-    if dimensions in (_parsed(other)[1] for other in (wanted.unit, *wanted.others)):
+        raise BadQuantity(f"unknown unit {error.args[0]!r}", target.expected) from None
+    if dimensions in (_parsed(symbol)[1] for symbol in (target.unit, *target.others)):
         return _plausible(
-            magnitude * factor + _ZERO.get(unit, 0.0), wanted, f"{magnitude:g} {unit}"
+            magnitude * factor + _ZERO.get(unit, 0.0), target, f"{magnitude:g} {unit}"
         )
     raise BadQuantity(
-        f"{magnitude:g} {unit} is {_name(dimensions)}, not {wanted.name}", wanted.expected
+        f"{magnitude:g} {unit} is {_name(dimensions)}, not {target.name}", target.expected
     )
 
 
-def _plausible(value: float, wanted: Kind, written: str) -> float:
+def _plausible(value: float, target: Kind, text: str) -> float:
     if not math.isfinite(value):
-        raise BadQuantity("not a finite number", wanted.expected)
-    if abs(value) > wanted.largest:
+        raise BadQuantity("not a finite number", target.expected)
+    if abs(value) > target.largest:
         raise BadQuantity(
-            f"{written} is implausibly large for {wanted.name} here: did you mean {wanted.slip}?",
-            wanted.expected,
+            f"{text} is implausibly large for {target.name} here: did you mean {target.slip}?",
+            target.expected,
         )
-    if wanted.unit == "K" and value < 0:
-        raise BadQuantity("below absolute zero", wanted.expected)
+    if target.unit == "K" and value < 0:
+        raise BadQuantity("below absolute zero", target.expected)
     return value
 
 
@@ -211,23 +211,23 @@ def _parsed(text: str) -> tuple[float, Dimensions]:
     factor, powers = 1.0, Counter[str]()
     for slash, name, exponent in _FACTORS.findall(text):
         power = int(exponent or 1) * (-1 if slash else 1)
-        scale, dimensions = _named(name)
+        scale, dimensions = _unit_by_name(name)
         factor *= scale**power
-        powers.update({dimension: power * own for dimension, own in dimensions})
+        powers.update({dimension: power * inner_power for dimension, inner_power in dimensions})
     return factor, tuple(sorted((name, power) for name, power in powers.items() if power))
 
 
 @lru_cache(maxsize=256)
-def _named(name: str) -> tuple[float, Dimensions]:
+def _unit_by_name(name: str) -> tuple[float, Dimensions]:
     """Return the factor and dimensions of one unit with an optional prefix or plural s.
 
     Raises KeyError.
     """
-    for written in (name, name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name):
+    for symbol in (name, name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name):
         for prefix, factor in _PREFIXES.items():
-            found = _plain(written.removeprefix(prefix)) if written.startswith(prefix) else None
-            if found is not None:
-                return factor * found[0], found[1]
+            unit = _plain(symbol.removeprefix(prefix)) if symbol.startswith(prefix) else None
+            if unit is not None:
+                return factor * unit[0], unit[1]
     raise KeyError(name)
 
 
@@ -310,7 +310,7 @@ RPM = 30 / math.pi
 _SHOWN = {"m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
 
 
-def shown(unit: str, degree: str = "deg") -> tuple[str, float]:
+def display_unit(unit: str, degree: str = "deg") -> tuple[str, float]:
     """Return the unit in which people read values of an SI unit, and its scale.
 
     The result for "rad/s" is ("deg/s", 57.3). "rpm" represents the speed of a motor in rad/s.

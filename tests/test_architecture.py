@@ -12,6 +12,8 @@ from tests.support.paths import PACKAGE
 ROOMS = (
     *(
         "errors",
+        "deprecation",
+        "arguments",
         "typing",
         "representation",
         "units",

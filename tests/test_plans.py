@@ -166,7 +166,7 @@ def test_a_written_plan_is_read_back(plan: Plan, robot: Robot, tmp_path: Path) -
         plan, certificate=check(plan.motion, robot, limits, seal=True), stopped=True
     )
     assert certified.passed
-    assert certified.doubt is None
+    assert certified.uncertified_reason is None
     path = certified.write(tmp_path / "plan.json")
     again, in_folder = load_plan(path), load_plan(tmp_path)
     assert again.passed
@@ -353,9 +353,11 @@ def test_phases_that_change_the_branch_are_noted(plan: Plan) -> None:
 
 
 def test_limits_unlike_those_of_another_robot_are_named(plan: Plan, robot: Robot) -> None:
-    assert plan.limits_unlike(robot) == ()
+    assert plan.limit_differences(robot) == ()
     joint = replace(robot.joints[1], velocity=2 * robot.joints[1].velocity, jerk=5.0)
-    notes = plan.limits_unlike(replace(robot, joints=(robot.joints[0], joint, *robot.joints[2:])))
+    notes = plan.limit_differences(
+        replace(robot, joints=(robot.joints[0], joint, *robot.joints[2:]))
+    )
     assert len(notes) == 2
     velocity = next(note for note in notes if f"velocity of joint {robot.joints[1].name}" in note)
     own, other = velocity.split("; the robot given has ")

@@ -14,6 +14,7 @@ import pytest
 
 import ssm_planner
 from ssm_planner.cli import main
+from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import TrajectoryError
 from tests.support.cli import python
 from tests.support.paths import ROOT
@@ -172,6 +173,32 @@ def test_the_walk_sees_fields_methods_and_arguments() -> None:
     assert in_class(tree.body[0]) == {"B", "D", "E"}  # type: ignore[arg-type]
 
 
+OLD_NAMES = [
+    (name, old, alias.new)
+    for name in sorted(NAMES)
+    if inspect.isclass(getattr(ssm_planner, name))
+    for old, alias in vars(getattr(ssm_planner, name)).items()
+    if isinstance(alias, Renamed)
+]
+
+
+@pytest.mark.parametrize(("name", "old", "new"), OLD_NAMES)
+def test_an_old_name_of_an_attribute_still_works_and_warns(name: str, old: str, new: str) -> None:
+    owner = getattr(ssm_planner, name)
+    if not hasattr(owner, new):  # a field without default belongs to objects alone
+        owner = object.__new__(owner)
+        object.__setattr__(owner, new, "value")
+    with pytest.warns(DeprecationWarning, match=f"^{name}.{old} is now {new}$") as caught:
+        value = getattr(owner, old)
+    assert value == getattr(owner, new)
+    assert caught[0].filename == __file__
+
+
+def test_old_names_are_found() -> None:
+    assert ("Plan", "doubt", "uncertified_reason") in OLD_NAMES
+    assert ("Limit", "allows", "contains") in OLD_NAMES
+
+
 def test_no_module_takes_a_name_away() -> None:
     assert not NAMES & {found.name for found in pkgutil.iter_modules(ssm_planner.__path__)}
 
@@ -237,8 +264,10 @@ def test_candidates_and_conditions_of_size() -> None:
 
 
 def test_a_trajectory_needs_a_robot(tmp_path: Path) -> None:
+    file = tmp_path / "motion.csv"
+    file.touch()
     with pytest.raises(TrajectoryError, match="does not name a robot"):
-        ssm_planner.check(tmp_path / "motion.csv")
+        ssm_planner.check(file)
 
 
 def test_identify_and_predict_give_values() -> None:

@@ -87,9 +87,9 @@ def test_a_cubic_is_the_integral_of_its_linear_acceleration(seed: int, c: float)
     velocity = acceleration.integ(k=[v])
     position = velocity.integ(k=[u])
     exact = [polynomial(c * h) for polynomial in (position, velocity, acceleration)]
-    assert np.allclose(cubic.at(c), exact, rtol=1e-12, atol=1e-12)
+    assert np.allclose(cubic.evaluate(c), exact, rtol=1e-12, atol=1e-12)
     assert np.allclose(cubic.at_time(c * h), exact, rtol=1e-12, atol=1e-12)
-    assert np.allclose(cubic.end, cubic.at(1.0)[:2], rtol=1e-12, atol=1e-12)
+    assert np.allclose(cubic.end, cubic.evaluate(1.0)[:2], rtol=1e-12, atol=1e-12)
     assert cubic.jerk == pytest.approx(acceleration.deriv()(0.0))
     bernstein = np.array([v, cubic.middle_velocity, cubic.end[1]])
     assert np.array([(1 - c) ** 2, 2 * c * (1 - c), c**2]) @ bernstein == pytest.approx(

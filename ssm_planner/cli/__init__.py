@@ -259,7 +259,7 @@ def _interrupted(signals: _Signals) -> int:
         ""
     )  # exec() resets CPython's record of an interruption, which would end the process by SIGINT
     atomic = sys.modules.get("ssm_planner.atomic")
-    written = [str(path) for path in atomic.written] if atomic is not None else []
+    written = [str(path) for path in atomic.written_files] if atomic is not None else []
     if atomic is not None and signals.for_good:
         atomic.remove_temporaries()
     left = (

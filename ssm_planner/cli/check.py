@@ -198,14 +198,16 @@ def read(
 
         plan = load_plan(path)
         notes = (
-            [] if plan.doubt is None else [f"the certificate in the file is invalid: {plan.doubt}"]
+            []
+            if plan.uncertified_reason is None
+            else [f"the certificate in the file is invalid: {plan.uncertified_reason}"]
         )
         if robot is None:
             notes.append(
                 "robot and limits are those of the plan; --robot or --problem selects others"
             )
         else:
-            notes += plan.limits_unlike(robot)
+            notes += plan.limit_differences(robot)
         reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
         # the plan declares the rates at both ends and the path
         own = {name: getattr(plan.limits, name) for name in ("start_rate", "end_rate", "motion")}

@@ -60,13 +60,13 @@ def run_compare(options: argparse.Namespace) -> int:
     found = compare(plan.motion, plan.robot, plan.certificate, recordings, options.lag or LAG)
     progress("done")
     show(options.json, {"plan": str(options.plan), **found.to_dict()}, lambda: compare_lines(found))
-    return OK if found.held else FAILED
+    return OK if found.followed else FAILED
 
 
 def compare_lines(comparison: Comparison) -> list[str]:
     """Return text with clock, errors of every axis, margins, findings and the verdict."""
     from ssm_planner.comparison.clock import CERTAIN
-    from ssm_planner.display import fixed, number, percent
+    from ssm_planner.display import format_fixed, number, percent
     from ssm_planner.reporting.text import Table, unit_of_limit
 
     clock = comparison.clock
@@ -87,15 +87,16 @@ def compare_lines(comparison: Comparison) -> list[str]:
     errors = []
     for axis in comparison:
         shares = (
-            fixed(axis.differences[name].nrmsd, 4) for name in ("position", "speed", "torque")
+            format_fixed(axis.differences[name].nrmsd, 4)
+            for name in ("position", "speed", "torque")
         )
         began = axis.alignment
         errors.append(
             (
                 axis.joint,
                 axis.recording,
-                fixed(began.delay, 4),
-                fixed(began.correlation, 4),
+                format_fixed(began.delay, 4),
+                format_fixed(began.correlation, 4),
                 *shares,
             )
         )

@@ -120,7 +120,7 @@ def _known(text: str) -> tuple[str, float]:
 
 
 def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
-    from ssm_planner.display import fixed, number
+    from ssm_planner.display import format_fixed, number
     from ssm_planner.identification.drive_file import unit_of
     from ssm_planner.reporting.text import Table
     from ssm_planner.units import RPM
@@ -173,7 +173,7 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
             for o in result["outliers"]
         ]
     lines += ["", *(f"{name}: {path}" for name, path in result["files"].items())]
-    error = fixed(result["nrmsd"], 4)
+    error = format_fixed(result["nrmsd"], 4)
     return [*lines, f"friction law {result['law']}{likely}, map NRMSD {error}"]
 
 

@@ -16,7 +16,7 @@ from ssm_planner.cli.shared import (
     show,
     show_with_page,
 )
-from ssm_planner.display import fixed
+from ssm_planner.display import format_fixed
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -52,8 +52,8 @@ def run_ik(options: argparse.Namespace) -> int:
 def _solution_lines(solutions: JointSolutions) -> Iterator[str]:
     yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
     for q, inside in zip(solutions.joints, solutions.in_limits, strict=True):
-        angles = "   ".join(f"{fixed(math.degrees(value), 5):>11}" for value in q[:3])
-        yield f"{angles}   {fixed(1e3 * q[3], 4):>10}   {'yes' if inside else 'no'}"
+        angles = "   ".join(f"{format_fixed(math.degrees(value), 5):>11}" for value in q[:3])
+        yield f"{angles}   {format_fixed(1e3 * q[3], 4):>10}   {'yes' if inside else 'no'}"
     if not solutions.reachable:
         off = math.degrees(solutions.orientation_error), 1e3 * solutions.tip_error
         yield f"not reachable: the nearest is off by {off[0]:.6g} deg and {off[1]:.6g} mm"
@@ -150,7 +150,7 @@ def _designs(
 
 def _workspace_lines(result: dict[str, Any]) -> list[str]:
     def degrees(value: float) -> str:
-        return f"{fixed(math.degrees(value), 4)} deg"
+        return f"{format_fixed(math.degrees(value), 4)} deg"
 
     lines = []
     if "tilt_range" in result:

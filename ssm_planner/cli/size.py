@@ -227,8 +227,8 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     )
     return (
         duty
-        if found.doubt is None
-        else replace(duty, notes=(*duty.notes, f"not certified: {found.doubt}"))
+        if found.uncertified_reason is None
+        else replace(duty, notes=(*duty.notes, f"not certified: {found.uncertified_reason}"))
     )
 
 

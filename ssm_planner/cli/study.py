@@ -191,7 +191,7 @@ def _entry(row: Candidate) -> dict[str, Any]:
 
 
 def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str]:
-    from ssm_planner.studies.page import against_own, chosen, in_words, named
+    from ssm_planner.studies.page import against_own, displayed_choices, in_words, named
 
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())
     front = result.front
@@ -203,7 +203,9 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
     lines += [f"Front in {', '.join(map(named, study.minimise))}: {len(front)} candidates"]
     for row in front[:SHOWN]:
         figures = ", ".join(in_words(name, row.figures) for name in study.minimise)
-        choices = ", ".join(f"{path} {value}" for path, value in chosen(study, row).items())
+        choices = ", ".join(
+            f"{path} {value}" for path, value in displayed_choices(study, row).items()
+        )
         lines.append(f"  {row.number:>6}  {figures}  ({choices})")
     if len(front) > SHOWN:
         lines.append(f"  … and {len(front) - SHOWN} more in table.csv")

@@ -24,7 +24,10 @@ typedef double ssm_real;
 """Type of all numbers, macro for its constants, and macro for functions of math.h."""
 PLAIN = {name: operation.c for name, operation in OPERATIONS.items()}
 """C expressions by operation."""
-SIGN = "static ssm_real sign_of(ssm_real x) { return (ssm_real)((x > SSM_R(0.0)) - (x < SSM_R(0.0))); }\n"
+SIGN = (
+    "static ssm_real sign_of(ssm_real x) { return (ssm_real)((x > SSM_R(0.0)) - (x < "
+    "SSM_R(0.0))); }\n"
+)
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Argument:
     adds: bool = False
     """Whether the output is added to the array."""
 
-    def at(self, index: int) -> str:
+    def element(self, index: int) -> str:
         """Return the C expression of the number at `index`."""
         return (
             self.name
@@ -69,12 +72,16 @@ def write_function(
         if step.name == "const":
             value_of[step.out] = literal(step.constant)
         elif step.name == "input":
-            value_of[step.out] = inputs[step.argument].at(step.index)
+            value_of[step.out] = inputs[step.argument].element(step.index)
             inputs_read.add(step.argument)
         elif step.name == "output":
             output = outputs[step.argument]
             results.append(
-                (f"{output.at(step.index)} {'+=' if output.adds else '='}", operands[0], len(body))
+                (
+                    f"{output.element(step.index)} {'+=' if output.adds else '='}",
+                    operands[0],
+                    len(body),
+                )
             )
             body.append("")
         else:

@@ -38,13 +38,13 @@ class Mapped:
         self._whole: Array | None = None
         self._outputs = [((count, *size), positions) for size, positions in _outputs(function)]
 
-    def at(self, z: int, *others: int) -> None:
+    def evaluate_at_addresses(self, z: int, *indices: int) -> None:
         """Evaluate with raw addresses.
 
         z: address of the points (n, size). others: address of the multipliers if the Function has
         any, then that of the last result, dense.
         """
-        *multipliers, result = others
+        *multipliers, result = indices
         for values, start in zip(
             (self._arguments[0], *self._arguments[-1:]), (z, *multipliers), strict=False
         ):
@@ -69,9 +69,9 @@ class Mapped:
             if positions is None:
                 results.append(values.copy())
                 continue
-            full = np.zeros((shape[0], shape[1] * shape[2]))
-            full[:, positions] = values
-            results.append(full if shape[2] == 1 else full.reshape(shape))
+            padded = np.zeros((shape[0], shape[1] * shape[2]))
+            padded[:, positions] = values
+            results.append(padded if shape[2] == 1 else padded.reshape(shape))
         return results
 
 

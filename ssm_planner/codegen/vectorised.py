@@ -22,14 +22,14 @@ from ssm_planner.native import library
 from ssm_planner.typing import Array
 
 
-def _copy(source: Array, out: Array) -> None:
+def _copy(source: Array, result: Array) -> None:
     """Copy an operand."""
-    out[...] = source
+    result[...] = source
 
 
-def _if_else_zero(condition: Array, value: Array, out: Array) -> None:
+def _if_else_zero(condition: Array, value: Array, result: Array) -> None:
     """Write the value where the condition holds, else 0."""
-    out[...] = np.where(condition != 0, value, 0.0)
+    result[...] = np.where(condition != 0, value, 0.0)
 
 
 @dataclass(frozen=True)
@@ -195,12 +195,12 @@ class Vectorised:
         operations, constants = self._compile(function)
         self._constants = np.array(constants)
         self._program = [
-            (OPERATIONS[name].numpy, operand, second, out)
-            for name, operand, second, out in operations
+            (OPERATIONS[name].numpy, operand, other_operand, result)
+            for name, operand, other_operand, result in operations
         ]
         codes = [
-            (NATIVE.index(name) if name in NATIVE else -1, operand, max(second, 0), out)
-            for name, operand, second, out in operations
+            (NATIVE.index(name) if name in NATIVE else -1, operand, max(other_operand, 0), result)
+            for name, operand, other_operand, result in operations
         ]
         self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
         bounds = np.flatnonzero(np.diff(self._codes[:, 0] < 0)) + 1
@@ -248,13 +248,13 @@ class Vectorised:
         _KEPT[:] = [memory]
         return [result.T for result in results]
 
-    def _run(self, work: Array, given: list[Array], n: int) -> None:
+    def _run(self, work: Array, inputs: list[Array], n: int) -> None:
         """Execute all operations, block by block.
 
         work: registers (registers, samples of a block). given: rows (k, n) of the arguments and
         results.
         """
-        tables = [work, self._constants, *given]
+        tables = [work, self._constants, *inputs]
         starts = np.array([table.__array_interface__["data"][0] for table in tables])
         row_bytes, stride_bytes = np.array(
             [(table.strides[0], table.strides[-1]) for table in tables]
@@ -277,17 +277,17 @@ class Vectorised:
                     for k, (index, row) in ((k, self._places[k]) for k in seen)
                 }
                 if n > BLOCK:
-                    selections = [slice(count), (), *[slice(start, start + count)] * len(given)]
+                    selections = [slice(count), (), *[slice(start, start + count)] * len(inputs)]
                     rows = {k: row[selections[self._places[k][0]]] for k, row in rows.items()}
                 for low, high, code, size in self._parts:
                     if native is not None and code is not None:
                         native.ssm_operations(code, slots, steps, size, samples)
                         continue
-                    for operation, operand, second, out in self._program[low:high]:
-                        if second < 0:
-                            operation(rows[operand], rows[out])
+                    for operation, operand, other_operand, result in self._program[low:high]:
+                        if other_operand < 0:
+                            operation(rows[operand], rows[result])
                         else:
-                            operation(rows[operand], rows[second], rows[out])
+                            operation(rows[operand], rows[other_operand], rows[result])
 
     def _compile(
         self, function: ca.Function
@@ -307,7 +307,7 @@ class Vectorised:
         program: list[tuple[str, int, int, int]] = []
         used = 0
         for step in sequence:
-            operand, second = (*(slot[k] for k in step.operands), -1, -1)[:2]
+            operand, other_operand = (*(slot[k] for k in step.operands), -1, -1)[:2]
             if step.name == "const":
                 slot[step.out] = self._registers + used
                 used += 1
@@ -316,7 +316,7 @@ class Vectorised:
             elif step.name == "output":
                 program.append(("assign", operand, -1, int(firsts_out[step.argument]) + step.index))
             else:
-                program.append((step.name, operand, second, step.out))
+                program.append((step.name, operand, other_operand, step.out))
                 slot[step.out] = step.out
         return program, constants
 
@@ -335,7 +335,8 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     for i, (argument, size) in enumerate(zip(arguments, sizes, strict=True)):
         if np.shape(argument) != (samples, size):
             raise GeometryError(
-                f"{function.name()}: argument {function.name_in(i)} has shape {np.shape(argument)}, expected (n, {size})"
+                f"{function.name()}: argument {function.name_in(i)} has shape "
+                f"{np.shape(argument)}, expected (n, {size})"
                 + ("" if i == 0 or samples < 0 else f" with n = {samples}")
             )
     if samples == 0:
@@ -343,8 +344,8 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     vectorised = _vectorised(function) if samples >= MANY else None
     if vectorised is not None:
         return tuple(vectorised(*(np.asarray(a, dtype=float) for a in arguments)))
-    first, *others = (np.asarray(argument, dtype=float) for argument in arguments)
-    return tuple(Mapped(function, others, samples)(first))
+    leading, *arguments_left = (np.asarray(argument, dtype=float) for argument in arguments)
+    return tuple(Mapped(function, arguments_left, samples)(leading))
 
 
 @lru_cache(maxsize=256)
@@ -384,10 +385,11 @@ class Layout:
         Raises GeometryError for a missing or unknown name, or a wrong size.
         """
         arrays = {name: np.ravel(value) for name, value in values.items()}
-        expected = {name: piece.stop - piece.start for name, piece in self.slices.items()}
-        if {name: piece.size for name, piece in arrays.items()} != expected:
+        expected = {name: item.stop - item.start for name, item in self.slices.items()}
+        if {name: item.size for name, item in arrays.items()} != expected:
             raise GeometryError(
-                f"parameters {expected} expected, got { {name: p.size for name, p in arrays.items()} }"
+                f"parameters {expected} expected, got "
+                f"{ {name: p.size for name, p in arrays.items()} }"
             )
         return np.concatenate([arrays[name] for name in self.slices])
 
@@ -399,7 +401,7 @@ class Layout:
         last_axis = isinstance(vector, np.ndarray)
         return SimpleNamespace(
             **{
-                name: vector[..., piece] if last_axis else vector[piece]
-                for name, piece in self.slices.items()
+                name: vector[..., block] if last_axis else vector[block]
+                for name, block in self.slices.items()
             }
         )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array
 
@@ -65,9 +66,11 @@ class Clock(ShortRepr):
     slower: bool
     """The speeds are smaller by the rate too: the motion was played slower, the clock is right."""
 
-    def planned(self, time: Array) -> Array:
+    def planned_time(self, time: Array) -> Array:
         """Return planned times (n,), s from the start, for times (n,) of the recordings."""
         return self.rate * (time - self.delay)
+
+    planned = Renamed("planned_time")
 
 
 def align(planned_time: Array, planned: Array, time: Array, measured: Array) -> Alignment:
@@ -153,10 +156,10 @@ def _search(planned_time: Array, planned: Array, t: Array, w: Array) -> tuple[fl
     return delay, correlation(planned_speed_at(planned_time, planned, t - delay), w)
 
 
-def correlation(first: Array, second: Array) -> float:
+def correlation(x: Array, y: Array) -> float:
     """Return the correlation of two speeds (n,), or 0 if one of them is 0 throughout."""
-    size = float(np.linalg.norm(first) * np.linalg.norm(second))
-    return float(first @ second) / size if size > 0 else 0.0
+    size = float(np.linalg.norm(x) * np.linalg.norm(y))
+    return float(x @ y) / size if size > 0 else 0.0
 
 
 def _refine(

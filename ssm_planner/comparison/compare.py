@@ -25,6 +25,7 @@ from ssm_planner.comparison.findings import (
 )
 from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.predicted import predict_axes
+from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem.robot import Robot
 from ssm_planner.representation import ShortRepr
@@ -46,11 +47,13 @@ class Difference:
     """None if the measured value is constant."""
 
     @classmethod
-    def of(cls, planned: Array, measured: Array) -> Difference:
+    def from_samples(cls, planned: Array, measured: Array) -> Difference:
         """Compute the difference of values (n,)."""
         error = planned - measured
         rms, spread = float(np.sqrt(np.mean(error**2))), float(np.ptp(measured))
         return cls(rms, float(np.abs(error).max()), rms / spread if spread > 0 else None)
+
+    of = Renamed("from_samples")
 
 
 @record
@@ -79,7 +82,7 @@ class AxisComparison(ShortRepr):
         )
 
     @property
-    def held(self) -> bool:
+    def followed(self) -> bool:
         """Return whether the axis followed the plan and kept every limit, within the noise."""
         return self.verdict == "held"
 
@@ -96,11 +99,13 @@ class AxisComparison(ShortRepr):
                 for key in ("nrmsd", "rms", "largest")
             },
             "limits": [vars(limit) for limit in self.limits],
-            "held": self.held,
+            "held": self.followed,
             "verdict": self.verdict,
             "findings": [vars(finding) for finding in self.findings],
             "notes": list(self.notes),
         }
+
+    held = Renamed("followed")
 
 
 @record
@@ -120,7 +125,7 @@ class Comparison(ShortRepr):
         )
 
     @property
-    def held(self) -> bool:
+    def followed(self) -> bool:
         """Return whether the verdict is "held"."""
         return self.verdict == "held"
 
@@ -136,7 +141,7 @@ class Comparison(ShortRepr):
     def to_dict(self) -> JsonObject:
         """Return the object of `compare --json`; SI."""
         return {
-            "held": self.held,
+            "held": self.followed,
             "verdict": self.verdict,
             "clock": {
                 name: value if np.isfinite(value) else None
@@ -145,6 +150,8 @@ class Comparison(ShortRepr):
             "findings": [vars(finding) for finding in self.findings],
             "axes": [axis.to_dict() for axis in self.axes],
         }
+
+    held = Renamed("followed")
 
 
 def compare(
@@ -188,7 +195,11 @@ def _reject_other_motion(axis: AlignedAxis) -> None:
         return
     hint = "is it another joint's or another motion's?"
     if alignment.reversed_correlation > max(ALIKE, alignment.correlation):
-        hint = "reversed it is; motor_direction of the joint in the robot file, or the recording's sign, is wrong"
+        hint = (
+            "reversed it is; motor_direction of the joint in the robot file, or the "
+            "recording's "
+            "sign, is wrong"
+        )
     raise RecordingError(
         f"{measured.name}: its speed is not the planned one of joint {measured.joint} (correlation "
         f"{alignment.correlation:.2f}, at least {ALIKE:g} needed): {hint}"
@@ -198,16 +209,17 @@ def _reject_other_motion(axis: AlignedAxis) -> None:
 def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float) -> AxisComparison:
     """Compare one axis. Raises RecordingError if the recording does not cover the motion."""
     plan, measured, t = axis.plan, axis.measured, axis.t
-    inside = (t >= 0) & (t <= plan.duration)
+    is_planned = (t >= 0) & (t <= plan.duration)
     covered = float(min(t[-1], plan.duration) - max(t[0], 0.0)) / plan.duration
-    if covered <= 0 or np.count_nonzero(inside) < 3:
+    if covered <= 0 or np.count_nonzero(is_planned) < 3:
         raise RecordingError(f"{measured.name}: holds nothing of the motion")
     notes = list(measured.repairs)
     if axis.integrated:
         notes.append(
-            "no position channel: position is the integral of the measured speed, from the planned start"
+            "no position channel: position is the integral of the measured speed, from the planned "
+            "start"
         )
-    planned = {"position": plan.position, "speed": plan.speed, "torque": plan.torque}
+    predictions = {"position": plan.position, "speed": plan.speed, "torque": plan.torque}
     channels = {"position": axis.q, "speed": measured.w, "torque": measured.tau}
     return AxisComparison(
         measured.joint,
@@ -215,7 +227,9 @@ def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float
         alignment=axis.alignment,
         covered=covered,
         differences={
-            name: Difference.of(np.interp(t[inside], plan.time, planned[name]), values[inside])
+            name: Difference.from_samples(
+                np.interp(t[is_planned], plan.time, predictions[name]), values[is_planned]
+            )
             for name, values in channels.items()
         },
         limits=limits_of(axis, certificate),

@@ -11,7 +11,14 @@ import numpy as np
 
 from ssm_planner.comparison.clock import Alignment, Clock, correlation
 from ssm_planner.comparison.measured import Measured
-from ssm_planner.comparison.noise import CERTAIN, longest, noise_of, smoothed, windows, worst_excess
+from ssm_planner.comparison.noise import (
+    CERTAIN,
+    longest_run,
+    noise_of,
+    smoothed,
+    windows,
+    worst_excess,
+)
 from ssm_planner.comparison.predicted import PLAN_RATE, Predicted
 from ssm_planner.problem.limits import (
     JointLimit,
@@ -143,7 +150,7 @@ def map_to_clock(
     Without a position channel, the position is the integral of the speed. The integration starts at
     the planned position, and again after every gap.
     """
-    t = clock.planned(measured.time)
+    t = clock.planned_time(measured.time)
     step = float(np.median(np.diff(measured.time)))
     q = measured.q
     if q is None:
@@ -231,17 +238,22 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     noise = position_noise(axis)
     limit = lag * joint.velocity
     k = int(np.argmax(np.abs(smoothed(error, n))))
-    worst = float(np.abs(smoothed(error, n)[k]))
+    error_there = float(np.abs(smoothed(error, n)[k]))
     unit, scale = f"m{joint.unit}", 1e3
     allowed = limit + noise
-    if worst > allowed:
+    if error_there > allowed:
         text = (
-            f"{scale * worst:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after the start "
+            f"{scale * error_there:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
+            "the start "
             f"(allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
         )
-        yield Finding("tracking", "not held", text, worst, allowed)
+        yield Finding("tracking", "not held", text, error_there, allowed)
     elif noise > limit:
-        text = f"noise of {scale * noise:.3g} {unit} hides a tracking error of {scale * limit:.3g} {unit}"
+        text = (
+            f"noise of {scale * noise:.3g} {unit} hides a tracking error of "
+            f"{scale * limit:.3g} "
+            f"{unit}"
+        )
         yield Finding("tracking", "cannot tell", text, noise, limit)
 
 
@@ -255,9 +267,9 @@ def position_noise(axis: AlignedAxis) -> float:
 
 
 def follows_plan(axis: AlignedAxis) -> bool:
-    """Return whether the speed equals the planned one, also if the motor rests for most of the time."""
-    inside = (axis.t >= 0) & (axis.t <= axis.plan.duration)
-    if axis.step * inside.sum() < 0.1 * axis.plan.duration:
+    """Return whether the speed equals the planned one, even if the motor mostly rests."""
+    is_planned = (axis.t >= 0) & (axis.t <= axis.plan.duration)
+    if axis.step * is_planned.sum() < 0.1 * axis.plan.duration:
         return False
     difference = float(np.sqrt(np.mean((axis.measured.w - axis.speed) ** 2)))
     return difference <= STANDS * axis.plan.peak + CERTAIN * axis.sigma
@@ -268,26 +280,34 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
 
     A motor whose remaining motion differs from the plan does not count as stalled.
     """
-    w, planned, peak, n = axis.measured.w, axis.speed, axis.plan.peak, windows(axis.step)[1][0]
+    w, planned_speed, peak, n = (
+        axis.measured.w,
+        axis.speed,
+        axis.plan.peak,
+        windows(axis.step)[1][0],
+    )
     if peak == 0.0 or len(w) < n:
         return None
-    level = max(STANDS * peak, CERTAIN * noise_of(w - planned, n, axis.measured.speed_resolution))
-    mean, planned_mean = smoothed(np.abs(w), n), smoothed(np.abs(planned), n)
+    level = max(
+        STANDS * peak, CERTAIN * noise_of(w - planned_speed, n, axis.measured.speed_resolution)
+    )
+    mean, planned_mean = smoothed(np.abs(w), n), smoothed(np.abs(planned_speed), n)
     when = smoothed(axis.t, n)
     still = smoothed(w, n)
     stands = (np.abs(still) < level) & (planned_mean > 5 * level) & (mean < planned_mean / 5)
-    first, last, length = longest(stands, when)
+    start, stop, length = longest_run(stands, when)
     if length < STALL:
         return None
     remaining = (np.abs(w) >= level) & (
-        (axis.t < when[first] - NEAR) | (axis.t > when[last] + NEAR)
+        (axis.t < when[start] - NEAR) | (axis.t > when[stop] + NEAR)
     )
-    if remaining.sum() > n and correlation(planned[remaining], w[remaining]) < ALIKE:
+    if remaining.sum() > n and correlation(planned_speed[remaining], w[remaining]) < ALIKE:
         return None
-    largest = float(np.abs(axis.measured.tau[first : last + n]).max())
+    torque = float(np.abs(axis.measured.tau[start : stop + n]).max())
     text = (
-        f"the motor stands for {length:.3g} s, {float(when[first]):.3g} s after the start, where the plan moves it "
-        f"(torque up to {1e3 * largest:.3g} mN·m)"
+        f"the motor stands for {length:.3g} s, {float(when[start]):.3g} s after the start, where "
+        "the plan moves it "
+        f"(torque up to {1e3 * torque:.3g} mN·m)"
     )
     return Finding("stall", "not held", text, length, STALL)
 
@@ -301,27 +321,32 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     )
     top = float(np.quantile(size, 0.995))
     if motor is not None and top >= 0.98 * motor.max_torque:
-        first, last, length = longest(size >= 0.98 * motor.max_torque, axis.t)
+        start, stop, length = longest_run(size >= 0.98 * motor.max_torque, axis.t)
         if length >= SHORT:
-            text = f"the motor gives its largest torque for {length:.3g} s, from {float(axis.t[first]):.3g} s on"
+            text = (
+                f"the motor gives its largest torque for {length:.3g} s, from "
+                f"{float(axis.t[start]):.3g} s on"
+            )
             yield Finding("saturation", "not held", text, length, SHORT)
             return
     n = windows(axis.step)[1][0]
     saturated_samples = size >= top - 2 * band
-    first, last, length = longest(saturated_samples, axis.t)
-    if length < SHORT or last - first < n:
+    start, stop, length = longest_run(saturated_samples, axis.t)
+    if length < SHORT or stop - start < n:
         return
     deficit = float(
-        np.mean((axis.speed[first:last] - w[first:last]) * np.sign(axis.speed[first:last]))
+        np.mean((axis.speed[start:stop] - w[start:stop]) * np.sign(axis.speed[start:stop]))
     )
     allowed = STANDS * axis.plan.peak + CERTAIN * noise_of(
         w - axis.speed, n, axis.measured.speed_resolution
     )
-    needed = float(np.mean(np.abs(np.interp(axis.t[first:last], axis.plan.time, axis.plan.torque))))
+    needed = float(np.mean(np.abs(np.interp(axis.t[start:stop], axis.plan.time, axis.plan.torque))))
     if deficit > allowed and needed > top:
         text = (
-            f"torque stays at {1e3 * top:.3g} mN·m for {length:.3g} s, from {float(axis.t[first]):.3g} s on, while the "
-            f"speed sags by {100 * deficit / axis.plan.peak:.2g} % of the largest: the torque is cut off"
+            f"torque stays at {1e3 * top:.3g} mN·m for {length:.3g} s, from "
+            f"{float(axis.t[start]):.3g} s on, while the "
+            f"speed sags by {100 * deficit / axis.plan.peak:.2g} % of the largest: the torque is "
+            "cut off"
         )
         yield Finding("saturation", "not held", text, deficit, allowed)
 
@@ -357,7 +382,10 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
             np.median(np.abs(mean[outside]) / np.maximum(np.abs(expected[outside]), 1e-12))
         )
         source = "the drive's posterior" if plan.known else "assumed"
-        text = f"torque is {ratio:.2f} times the predicted, outside its band ({source}) in {100 * share:.0f} % of the motion"
+        text = (
+            f"torque is {ratio:.2f} times the predicted, outside its band ({source}) in "
+            f"{100 * share:.0f} % of the motion"
+        )
         yield Finding("torque", "not held", text, share, OUTSIDE)
 
 
@@ -376,7 +404,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     if certificate is not None:
         planned_margins = {c.name: c.margin for c in certificate.limits if c.joint == joint.name}
 
-    def kept(
+    def result(
         limit: Limit, bound: float, worst: float, margin: float, noise: float, window: float
     ) -> Kept:
         """Judge the worst measured value. The noise is that of this value."""
@@ -399,20 +427,20 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
         )
 
     def compare_limit(
-        kind: type[JointLimit], values: Array, departure: Array, resolution: float
+        limit_type: type[JointLimit], values: Array, departure: Array, resolution: float
     ) -> Kept:
-        limit = joint.limit(kind)
+        limit = joint.limit(limit_type)
         worst, noise, window = worst_excess(
             values, departure[axis.moving], limit.largest, axis.step, resolution
         )
         margin = 1 - worst / limit.largest
-        return kept(limit, limit.largest, worst, margin, noise=noise, window=window)
+        return result(limit, limit.largest, worst, margin, noise=noise, window=window)
 
     position, highest, lowest = joint.limit(JointPosition), float(axis.q.max()), float(axis.q.min())
     above, below = position.high - highest, lowest - position.low
     end, extreme = (position.high, highest) if above <= below else (position.low, lowest)
     margin = min(above, below) / position.half_width
-    limits = [kept(position, end, extreme, margin, noise=position_noise(axis), window=0.0)]
+    limits = [result(position, end, extreme, margin, noise=position_noise(axis), window=0.0)]
     ratio, speed_error = plan.ratio, measured.w - axis.speed
     resolution = measured.speed_resolution
     velocity = measured.w / ratio, speed_error / ratio, resolution / ratio
@@ -429,7 +457,8 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
     """Report axes that start at different times, and a clock with a wrong rate."""
     if clock.rate != 1.0:
         text = (
-            f"the recordings' clock is off by {100 * (1 / clock.estimated_rate - 1):+.3g} %: their times, and what follows "
+            f"the recordings' clock is off by {100 * (1 / clock.estimated_rate - 1):+.3g} %: their "
+            "times, and what follows "
             "from them, are corrected by it"
         )
         yield Finding(
@@ -450,9 +479,12 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
         STEP + CERTAIN * max(errors, default=0.0),
     )
     if spread > allowed:
-        words = ", ".join(
+        offsets = ", ".join(
             f"{name} {1e3 * (delay - min(delays.values())):.3g} ms"
             for name, delay in delays.items()
         )
-        text = f"the joints are out of step, behind the first by: {words} (or their recordings do not share a clock)"
+        text = (
+            f"the joints are out of step, behind the first by: {offsets} (or their recordings "
+            "do not share a clock)"
+        )
         yield Finding("out of step", "not held", text, spread, allowed)

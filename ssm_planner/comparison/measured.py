@@ -49,7 +49,8 @@ def read_measured(
     axis = next(axis for axis in robot.joints if axis.name == joint)
     if axis.drive is None:
         raise RecordingError(
-            f"{path}: joint {joint} has no drive in the robot file, so nothing is known of its motor"
+            f"{path}: joint {joint} has no drive in the robot file, so nothing is known of its "
+            "motor"
         )
     nominal = None if axis.motor is None else axis.motor.nominal_torque
     recording = read_recording(path, nominal_torque=nominal, direction=axis.motor_direction)
@@ -85,7 +86,8 @@ def _recorded_position(
         return None, 0.0
     if table.units[column].strip().lower() not in INCREMENTS:
         raise RecordingError(
-            f"{path}: position column has unit {table.units[column]!r}; allowed: increments (inc, qc)"
+            f"{path}: position column has unit {table.units[column]!r}; allowed: increments (inc, "
+            "qc)"
         )
     counts = counts_per_turn
     if counts is None and joint.motor is not None and joint.motor.encoder_known:
@@ -93,7 +95,8 @@ def _recorded_position(
         counts = QUADRATURE * joint.motor.encoder_counts
     if counts is None:
         raise RecordingError(
-            f"{path}: its position channel is in increments, and the motor of joint {joint.name} has no encoder_counts "
+            f"{path}: its position channel is in increments, and the motor of joint {joint.name} "
+            "has no encoder_counts "
             "or a placeholder: give --counts-per-turn"
         )
     raw = table.values[:, clock] * TIMES.get(table.units[clock].strip().lower(), 1.0)
@@ -103,7 +106,7 @@ def _recorded_position(
     return np.interp(time, raw[finite], position[finite]), increment
 
 
-def assign(words: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
+def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
     """Return (joint, file) for every `JOINT=FILE`, or for files whose names contain a joint's name
     or number.
 
@@ -111,16 +114,16 @@ def assign(words: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
     """
     names = [joint.name for joint in robot.joints]
     assignments: list[tuple[str, Path]] = []
-    for word in words:
-        joint, separator, file = word.partition("=")
+    for text in texts:
+        joint, separator, file = text.partition("=")
         if not separator:
-            joint, file = _joint_in(Path(word).stem.lower(), names), word
+            joint, file = _joint_in(Path(text).stem.lower(), names), text
         if joint not in names:
             raise RecordingError(
-                f"{word}: of which joint? write JOINT=FILE with one of {', '.join(names)}"
+                f"{text}: of which joint? write JOINT=FILE with one of {', '.join(names)}"
             )
-        if joint in (other for other, _ in assignments):
-            raise RecordingError(f"{word}: a second recording of joint {joint}")
+        if joint in (assigned_joint for assigned_joint, _ in assignments):
+            raise RecordingError(f"{text}: a second recording of joint {joint}")
         assignments.append((joint, Path(file)))
     return assignments
 

@@ -65,8 +65,8 @@ def worst_excess(
         if len(values) >= n:
             # rounding shifts a mean by up to half a step if the noise is smaller than a step
             noise = certain * noise_of(departure, n, resolution) + resolution / 2
-            largest = float(np.abs(smoothed(values, n)).max())
-            candidates.append((largest - limit - noise, largest, noise, n * step if n > 1 else 0.0))
+            maximum = float(np.abs(smoothed(values, n)).max())
+            candidates.append((maximum - limit - noise, maximum, noise, n * step if n > 1 else 0.0))
     return max(candidates)[1:]
 
 
@@ -77,7 +77,7 @@ def runs(flags: Mask) -> Indices:
     )
 
 
-def longest(flags: Mask, time: Array) -> tuple[int, int, float]:
+def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:
     """Return (first index, last index, duration in s) of the longest run of true values; zeros if
     there is none.
     """

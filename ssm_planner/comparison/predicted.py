@@ -10,7 +10,7 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.motors import directions, drive_torque, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.spread import drawn
+from ssm_planner.dynamics.spread import drive_with
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET
@@ -99,7 +99,7 @@ def predict_axes(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) ->
 
 
 def _band(
-    drive: Drive, rigid: Array, qd: Array, qdd: Array, way: Array, *, breakaway: Array
+    drive: Drive, rigid: Array, qd: Array, qdd: Array, direction: Array, *, breakaway: Array
 ) -> tuple[Array, Array] | None:
     """Return the (low, high) motor torque (n,) at 95 % over the sets of the posterior, N·m.
 
@@ -115,7 +115,7 @@ def _band(
         if name != LOAD_OFFSET
     }
     torque = np.asarray(
-        drive_torque(drawn(drive, sets), rigid, qd, qdd, way, breakaway=breakaway)[0]
+        drive_torque(drive_with(drive, sets), rigid, qd, qdd, direction, breakaway=breakaway)[0]
     )
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return low - TAIL * friction.posterior.scatter, high + TAIL * friction.posterior.scatter

@@ -19,7 +19,7 @@ import numpy as np
 from ssm_planner.codegen.vectorised import Layout, call
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.rotations import constant, rotation, rotation_symbolic
-from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
+from ssm_planner.problem.robot import Body, Geometry, Robot, read_only_array
 from ssm_planner.typing import Array, record
 
 
@@ -37,7 +37,7 @@ def inverse_dynamics_symbolic(
     numbers = geometry.omega1, geometry.omega2, geometry.omega3
     axes = [constant(axis) for axis in numbers]
     rotations = [rotation_symbolic(axis, q[i]) for i, axis in enumerate(numbers)]
-    figures = [
+    inertias = [
         (
             body.mass,
             constant(body.frame @ body.com),
@@ -45,7 +45,7 @@ def inverse_dynamics_symbolic(
         )
         for body in bodies
     ]
-    return _newton_euler(axes, rotations, figures, base=ca.DM(-gravity), motion=(q, qd, qdd))
+    return _newton_euler(axes, rotations, inertias, base=ca.DM(-gravity), motion=(q, qd, qdd))
 
 
 def _newton_euler(
@@ -142,19 +142,19 @@ def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
     offset : float
         Angle that must be added to θ2, because joint 2 brings the third axis into the x–z plane.
     """
-    first, second, third = (np.asarray(omega) / np.linalg.norm(omega) for omega in omegas)
+    axis_1, axis_2, third = (np.asarray(omega) / np.linalg.norm(omega) for omega in omegas)
     angles = [
         float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-        for a, b in ((first, second), (second, third))
+        for a, b in ((axis_1, axis_2), (axis_2, third))
     ]
-    x = second - first * (first @ second)
+    x = axis_2 - axis_1 * (axis_1 @ axis_2)
     x /= np.linalg.norm(x)
-    base = np.column_stack([x, np.cross(first, x), first])
+    base = np.column_stack([x, np.cross(axis_1, x), axis_1])
     axis = np.array([0.0, 1.0, 0.0])
-    before = base @ rotation(axis, angles[0])
-    along = before.T @ third
-    offset = float(np.arctan2(along[1], along[0]))
-    elbow = before @ rotation(np.array([0.0, 0.0, 1.0]), offset)
+    frame = base @ rotation(axis, angles[0])
+    components = frame.T @ third
+    offset = float(np.arctan2(components[1], components[0]))
+    elbow = frame @ rotation(np.array([0.0, 0.0, 1.0]), offset)
     return np.stack([base, base, elbow, elbow @ rotation(axis, angles[1])]), angles, offset
 
 
@@ -178,21 +178,21 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
     )
 
 
-def efforts_by_figures(figures: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
+def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
     """Evaluate `inverse_dynamics_symbolic` with the numbers of LOAD as symbols.
 
     θ2 must include the offset of `axes_frames`.
     """
-    f, axis = LOAD.unpack(figures), constant(np.array([0.0, 0.0, 1.0]))
+    f, axis = LOAD.unpack(inertias), constant(np.array([0.0, 0.0, 1.0]))
     turn = [rotation_symbolic(np.array([0.0, 0.0, 1.0]), q[i]) for i in range(3)]
-    between = [_about_y(f.first_turn), _about_y(f.second_turn)]
+    turns = [_about_y(f.first_turn), _about_y(f.second_turn)]
     bodies: list[tuple[Any, Any, Any]] = []
     for i in range(3):
         xx, xy, xz, yy, yz, zz = ca.vertsplit(f.inertias[6 * i : 6 * i + 6])
         inertia = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
         bodies.append((None, f.first_moments[3 * i : 3 * i + 3], inertia))
     bodies.append((f.mass, f.com, ca.SX(3, 3)))
-    rotations = [turn[0], between[0] @ turn[1], between[1] @ turn[2]]
+    rotations = [turn[0], turns[0] @ turn[1], turns[1] @ turn[2]]
     return _newton_euler([axis] * 3, rotations, bodies, base=-f.gravity, motion=(q, qd, qdd))
 
 
@@ -273,10 +273,10 @@ class RigidBody:
         """
         global _last
         # every robot copies its gravity
-        parts, gravity, cached = (robot.geometry, *robot.bodies), robot.gravity.tobytes(), _last
-        if cached is None or cached[1] != gravity or not all(map(is_, cached[0], parts)):
+        key, gravity, cached = (robot.geometry, *robot.bodies), robot.gravity.tobytes(), _last
+        if cached is None or cached[1] != gravity or not all(map(is_, cached[0], key)):
             content = pickle.dumps((robot.geometry, robot.bodies, robot.gravity))
-            cached = _last = parts, gravity, _rigid_body(content)
+            cached = _last = key, gravity, _rigid_body(content)
         return cached[2]
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
@@ -296,9 +296,9 @@ class RigidBody:
         a, b, c = call(self._path_load, q, dq, ddq)
         return a, b, c
 
-    def parts(self, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array, Array]:
+    def effort_parts(self, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array, Array]:
         """Return M(q) q̈, C(q, q̇) q̇ and g(q), each (n, 4). Their sum is the joint effort."""
-        inertia, velocity, gravity = call(self._parts, q, qd, qdd)
+        inertia, velocity, gravity = call(self._effort_parts, q, qd, qdd)
         return inertia, velocity, gravity
 
     def mass_matrix(self, q: Array) -> Array:
@@ -334,20 +334,24 @@ class RigidBody:
         q, dq, ddq = (ca.SX.sym(name, 4) for name in ("q", "dq", "ddq"))
         zero = ca.SX.zeros(4)
         still = self.symbolic(q, zero, zero)
-        parts: Any = [self.symbolic(q, zero, dq) - still, self.symbolic(q, dq, ddq) - still, still]
-        return ca.Function("path_load", [q, dq, ddq], ca.cse(parts))
+        coefficients: Any = [
+            self.symbolic(q, zero, dq) - still,
+            self.symbolic(q, dq, ddq) - still,
+            still,
+        ]
+        return ca.Function("path_load", [q, dq, ddq], ca.cse(coefficients))
 
     @cached_property
-    def _parts(self) -> ca.Function:
+    def _effort_parts(self) -> ca.Function:
         q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
         zero = ca.SX.zeros(4)
         still = self.symbolic(q, zero, zero)
-        parts: Any = [
+        efforts: Any = [
             self.symbolic(q, zero, qdd) - still,
             self.symbolic(q, qd, zero) - still,
             still,
         ]
-        return ca.Function("parts", [q, qd, qdd], ca.cse(parts))
+        return ca.Function("parts", [q, qd, qdd], ca.cse(efforts))
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:
@@ -394,7 +398,7 @@ def with_payload(robot: Robot, mass: float) -> Robot:
         return robot
     if not mass > 0.0:
         raise ProblemError("not a mass", key="payload", value=mass, allowed="0 kg or more")
-    first, second, third, tool = robot.bodies
+    body_1, body_2, third, tool = robot.bodies
     total = tool.mass + mass
-    com = frozen(tool.com * tool.mass / total, (3,))
-    return replace(robot, bodies=(first, second, third, replace(tool, mass=total, com=com)))
+    com = read_only_array(tool.com * tool.mass / total, (3,))
+    return replace(robot, bodies=(body_1, body_2, third, replace(tool, mass=total, com=com)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ssm_planner.arguments import checked
 from ssm_planner.dynamics import motors
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
@@ -14,6 +15,7 @@ from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 
 
+@checked
 def inverse_dynamics(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
     """Return the joint efforts τ = M(q) q̈ + C(q, q̇) q̇ + g(q) of the rigid bodies.
 
@@ -48,6 +50,7 @@ def inverse_dynamics(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) 
     return efforts if np.ndim(q) == 2 else efforts[0]
 
 
+@checked
 def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
     """Return the motor torques of a joint motion, with the friction of the drives.
 
@@ -87,7 +90,7 @@ def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> A
 def _samples(q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Samples:
     """Return samples without times and jerks. Raises GeometryError if the lengths differ."""
     rows = [batch(name, x, 4) for name, x in (("q", q), ("qd", qd), ("qdd", qdd))]
-    if len({len(part) for part in rows}) > 1:
-        lengths = ", ".join(str(len(part)) for part in rows)
+    if len({len(values) for values in rows}) > 1:
+        lengths = ", ".join(str(len(values)) for values in rows)
         raise GeometryError(f"q, qd and qdd have different lengths: {lengths}")
     return Samples(np.zeros(len(rows[0])), rows[0], rows[1], rows[2], np.zeros_like(rows[0]))

@@ -24,10 +24,12 @@ class Moments:
     first: Array
     second: Array
 
-    def __add__(self, other: Moments) -> Moments:
-        return Moments(self.mass + other.mass, self.first + other.first, self.second + other.second)
+    def __add__(self, moments: Moments) -> Moments:
+        return Moments(
+            self.mass + moments.mass, self.first + moments.first, self.second + moments.second
+        )
 
-    def turned(self, rotation: Array) -> Moments:
+    def rotated(self, rotation: Array) -> Moments:
         """Return the moments after `rotation` (3, 3) of the solid."""
         return Moments(self.mass, rotation @ self.first, rotation @ self.second @ rotation.T)
 
@@ -42,17 +44,17 @@ class Moments:
         return np.asarray(np.trace(self.second) * np.eye(3) - self.second)
 
 
-def point(mass: float, at: Array) -> Moments:
+def point(mass: float, position: Array) -> Moments:
     """Return the moments of a point mass (kg) at a position (3,), m."""
-    return Moments(mass, mass * at, mass * np.outer(at, at))
+    return Moments(mass, mass * position, mass * np.outer(position, position))
 
 
-def box(mass: float, at: Array, size: Array) -> Moments:
+def box(mass: float, position: Array, size: Array) -> Moments:
     """Return the moments of a box of mass `mass` (kg).
 
     at: its centre (3,), m. size: its lengths along the axes (3,), m.
     """
-    moments = point(mass, at)
+    moments = point(mass, position)
     return Moments(mass, moments.first, moments.second + mass / 12 * np.diag(np.square(size)))
 
 
@@ -64,8 +66,8 @@ def rod(start: Array, end: Array, diameter: float, density: float) -> Moments:
     vector = end - start
     length = float(np.linalg.norm(vector))
     mass = density * math.pi / 4 * diameter**2 * length
-    along = np.outer(vector, vector) / length**2
-    spread = mass * (length**2 / 12 * along + diameter**2 / 16 * (np.eye(3) - along))
+    direction = np.outer(vector, vector) / length**2
+    spread = mass * (length**2 / 12 * direction + diameter**2 / 16 * (np.eye(3) - direction))
     moments = point(mass, (start + end) / 2)
     return Moments(mass, moments.first, moments.second + spread)
 
@@ -92,10 +94,10 @@ def arc(
     frame = np.column_stack([start, np.cross(normal, start), normal])
     inner, outer = radius - width / 2, radius + width / 2
     # ∫ r^(k+1) dr over the section, times its height
-    zeroth, first, second = (density * height * (outer**k - inner**k) / k for k in (2, 3, 4))
+    zeroth, moment_1, moment_2 = (density * height * (outer**k - inner**k) / k for k in (2, 3, 4))
     sine, cosine = math.sin(angle), math.cos(angle)
     mass = zeroth * angle
-    plane = second * np.array(
+    plane = moment_2 * np.array(
         [
             [(angle + sine * cosine) / 2, sine**2 / 2, 0],
             [sine**2 / 2, (angle - sine * cosine) / 2, 0],
@@ -103,4 +105,4 @@ def arc(
         ]
     )
     plane[2, 2] = mass * height**2 / 12
-    return Moments(mass, first * np.array([sine, 1 - cosine, 0.0]), plane).turned(frame)
+    return Moments(mass, moment_1 * np.array([sine, 1 - cosine, 0.0]), plane).rotated(frame)

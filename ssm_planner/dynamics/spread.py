@@ -60,7 +60,7 @@ class FrictionSpread:
     """Rotor inertias that would decide the question."""
 
     @property
-    def known(self) -> bool:
+    def is_stated(self) -> bool:
         """True if the drive file says anything about the uncertainty of its friction."""
         return bool(self.names or self.ranges)
 
@@ -151,7 +151,7 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
         names = tuple(
             name for name in posterior.names if name != LOAD_OFFSET and name not in ranges
         )
-        mean = np.array([_stated(drive, name, posterior) for name in names])
+        mean = np.array([_nominal_value(drive, name, posterior) for name in names])
         covariance = np.cov(
             np.column_stack([posterior.column(name) for name in names]), rowvar=False
         )
@@ -181,7 +181,7 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     return FrictionSpread(names, mean, covariance, ranges)
 
 
-def drawn(drive: Drive, values: Mapping[str, Any]) -> Drive:
+def drive_with(drive: Drive, values: Mapping[str, Any]) -> Drive:
     """Return the drive with other friction parameters, preload or input inertia.
 
     Arrays (count, 1) stand for many drives at once. The value LAW is the index of the friction law.
@@ -203,7 +203,7 @@ def drawn(drive: Drive, values: Mapping[str, Any]) -> Drive:
     return unchecked(drive, friction=unchecked(nominal, **friction), **drive_values)
 
 
-def _stated(drive: Drive, name: str, posterior: Posterior) -> float:
+def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
     """Return the drive's value of a parameter.
 
     For a parameter that its law does not use, the result is the median of the posterior.

@@ -121,10 +121,10 @@ def motor_torque_rows(
     xp = namespace_of(direction, mu)
     # the main nut carries F − P, the second one P + m₂·qdd: each on the branch that the direction
     # alone decides
-    main, second = xp.where(direction > 0, down, up), xp.where(direction > 0, up, down)
-    inertia = drive.input_inertia + second * drive.second_nut_mass / drive.ratio
+    main, secondary = xp.where(direction > 0, down, up), xp.where(direction > 0, up, down)
+    inertia = drive.input_inertia + secondary * drive.second_nut_mass / drive.ratio
     return TorqueRows(
-        (main, main), inertia, f.b_c * direction + drive.preload * (second - main), f.b_v
+        (main, main), inertia, f.b_c * direction + drive.preload * (secondary - main), f.b_v
     )
 
 
@@ -143,8 +143,8 @@ def moving_torque(
     """
     rows = motor_torque_rows(drive, direction, mu)
     xp = namespace_of(F, w, wd, direction, mu)
-    first, second = (slope * F for slope in rows.slope)
-    carried = xp.where(direction > 0, xp.maximum(first, second), xp.minimum(first, second))
+    driving, braking = (slope * F for slope in rows.slope)
+    carried = xp.where(direction > 0, xp.maximum(driving, braking), xp.minimum(driving, braking))
     return rows.torque(carried, w, wd)
 
 
@@ -250,11 +250,11 @@ def always_unique(drive: Drive) -> bool:
 
     This holds if its effective inertia is positive at the largest friction.
     """
-    largest = breakaway_coefficient(friction_of(drive))
+    friction = breakaway_coefficient(friction_of(drive))
     return all(
         inertia > 0
         for direction in (1, -1)
-        for inertia in effective_inertia(drive, largest, direction)
+        for inertia in effective_inertia(drive, friction, direction)
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ssm_planner.codegen.c import REAL, SIGN, Argument, literal, write_function
 from ssm_planner.codegen.vectorised import dense
-from ssm_planner.display import environment, filled
+from ssm_planner.display import environment, render_template
 from ssm_planner.dynamics.motors import directions_law, motor_law
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.formats.spline_points import REST
@@ -117,7 +117,7 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
         "header": f"{TRAJECTORY}{suffix}.h",
         "breaks": [literal(t) for t in motion.breaks - motion.breaks[0]],
         "pieces": [
-            [[literal(x) for x in row] for row in piece] for piece in motion.coefficients.tolist()
+            [[literal(x) for x in row] for row in rows] for rows in motion.coefficients.tolist()
         ],
         "moves": [
             (np.abs(velocity) > REST).astype(int).tolist() for velocity in end_velocities(motion)
@@ -132,23 +132,25 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
     Infinity means that there is no limit.
     """
 
-    def limit(joint: Joint, kind: type[Limit]) -> float:
-        return next((bound.high for bound in joint.limits if isinstance(bound, kind)), math.inf)
+    def limit(joint: Joint, limit_type: type[Limit]) -> float:
+        return next(
+            (bound.high for bound in joint.limits if isinstance(bound, limit_type)), math.inf
+        )
 
     joints = robot.joints
     return {
         "ssm_position_min": [joint.position[0] for joint in joints],
         "ssm_position_max": [joint.position[1] for joint in joints],
         **{
-            f"ssm_{name}_max": [limit(joint, kind) for joint in joints]
-            for name, kind in LIMITS.items()
+            f"ssm_{name}_max": [limit(joint, type_) for joint in joints]
+            for name, type_ in LIMITS.items()
         },
     }
 
 
 def _render(template: str, values: dict[str, Any]) -> tuple[str, str]:
     templates = environment(PACKAGE, escape=False)
-    return filled(templates, f"{template}.h", **values), filled(
+    return render_template(templates, f"{template}.h", **values), render_template(
         templates, f"{template}.c", **values
     )
 
@@ -175,13 +177,13 @@ def c_text(name: str) -> str:
 def c_functions(robot: Robot) -> list[CFunction]:
     """Build the C functions: forward and inverse kinematics, inverse dynamics, motor torques."""
     mechanism, body = Mechanism.from_geometry(robot.geometry), RigidBody.from_robot(robot)
-    q, qd, qdd, qddd, task, near = (
+    q, qd, qdd, qddd, task, guess = (
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "task", "near")
     )
     branch = ca.SX.sym("branch")
     rotation, tip = forward_symbolic(mechanism, q)
     # The closed form needs a numeric branch, so the code contains both branches and selects one.
-    ahead, behind = (joints_from_task_symbolic(mechanism, task, k, near) for k in (1, -1))
+    ahead, behind = (joints_from_task_symbolic(mechanism, task, k, guess) for k in (1, -1))
     direction, breakaway = directions_law(robot, qd, qdd, qddd, 1)
     _, torque, _ = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
     four = (Argument("q", 4), Argument("qd", 4), Argument("qdd", 4))
@@ -203,7 +205,7 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "   are NaN outside the workspace.",
             (Argument("task", 4), Argument("branch", 0), Argument("near", 4)),
             (Argument("q", 4),),
-            dense("inverse", [task, branch, near], [ca.if_else(branch > 0, ahead, behind)]),
+            dense("inverse", [task, branch, guess], [ca.if_else(branch > 0, ahead, behind)]),
         ),
         CFunction(
             "ssm_inverse_dynamics",
@@ -232,4 +234,5 @@ def _declaration(f: CFunction) -> str:
         f"ssm_real {a.name}" if a.size == 0 else f"const ssm_real {a.name}[{a.size}]"
         for a in f.inputs
     ]
-    return f"void {f.name}({', '.join([*inputs, *(f'ssm_real {a.name}[{a.size}]' for a in f.outputs)])})"
+    outputs = [f"ssm_real {argument.name}[{argument.size}]" for argument in f.outputs]
+    return f"void {f.name}({', '.join([*inputs, *outputs])})"

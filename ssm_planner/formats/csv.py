@@ -99,11 +99,15 @@ def table(
             header += [f"{symbol}{name}{per}" for name in names]
             values += list(getattr(samples, symbol).T)
     if any(group in columns for group in MOTORS):
-        after, before = (directions(robot, samples, side) for side in (1, -1))
+        forwards, backwards = (directions(robot, samples, side) for side in (1, -1))
         ending = at_end.astype(bool)[:, None]
-        direction = np.where(ending, before[0], after[0])
+        direction = np.where(ending, backwards[0], forwards[0])
         motor = motor_motion(
-            robot, RigidBody.from_robot(robot), samples, direction, after[1].astype(bool) & ~ending
+            robot,
+            RigidBody.from_robot(robot),
+            samples,
+            direction,
+            forwards[1].astype(bool) & ~ending,
         )
         for group, unit in MOTORS.items():
             if group in columns:
@@ -326,14 +330,14 @@ class _Rows:
         self.blocks.append(rows[:, 1:])
         self.count += len(rows)
         if self.count > LONG:
-            self.file = self.file or tempfile.TemporaryFile()  # noqa: SIM115 - closed with its reader
+            self.file = self.file or tempfile.TemporaryFile()  # noqa: SIM115 - reader closes it
             for block in self.blocks:
                 self.file.write(block.tobytes())
             self.blocks = [rows[:0, 1:]]
 
-    def columns(self, first: int, count: int = 4) -> Table:
-        """Return columns (n, count). `first` counts from the column after the time."""
-        selected = slice(first, first + count)
+    def columns(self, start: int, count: int = 4) -> Table:
+        """Return columns (n, count). `start` counts from the column after the time."""
+        selected = slice(start, start + count)
         if self.file is None:
             return np.concatenate([block[:, selected] for block in self.blocks])
         self.file.flush()
@@ -355,9 +359,9 @@ class _InFile:
         count, width = self.shape
         if not isinstance(index, slice):
             return np.concatenate([self[k : k + 1] for k in index.tolist()])
-        first, end, _ = index.indices(count)
-        self.file.seek(8 * width * first)
-        rows: Array = np.frombuffer(self.file.read(8 * width * (end - first))).reshape(-1, width)
+        start, end, _ = index.indices(count)
+        self.file.seek(8 * width * start)
+        rows: Array = np.frombuffer(self.file.read(8 * width * (end - start))).reshape(-1, width)
         return rows[:, self.selected].copy()
 
 

@@ -40,7 +40,7 @@ from ssm_planner.formats.trajectory_csv import Heading
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.typing import Array, JsonObject
-from ssm_planner.units import rpm, shown
+from ssm_planner.units import display_unit, rpm
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.ends import end_velocities
 
@@ -280,7 +280,7 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> 
     notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
     for joint, distance in zip(plan.robot.joints, travel.tolist(), strict=True):
-        unit, scale = shown(joint.unit)
+        unit, scale = display_unit(joint.unit)
         if joint.name not in axes:
             if distance > 0:
                 length = number(scale * distance, 4)

@@ -73,10 +73,12 @@ def offset_checks(
         k = int(np.argmax(beyond))
         allowed = 2 * offset.torque_rounding + 1e-3 * float(np.abs(high[:, i]).max())
         limit = FeedForward(joint.name, allowed, of_torque=True)
-        checks.append(LimitCheck.of(limit, max(float(beyond[k]), 0.0), float(t[k])))
+        checks.append(LimitCheck.from_extreme(limit, max(float(beyond[k]), 0.0), float(t[k])))
         torque = np.maximum(np.abs(offset.torque) - offset.torque_rounding, 0.0)
         k = int(np.argmax(torque))
-        checks.append(LimitCheck.of(joint.limit(MotorTorque), float(torque[k]), float(t[k])))
+        checks.append(
+            LimitCheck.from_extreme(joint.limit(MotorTorque), float(torque[k]), float(t[k]))
+        )
     return checks
 
 
@@ -92,7 +94,7 @@ def _velocity_check(
     )
     k = int(np.argmax(beyond))
     limit = FeedForward(joint.name, float(allowed[k]), prismatic=joint.slides)
-    return LimitCheck.of(limit, float(beyond[k] * allowed[k]), float(t[k]))
+    return LimitCheck.from_extreme(limit, float(beyond[k] * allowed[k]), float(t[k]))
 
 
 def _torque_range(

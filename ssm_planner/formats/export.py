@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
 from ssm_planner.plans import Plan, as_plan, software
 from ssm_planner.problem.robot import Robot
@@ -38,6 +39,7 @@ VERSION = 1
 WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
 
 
+@checked
 def export(
     plan: Plan | Trajectory | str | Path,
     to: str,
@@ -221,7 +223,8 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
             else "the plan has a certificate that did not pass"
         )
         raise ExportError(
-            f"{plan.path}: {plan.doubt or reason}: plan again, or use --force to export files that "
+            f"{plan.path}: {plan.uncertified_reason or reason}: plan again, or use --force to "
+            "export files that "
             "are marked unverified"
         )
     violation = certificate.worst

@@ -34,7 +34,7 @@ class Blocks(Protocol):
     @property
     def shape(self) -> tuple[int, ...]: ...
 
-    def __getitem__(self, chosen: Indices | slice, /) -> Array: ...
+    def __getitem__(self, index: Indices | slice, /) -> Array: ...
 
 
 Table = Array | Blocks
@@ -109,10 +109,10 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     """
     check_points(points, robot)
     n = len(points.t)
-    none = np.zeros(n, dtype=bool)
-    velocity = none if points.qd is None else ~none if points.has_qd is None else points.has_qd
+    unset = np.zeros(n, dtype=bool)
+    velocity = unset if points.qd is None else ~unset if points.has_qd is None else points.has_qd
     acceleration = (
-        none if points.qdd is None else ~none if points.has_qdd is None else points.has_qdd
+        unset if points.qdd is None else ~unset if points.has_qdd is None else points.has_qdd
     )
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
@@ -154,25 +154,25 @@ def check_points(points: Points, robot: Robot) -> None:
     t, n = points.t, len(points.t)
     if n < 2:
         raise TrajectoryError(f"{points.place(0)}: {n} point; a trajectory needs at least two")
-    named = (
+    row_name = (
         ("time", t),
         ("position", points.q),
         ("velocity", points.qd),
         ("acceleration", points.qdd),
     )
-    for name, values in named:
-        for first in range(0, n, BLOCK):
-            finite = np.isfinite(values[first : first + BLOCK] if values is not None else 0.0)
+    for name, values in row_name:
+        for start in range(0, n, BLOCK):
+            finite = np.isfinite(values[start : start + BLOCK] if values is not None else 0.0)
             if not finite.all():
-                k = first + int(np.argwhere(~finite)[0][0])
+                k = start + int(np.argwhere(~finite)[0][0])
                 raise TrajectoryError(f"{points.place(k)}: {name} is not a finite number")
     backward = np.flatnonzero(t[1:] <= t[:-1])
     if len(backward):
         k = int(backward[0]) + 1
         fault = "the same time twice" if t[k] == t[k - 1] else "time goes back"
         raise TrajectoryError(f"{points.place(k)}: {fault}: {t[k]:.12g} s after {t[k - 1]:.12g} s")
-    for first in range(0, n, BLOCK):
-        check_magnitudes(points.q[first : first + BLOCK], robot, points.place, first)
+    for start in range(0, n, BLOCK):
+        check_magnitudes(points.q[start : start + BLOCK], robot, points.place, start)
     if points.qd is not None and points.has_qd is None:
         check_derivatives(t, points.q, points.qd, robot, ("positions", "velocities"))
         if points.qdd is not None and points.has_qdd is None:
@@ -195,15 +195,15 @@ class PiecesOfPoints:
     def __getitem__(self, index: Indices | slice, /) -> Array:
         if not isinstance(index, slice):
             return self._compute(index, index + 1, self.cubic[index], self.quintic[index])
-        first, end, _ = index.indices(self.shape[0])
-        out = np.empty((max(end - first, 0), *self.shape[1:]))
-        for start in range(first, end, BLOCK):
-            left = slice(start, min(start + BLOCK, end))
-            right = slice(left.start + 1, left.stop + 1)
-            out[start - first : left.stop - first] = self._compute(
-                left, right, self.cubic[left], self.quintic[left]
+        begins, end, _ = index.indices(self.shape[0])
+        coefficients = np.empty((max(end - begins, 0), *self.shape[1:]))
+        for start in range(begins, end, BLOCK):
+            block = slice(start, min(start + BLOCK, end))
+            right = slice(block.start + 1, block.stop + 1)
+            coefficients[start - begins : block.stop - begins] = self._compute(
+                block, right, self.cubic[block], self.quintic[block]
             )
-        return out
+        return coefficients
 
     def _compute(
         self, left: Indices | slice, right: Indices | slice, cubic: Mask, quintic: Mask
@@ -217,17 +217,17 @@ class PiecesOfPoints:
                 (q0, points.qd[left], points.qdd[left]),
                 (q1, points.qd[right], points.qdd[right]),
             )
-        out = np.zeros((len(h), DEGREE + 1, 4))
-        out[:, 0], out[:, 1] = q0, (q1 - q0) / h
+        coefficients = np.zeros((len(h), DEGREE + 1, 4))
+        coefficients[:, 0], coefficients[:, 1] = q0, (q1 - q0) / h
         if points.qd is not None and cubic.any():
             v0, v1 = points.qd[left], points.qd[right]
-            out[cubic] = cubics(length, (q0, v0), (q1, v1))[cubic]
+            coefficients[cubic] = cubics(length, (q0, v0), (q1, v1))[cubic]
             if points.qdd is not None and quintic.any():
                 quintic_pieces = quintics(
                     length, (q0, v0, points.qdd[left]), (q1, v1, points.qdd[right])
                 )
-                out[quintic] = quintic_pieces[quintic]
-        return out
+                coefficients[quintic] = quintic_pieces[quintic]
+        return coefficients
 
 
 LARGEST_ANGLE = 8 * math.pi
@@ -257,10 +257,11 @@ def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], first:
         k = int(np.argmax(np.abs(q[:, i])))
         value = float(q[k, i])
         if abs(value) > (LARGEST_STROKE if joint.slides else LARGEST_ANGLE):
-            meant = "millimetres" if joint.slides else "degrees"
+            unit = "millimetres" if joint.slides else "degrees"
             raise TrajectoryError(
-                f"{place(first + k)}: position of joint {joint.name} = {value:.6g} {joint.unit}: this is "
-                f"too large for this kind of joint; are these {meant}, or are columns swapped?"
+                f"{place(first + k)}: position of joint {joint.name} = {value:.6g} {joint.unit}: "
+                "this is "
+                f"too large for this kind of joint; are these {unit}, or are columns swapped?"
             )
 
 
@@ -284,10 +285,11 @@ def check_derivatives(
         # Between sparse points on a curve the mean of two velocities differs from the slope.
         if _same(factor, residual) or (residual < ALIKE and 1 / UNLIKE < factor < UNLIKE):
             continue
-        for k, other in enumerate(robot.joints):
+        for k, neighbour in enumerate(robot.joints):
             if _same(*_compare(slopes[:, i], means[:, k])):
                 raise TrajectoryError(
-                    f"the {names[1]} given for joint {other.name} are those of joint {joint.name}: "
+                    f"the {names[1]} given for joint {neighbour.name} are those of joint "
+                    f"{joint.name}: "
                     "swapped columns?"
                 )
         if residual < ALIKE:

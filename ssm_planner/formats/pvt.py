@@ -179,14 +179,14 @@ def export_pvt(
     }
 
 
-def read_pvt(folder: Path, manifest: JsonObject, listed: Collection[str], robot: Robot) -> Reading:
+def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
     """Read the cubics that drives run between the rows of an exported table.
 
     folder, manifest, listed, robot: see `read_epos4`. Raises TrajectoryError if a table is damaged
     or does not belong to the robot.
     """
     q, qd, time = [], [], None
-    for joint, path, per_unit in read_axes(folder, manifest, listed, robot):
+    for joint, path, per_unit in read_axes(folder, manifest, names, robot):
         steps, (position, velocity) = read_table(path, TIME, _columns(joint, per_unit is not None))
         if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
             raise TrajectoryError(
@@ -199,8 +199,8 @@ def read_pvt(folder: Path, manifest: JsonObject, listed: Collection[str], robot:
         q.append(position / (per_unit or 1.0))
         qd.append(velocity / (per_unit or 1.0))
     assert time is not None
-    t, place = np.cumsum(time) / 1000, f"{folder}: row {{}}".format
-    return join_points(Points(t, np.stack(q, axis=1), np.stack(qd, axis=1), place=place), robot)
+    t, row_name = np.cumsum(time) / 1000, f"{folder}: row {{}}".format
+    return join_points(Points(t, np.stack(q, axis=1), np.stack(qd, axis=1), place=row_name), robot)
 
 
 def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
@@ -242,7 +242,9 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
             for i, joint in enumerate(plan.robot.joints):
                 axis = axes.get(joint.name)
                 unit = FREE if axis is None else axis.increments_per_unit
-                position, velocity = _Fit(plan, i, t, stretch, unit).rows(whole=axis is not None)
+                position, velocity = _Fit(plan, i, t, stretch, unit).rows(
+                    is_complete=axis is not None
+                )
                 state[:, :, i] = position / unit, velocity / unit
                 rows[joint.name] = (
                     (position, velocity) if axis is not None else (state[0, :, i], state[1, :, i])
@@ -313,15 +315,15 @@ class _Fit:
         h = np.diff(t) / tau
         # Rounding positions by half an increment changes an acceleration by up to 6 / h², but
         # rarely by half of that.
-        largest = max(limit, float(np.abs(bend).max())) - 3 / h**2
-        a = np.maximum(a[0] - SLACK * limit, -largest), np.minimum(a[1] + SLACK * limit, largest)
-        zero, one = np.zeros(n - 1), np.ones(n - 1)
+        maximum = max(limit, float(np.abs(bend).max())) - 3 / h**2
+        a = np.maximum(a[0] - SLACK * limit, -maximum), np.minimum(a[1] + SLACK * limit, maximum)
+        zero, ones = np.zeros(n - 1), np.ones(n - 1)
         self.rows_of = (
             ((-6 / h**2, 6 / h**2, -4 / h, -2 / h), a, limit),
             ((6 / h**2, -6 / h**2, 2 / h, 4 / h), a, limit),
-            ((-3 / h, 3 / h, -one, -one), v, 0.0),
-            ((one, zero, h / 3, zero), p, 0.0),
-            ((zero, one, zero, -h / 3), p, 0.0),
+            ((-3 / h, 3 / h, -ones, -ones), v, 0.0),
+            ((ones, zero, h / 3, zero), p, 0.0),
+            ((zero, ones, zero, -h / 3), p, 0.0),
         )
         """Factors of positions and velocities, (low, high) of their sum, tolerance for ε = 1."""
 
@@ -333,12 +335,12 @@ class _Fit:
             [high[:-2], high[1:-1], high[2:]], axis=0
         )
 
-    def rows(self, whole: bool) -> tuple[Array, Array]:
+    def rows(self, is_complete: bool) -> tuple[Array, Array]:
         """Return positions (n,) and the best velocities (n,), in increments/s.
 
         whole: round both to integers.
         """
-        if not whole:
+        if not is_complete:
             d, w = self._solve(
                 np.zeros(len(self.positions)),
                 np.r_[0.0, np.full(len(self.positions) - 2, np.inf), 0.0],
@@ -361,14 +363,14 @@ class _Fit:
         from scipy.optimize import Bounds, LinearConstraint, milp
 
         n = len(d)
-        first, second, eye = sparse.eye(n - 1, n), sparse.eye(n - 1, n, k=1), sparse.eye(n)
-        fixed = free == 0
-        fixed_positions = np.where(fixed, d, 0.0) + self.positions
+        lower, next_node, eye = sparse.eye(n - 1, n), sparse.eye(n - 1, n, k=1), sparse.eye(n)
+        is_fixed = free == 0
+        fixed_positions = np.where(is_fixed, d, 0.0) + self.positions
         blocks: list[list[Any]] = []
         upper: list[Array] = []
         for (p0, p1, v0, v1), (low, high), tolerance in self.rows_of:
-            positions: Any = sparse.diags(p0) @ first + sparse.diags(p1) @ second
-            velocities: Any = sparse.diags(v0) @ first + sparse.diags(v1) @ second
+            positions: Any = sparse.diags(p0) @ lower + sparse.diags(p1) @ next_node
+            velocities: Any = sparse.diags(v0) @ lower + sparse.diags(v1) @ next_node
             base = positions @ self.positions + velocities @ self.velocities
             rounded = positions @ fixed_positions + velocities @ self.velocities
             for sign, bound in ((1, high), (-1, -low)):
@@ -383,7 +385,7 @@ class _Fit:
             blocks.append([sign * eye, None, -eye, None])
             upper.append(np.zeros(n))
         velocity_range = np.r_[0.0, np.full(n - 2, np.inf), 0.0]
-        low, high = np.where(fixed, d, -np.inf), np.where(fixed, d, np.inf)
+        low, high = np.where(is_fixed, d, -np.inf), np.where(is_fixed, d, np.inf)
         solution = milp(
             np.r_[np.zeros(2 * n), np.ones(n), EXCESS],
             constraints=LinearConstraint(

@@ -134,7 +134,7 @@ def _check_hashes(
         )
     if not isinstance(files, dict):
         raise TrajectoryError(f"{path}: the list of files with their SHA-256 is missing")
-    for name, stated in files.items():
+    for name, expected in files.items():
         if not is_inside(name):
             raise TrajectoryError(f"{path}: {name[:80]!r} is not the name of a file in this folder")
         if below and PurePosixPath(name).parts[:1] != (below,):
@@ -145,7 +145,7 @@ def _check_hashes(
             raise TrajectoryError(f"{folder / name}: cannot be read: {error}") from error
         if digest is None:
             raise TrajectoryError(f"{folder / name}: the file is missing, but {MANIFEST} lists it")
-        if digest != stated:
+        if digest != expected:
             raise TrajectoryError(
                 f"{folder / name}: the file was modified after the export: its SHA-256 differs "
                 f"from {MANIFEST}"

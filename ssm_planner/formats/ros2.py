@@ -146,9 +146,11 @@ def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
     messages = _Messages(store.types)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
 
-        def topic(name: str, kind: str, latched: bool = False) -> Any:
+        def topic(name: str, message_type: str, latched: bool = False) -> Any:
             profiles = [_latched()] if latched else []
-            return writer.add_connection(name, kind, typestore=store, offered_qos_profiles=profiles)
+            return writer.add_connection(
+                name, message_type, typestore=store, offered_qos_profiles=profiles
+            )
 
         def put(connection: Any, t: float, content: Any) -> None:
             sec, nanosec = split_time(t)
@@ -197,13 +199,13 @@ class _Messages:
     def __init__(self, types: Any) -> None:
         self.types = types
 
-    def make(self, kind: str, **fields: Any) -> Any:
+    def make(self, message_type: str, **fields: Any) -> Any:
         """Build a message of a type such as std_msgs/String."""
-        return self.types[kind.replace("/", "/msg/")](**fields)
+        return self.types[message_type.replace("/", "/msg/")](**fields)
 
-    def time(self, kind: str, t: float) -> Any:
+    def time(self, message_type: str, t: float) -> Any:
         sec, nanosec = split_time(t)
-        return self.make(f"builtin_interfaces/{kind}", sec=sec, nanosec=nanosec)
+        return self.make(f"builtin_interfaces/{message_type}", sec=sec, nanosec=nanosec)
 
     def header(self, t: float, frame: str) -> Any:
         return self.make("std_msgs/Header", stamp=self.time("Time", t), frame_id=frame)
@@ -305,17 +307,17 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     try:
         with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             connections = {
-                kind: [c for c in reader.connections if c.msgtype == kind]
-                for kind in (TRAJECTORY, STATE)
+                message_type: [c for c in reader.connections if c.msgtype == message_type]
+                for message_type in (TRAJECTORY, STATE)
             }
-            kind = TRAJECTORY if connections[TRAJECTORY] else STATE
-            selected = connections[kind]
+            message_type = TRAJECTORY if connections[TRAJECTORY] else STATE
+            selected = connections[message_type]
             # Without a list of connections, the reader would return all messages.
             raws = reader.messages(selected) if selected else iter(())
             messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in raws]
             converted = (
                 [_of_message(message) for message in messages]
-                if kind == TRAJECTORY
+                if message_type == TRAJECTORY
                 else _of_states(messages)
             )
     except TrajectoryError as error:
@@ -332,7 +334,7 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
         return read_message(
             converted, robot, str(path), ("the JointStates of the bag are its points",)
         )
-    if any(_differ(converted[0], other) for other in converted[1:]):
+    if any(_differ(converted[0], later) for later in converted[1:]):
         raise TrajectoryError(
             f"{path}: the bag contains {len(converted)} different JointTrajectory messages: only "
             "one motion can be checked"
@@ -343,12 +345,12 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     return read_message(converted[0], robot, str(path), notes)
 
 
-def _differ(one: Message, other: Message) -> bool:
-    if one.names != other.names or not np.array_equal(one.time, other.time):
+def _differ(message: Message, reference: Message) -> bool:
+    if message.names != reference.names or not np.array_equal(message.time, reference.time):
         return True
     return any(
         len(a) != len(b) or any(not np.array_equal(x, y) for x, y in zip(a, b, strict=True))
-        for a, b in ((getattr(one, key), getattr(other, key)) for key in FIELDS)
+        for a, b in ((getattr(message, key), getattr(reference, key)) for key in FIELDS)
     )
 
 

@@ -107,9 +107,9 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
 
     The joints rest after the end. A time within `ROUNDED` of the end counts as the end.
     """
-    begin, end = plan.motion.breaks[0], plan.motion.breaks[-1]
-    s = plan.motion.sample(np.minimum(begin + (t - begin) / stretch, end))
-    moving = (s.t < end)[:, None] | (t <= begin + plan.motion.duration * stretch + ROUNDED)[:, None]
+    start, end = plan.motion.breaks[0], plan.motion.breaks[-1]
+    s = plan.motion.sample(np.minimum(start + (t - start) / stretch, end))
+    moving = (s.t < end)[:, None] | (t <= start + plan.motion.duration * stretch + ROUNDED)[:, None]
     qd, qdd, qddd = (x * moving / stretch**k for k, x in enumerate((s.qd, s.qdd, s.qddd), start=1))
     return Samples(t, s.q, qd, qdd, qddd)
 

@@ -106,12 +106,14 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     Returns None for other columns than the time and the quantities of joints.
     """
     label, unit = of_heading(name)
-    words = [word for word in re.split(r"[^a-z0-9]+|_", label.lower()) if word]
-    if words and (words[0] in ("t", "time", "timestamp") or words[:3] == ["time", "from", "start"]):
+    tokens = [token for token in re.split(r"[^a-z0-9]+|_", label.lower()) if token]
+    if tokens and (
+        tokens[0] in ("t", "time", "timestamp") or tokens[:3] == ["time", "from", "start"]
+    ):
         if unit not in TIMES:
             raise ValueError(_unit_fault(unit, ", ".join(TIMES)))
         return (-1, 0), TIMES[unit]
-    joint, order = _joint(words, robot)
+    joint, order = _joint(tokens, robot)
     if joint is None:
         return None
     base, per = _base(unit)
@@ -128,27 +130,27 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     return (per, joint), units[base]
 
 
-def _joint(words: list[str], robot: Robot) -> tuple[int | None, int | None]:
+def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
     """Return the joint and the derivative that the words name, or None where a name is missing."""
     joint, order = None, None
     names = [joint.name for joint in robot.joints]
-    rest = []
-    for k, word in enumerate(words):
-        match = _JOINT.match(word)
+    unknown = []
+    for k, token in enumerate(tokens):
+        match = _JOINT.match(token)
         if match:
             joint = int(match.group(2)) - 1
-            rest.append(match.group(1))
-        elif word in ("joint", "axis") and k + 1 < len(words) and words[k + 1] in tuple("1234"):
-            joint = int(words[k + 1]) - 1
-        elif word in names:
-            joint = names.index(word)
+            unknown.append(match.group(1))
+        elif token in ("joint", "axis") and k + 1 < len(tokens) and tokens[k + 1] in tuple("1234"):
+            joint = int(tokens[k + 1]) - 1
+        elif token in names:
+            joint = names.index(token)
         else:
-            rest.append(word)
-    for word in rest:
-        if not re.fullmatch("|".join((NEUTRAL_WORDS, *ORDER_WORDS)), word):
+            unknown.append(token)
+    for token in unknown:
+        if not re.fullmatch("|".join((NEUTRAL_WORDS, *ORDER_WORDS)), token):
             return None, None
         order = next(
-            (k for k, pattern in enumerate(ORDER_WORDS) if re.fullmatch(pattern, word)), order
+            (k for k, pattern in enumerate(ORDER_WORDS) if re.fullmatch(pattern, token)), order
         )
     return joint, order
 
@@ -173,5 +175,5 @@ def _unit_fault(unit: str, allowed: str) -> str:
 
 
 def _joint_motion(robot: Robot, joint: int) -> str:
-    moved = robot.joints[joint]
-    return f"; joint {moved.name} {'slides' if moved.slides else 'turns'}"
+    joint_moved = robot.joints[joint]
+    return f"; joint {joint_moved.name} {'slides' if joint_moved.slides else 'turns'}"

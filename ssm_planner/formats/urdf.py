@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.display import environment, filled
+from ssm_planner.display import environment, render_template
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import inertia_about_com
 from ssm_planner.dynamics.transmission import motor_torque_rows
@@ -56,7 +56,7 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
     path = folder / f"robot{suffix}.urdf"
     mark = "" if not suffix else "UNVERIFIED: the exported plan has no passed certificate."
     path.write_text(urdf(plan.robot, mark), encoding="utf-8")
-    controllers = filled(
+    controllers = render_template(
         _templates(escape=False), "controllers.yaml", joints=plan.robot.joints, mark=mark
     )
     (folder / f"controllers{suffix}.yaml").write_text(controllers, encoding="utf-8")
@@ -78,7 +78,7 @@ def urdf(robot: Robot, mark: str = "") -> str:
 
     mark: a warning for the comment at the beginning.
     """
-    return filled(
+    return render_template(
         _templates(escape=True),
         "robot.urdf",
         name=robot.name,

@@ -60,7 +60,7 @@ def fit_harmonics(
     turns = np.array([np.ptp(angle) for angle, _ in parts])
     mean = each[int(np.argmax(turns))]
     for _ in range(_ROUNDS):
-        turned = [_complex(one.turned(-_start(_complex(mean), _complex(one)))) for one in each]
+        turned = [_complex(one.rotated(-_start(_complex(mean), _complex(one)))) for one in each]
         common = np.average(turned, axis=0, weights=turns)
         mean = Harmonics(
             mean.orders, tuple(common.real.tolist()), tuple((-common.imag).tolist()), phased=False

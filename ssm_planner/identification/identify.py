@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.arguments import checked
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.drive_file import write_drive
@@ -109,6 +110,7 @@ class Identification(ShortRepr):
         }
 
 
+@checked
 def identify(
     drive: str | Path,
     recordings: Sequence[str | Path] = (),
@@ -167,6 +169,7 @@ def _with_harmonics(drive: Drive, found: Mapping[str, Harmonics | None]) -> Driv
     return replace(drive, friction=replace(friction, posterior=replace(friction.posterior, **own)))
 
 
+@checked
 def predict(
     drive: str | Path,
     recordings: Sequence[str | Path],

@@ -15,7 +15,7 @@ from ssm_planner.dynamics.friction import (
     static_coefficient,
     stribeck_shape,
 )
-from ssm_planner.dynamics.spread import drawn
+from ssm_planner.dynamics.spread import drive_with
 from ssm_planner.dynamics.transmission import (
     holding_torque,
     motor_torque,
@@ -244,7 +244,7 @@ def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
     sets: dict[str, Any] = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
     drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((len(posterior.draws), 1), offset))
-    each = drawn(drive, sets)
+    each = drive_with(drive, sets)
 
     def beyond(at: Array) -> Array:
         return np.asarray(map_torque(each, at, drawn_load) - map_torque(drive, at, load))

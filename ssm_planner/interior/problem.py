@@ -115,17 +115,17 @@ class Called:
 
     def _values(self, z: int, rows: int, cost: int) -> None:
         """Store the values of rows and cost."""
-        self._mapped["rows"].at(z, rows)
+        self._mapped["rows"].evaluate_at_addresses(z, rows)
         if "cost" in self._mapped:
-            self._mapped["cost"].at(z, cost)
+            self._mapped["cost"].evaluate_at_addresses(z, cost)
 
     def _derivatives(self, z: int, multipliers: int, sigma: int, results: Any) -> None:
         """Store Jacobian, gradient and Hessian, with σ ∇r ∇rᵀ of the rows added to the Hessian."""
         count, rows, size = self._shape
-        self._mapped["jacobian"].at(z, results[0])
+        self._mapped["jacobian"].evaluate_at_addresses(z, results[0])
         if "gradient" in self._mapped:
-            self._mapped["gradient"].at(z, results[1])
-        self._mapped["hessian"].at(z, multipliers, results[2])
+            self._mapped["gradient"].evaluate_at_addresses(z, results[1])
+        self._mapped["hessian"].evaluate_at_addresses(z, multipliers, results[2])
         jacobian = _array(results[0], (count, rows, size))
         hessian = _array(results[2], (count, size, size))
         hessian += np.einsum("kr,kri,krj->kij", _array(sigma, (count, rows)), jacobian, jacobian)

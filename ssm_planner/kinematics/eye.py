@@ -27,9 +27,9 @@ def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
     `port` of the remote centre. The function is continuous but has kinks. The check uses it, and
     the optimiser uses `retina_row`.
     """
-    inside = eye.radius - xp.sqrt(_square(_minus(tip, eye.centre)))
+    depth = eye.radius - xp.sqrt(_square(_minus(tip, eye.centre)))
     at_port = eye.clearance + eye.port - xp.sqrt(_square(tip))
-    return xp.where(inside > at_port, inside, at_port)
+    return xp.where(depth > at_port, depth, at_port)
 
 
 def lens_ratio(xp: Namespace, lens: Lens, tip: Any) -> Any:
@@ -91,14 +91,14 @@ def eye_rows(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
 def _lens_square(xp: Namespace, lens: Lens, tip: Any) -> Any:
     """Return ρ²."""
     scale = (lens.frame / lens.semi_axes).T.tolist()
-    begin = [-_dot(row, lens.centre.tolist()) for row in scale]
+    offset = [-_dot(row, lens.centre.tolist()) for row in scale]
     shaft = [_dot(row, tip) for row in scale]
     length = _square(shaft)
     # without a length there is no foot: the guarded quotient keeps value and derivatives finite
     # there
-    foot = -_dot(begin, shaft) / xp.where(length > NO_LENGTH, length, 1.0)
+    foot = -_dot(offset, shaft) / xp.where(length > NO_LENGTH, length, 1.0)
     foot = xp.where(foot > 0.0, xp.where(foot < 1.0, foot, 1.0), 0.0)
-    return _square([b + foot * s for b, s in zip(begin, shaft, strict=True)])
+    return _square([b + foot * s for b, s in zip(offset, shaft, strict=True)])
 
 
 def _minus(tip: Any, centre: Any) -> list[Any]:

@@ -28,7 +28,7 @@ class Family:
     home_roll: Array
     insertion_sign: int = -1
 
-    def some(self, which: Array) -> Family:
+    def subset(self, which: Array) -> Family:
         """Return the members for which the mask `which` (n,) is true."""
         return Family(
             self.alpha[which], self.home_tilt[which], self.home_roll[which], self.insertion_sign
@@ -81,10 +81,10 @@ class Family:
         """
         low, high = self.tilt_magnitudes
         size = np.abs(tilts)
-        inside: Array = np.minimum(size.min() - low, high - size.max())
+        margin: Array = np.minimum(size.min() - low, high - size.max())
         sides = np.unique(np.sign(tilts))
         elsewhere = self.side != sides[0] if len(sides) == 1 else np.full(len(low), True)
-        return np.where(elsewhere & (low > 0), -np.inf, inside)
+        return np.where(elsewhere & (low > 0), -np.inf, margin)
 
     def joints(self, task: Array, branch: int) -> Array:
         """Return joints (n, k, 4) for task coordinates (k, 4).
@@ -108,6 +108,7 @@ class _Wide:
         half = -family.delta / 2.0
         eta = azimuths(NUMPY, family.alpha, family.beta, np.cos(half), np.sin(half))[1]
         self.alpha, self.beta, self.delta, self.side, self.spin_offset = (
-            each[:, None] for each in (family.alpha, family.beta, family.delta, family.side, eta)
+            values[:, None]
+            for values in (family.alpha, family.beta, family.delta, family.side, eta)
         )
         self.insertion_sign = family.insertion_sign

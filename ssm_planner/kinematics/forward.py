@@ -40,7 +40,7 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
             q[block, 3],
             _products(one, two),
             three,
-            out=(rotations[block], positions[block]),
+            results=(rotations[block], positions[block]),
         )
     return rotations.reshape(-1, 3, 3), positions
 
@@ -72,11 +72,11 @@ def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
 
 def _terms(angle: Array) -> Array:
     """Return the rows (1, cos θ, sin θ), (3, n)."""
-    out = np.empty((3, len(angle)))
-    out[0] = 1.0
-    np.cos(angle, out=out[1])
-    np.sin(angle, out=out[2])
-    return out
+    terms = np.empty((3, len(angle)))
+    terms[0] = 1.0
+    np.cos(angle, out=terms[1])
+    np.sin(angle, out=terms[2])
+    return terms
 
 
 def _products(a: Array, b: Array) -> Array:
@@ -85,13 +85,13 @@ def _products(a: Array, b: Array) -> Array:
 
 
 def _pose(
-    mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, *, out: tuple[Array, Array]
+    mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, *, results: tuple[Array, Array]
 ) -> None:
-    """Write R (n, 9) and p (n, 3) into `out`.
+    """Write R (n, 9) and p (n, 3) into `results`.
 
     theta4: (n,). elbow: products of joints 1 and 2, (9, n). three: terms of joint 3, (3, n).
     """
-    rotations, positions = out
+    rotations, positions = results
     np.matmul(_products(elbow, three).T, mechanism.orientation_terms, out=rotations)
     np.multiply(rotations[:, 2::3], theta4[:, np.newaxis], out=positions)
 
@@ -134,11 +134,11 @@ JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] =
 """Jacobian J(q) (k, 4) in CasADi for every kind of limit on a speed |v| with v = J(q) q̇."""
 
 
-def tool_speed(kind: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
+def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
     """Return the limited speed |J(q) q̇| (n,) in SI units for joints q and rates qd (n, 4)."""
     from ssm_planner.codegen.vectorised import call
 
-    return np.asarray(call(_speed(kind, mechanism), q, qd)[0][:, 0])
+    return np.asarray(call(_speed(limit_type, mechanism), q, qd)[0][:, 0])
 
 
 def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
@@ -148,15 +148,17 @@ def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
     Jacobian.
     """
     bounds = {type(limit): limit.largest for limit in limits}
-    for kind in bounds:
-        if kind not in JACOBIANS:
-            raise ProblemError(f"kinematics/forward.py has no Jacobian for {kind.__name__}")
-    return np.array([bounds.get(kind, unlimited) for kind in JACOBIANS])
+    for limit_type in bounds:
+        if limit_type not in JACOBIANS:
+            raise ProblemError(f"kinematics/forward.py has no Jacobian for {limit_type.__name__}")
+    return np.array([bounds.get(limit_type, unlimited) for limit_type in JACOBIANS])
 
 
 @lru_cache(maxsize=16)
-def _speed(kind: type[SpeedLimit], mechanism: Mechanism) -> casadi.Function:
+def _speed(limit_type: type[SpeedLimit], mechanism: Mechanism) -> casadi.Function:
     import casadi
 
     q, qd = casadi.SX.sym("q", 4), casadi.SX.sym("qd", 4)
-    return casadi.Function("speed", [q, qd], [casadi.norm_2(JACOBIANS[kind](mechanism, q) @ qd)])
+    return casadi.Function(
+        "speed", [q, qd], [casadi.norm_2(JACOBIANS[limit_type](mechanism, q) @ qd)]
+    )

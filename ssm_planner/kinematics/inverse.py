@@ -119,11 +119,11 @@ def inverse_task(
     joints, orientation_error, tip_error = np.empty((n, 2, 4)), np.empty(n), np.empty(n)
     for block in blocks(n, BLOCK):
         roll, tilt, spin, depth = task[block].T
-        inside = np.clip(np.abs(tilt), low, high)
-        error = np.abs(np.abs(tilt) - inside)
-        nearest = roll, np.copysign(inside, tilt), spin, depth * np.cos(error)
+        clipped = np.clip(np.abs(tilt), low, high)
+        error = np.abs(np.abs(tilt) - clipped)
+        closest = roll, np.copysign(clipped, tilt), spin, depth * np.cos(error)
         for k, branch in enumerate(BRANCHES):
-            for i, angle in enumerate(joints_of_task(NUMPY, mechanism, nearest, branch)):
+            for i, angle in enumerate(joints_of_task(NUMPY, mechanism, closest, branch)):
                 joints[block, k, i] = angle
         orientation_error[block] = error
         tip_error[block] = np.abs(depth * np.sin(error))
@@ -216,8 +216,8 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
         cosine[any_angle] = size[any_angle] = 1.0
         np.arctan2(sine, cosine, out=theta1)
 
-        # θ3: Subproblem 1 (eq. 15), e^{ω̂3θ3} p_3 = q_3 = e^{−ω̂2θ2} e^{−ω̂1θ1} w. First e^{−ω̂1θ1} w,
-        # along t and n,
+        # θ3: Subproblem 1 (eq. 15), e^{ω̂3θ3} p_3 = q_3 = e^{−ω̂2θ2} e^{−ω̂1θ1} w. First the part
+        # e^{−ω̂1θ1} w along t and n,
         cosine /= size
         sine /= size
         w_t, w_n = cosine * w[1] + sine * w[2], cosine * w[2] - sine * w[1]
@@ -225,10 +225,10 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
         w_omega2 = math.cos(mech.alpha) * w[0] + math.sin(mech.alpha) * w_t
         w_g = math.sin(mech.alpha) * w[0] - math.cos(mech.alpha) * w_t
         # then turned back by x about ω2: its part along p_3, and that along ω3 × p_3
-        along = (
+        pointing = (
             math.cos(mech.beta) * (cos_x * w_g - sin_branch * w_n) - math.sin(mech.beta) * w_omega2
         )
-        np.arctan2(-(cos_x * w_n + sin_branch * w_g), along, out=theta3)
+        np.arctan2(-(cos_x * w_n + sin_branch * w_g), pointing, out=theta3)
     return np.moveaxis(joints, 2, 0), orientation_error, tip_error
 
 

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.rotations import exponential_terms, rotation, rotation_matrices
-from ssm_planner.problem.robot import Geometry, frozen
+from ssm_planner.problem.robot import Geometry, read_only_array
 from ssm_planner.typing import Array, record
 
 PARALLEL = 1e-9
@@ -145,7 +145,7 @@ class Mechanism:
     @cached_property
     def frame(self) -> Array:
         """Rotation (3, 3) base ← (ω1, t, n) with n = ω1 × t."""
-        return frozen(
+        return read_only_array(
             np.column_stack((self.omega1, self.tilt_axis, np.cross(self.omega1, self.tilt_axis))),
             (3, 3),
         )
@@ -158,7 +158,7 @@ class Mechanism:
         tilts.
         """
         across = np.cross(self.tilt_axis, self.omega1)
-        return frozen([self.omega1, across, np.cross(self.omega1, across)], (3, 3))
+        return read_only_array([self.omega1, across, np.cross(self.omega1, across)], (3, 3))
 
     @cached_property
     def delta(self) -> float:
@@ -198,7 +198,7 @@ class Mechanism:
     def exponentials(self) -> Array:
         """Terms E (3, 3, 3, 3) with e^{ω̂_i θ_i} = E[i, 0] + cos θ_i E[i, 1] + sin θ_i E[i, 2]."""
         terms = [exponential_terms(axis) for axis in (self.omega1, self.omega2, self.omega3)]
-        return frozen(terms, (3, 3, 3, 3))
+        return read_only_array(terms, (3, 3, 3, 3))
 
     @cached_property
     def orientation_terms(self) -> Array:
@@ -209,7 +209,7 @@ class Mechanism:
         """
         one, two, three = self.exponentials
         terms = np.einsum("aij,bjk,ckl,lm->abcim", one, two, three, self.tool_home)
-        return frozen(terms, (27, 9))
+        return read_only_array(terms, (27, 9))
 
     @cached_property
     def tool_on_omega1(self) -> Array:
@@ -218,7 +218,7 @@ class Mechanism:
         It is e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0.
         """
         back = rotation(self.tilt_axis, -self.home_tilt) @ rotation(self.omega1, -self.home_roll)
-        return frozen(back @ self.tool_home, (3, 3))
+        return read_only_array(back @ self.tool_home, (3, 3))
 
     @cached_property
     def tool_angle(self) -> float:
@@ -319,9 +319,9 @@ def _omega3(alpha: float, beta: float, tilt: float) -> Array:
 def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
     """Return |φ| in [0, π] for x = θ2 − δ (paper, eq. 4). The result is accurate at both ends."""
     c, s = xp.cos(x / 2.0), xp.sin(x / 2.0)
-    less, more = (alpha - beta) / 2.0, (alpha + beta) / 2.0
-    sine2 = xp.sin(less) ** 2 * (c * c) + xp.sin(more) ** 2 * (s * s)
-    cosine2 = xp.cos(less) ** 2 * (c * c) + xp.cos(more) ** 2 * (s * s)
+    half_difference, half_sum = (alpha - beta) / 2.0, (alpha + beta) / 2.0
+    sine2 = xp.sin(half_difference) ** 2 * (c * c) + xp.sin(half_sum) ** 2 * (s * s)
+    cosine2 = xp.cos(half_difference) ** 2 * (c * c) + xp.cos(half_sum) ** 2 * (s * s)
     return 2.0 * xp.arctan2(xp.sqrt(sine2), xp.sqrt(cosine2))
 
 
@@ -332,9 +332,9 @@ def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) 
     Each vanishes at one end of the workspace and is negative beyond it. Their sum is sin α sin β
     times the squared norm of (cosine, sine).
     """
-    less, more = (alpha - beta) / 2.0, (alpha + beta) / 2.0
-    far_a, far_b = xp.sin(more) * cosine, xp.cos(more) * sine
-    near_a, near_b = xp.cos(less) * sine, xp.sin(less) * cosine
+    half_difference, half_sum = (alpha - beta) / 2.0, (alpha + beta) / 2.0
+    far_a, far_b = xp.sin(half_sum) * cosine, xp.cos(half_sum) * sine
+    near_a, near_b = xp.cos(half_difference) * sine, xp.sin(half_difference) * cosine
     return (far_a + far_b) * (far_a - far_b), (near_a + near_b) * (near_a - near_b)
 
 

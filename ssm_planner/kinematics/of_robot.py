@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import forward, space_jacobian, tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import Extreme, boundary_distance, extremes, tilt_interval
-from ssm_planner.problem.motion import Task
 from ssm_planner.problem.robot import Robot
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, JsonObject, record
+from ssm_planner.typing import Array, JsonObject, Mask, record
 
 SAME = 1e-7
 """Largest difference of the joints (rad, m) of two solutions that count as one."""
@@ -43,15 +41,15 @@ class JointSolutions(ShortRepr):
 
     joints: Array
     """Joints (k, 4). If the point is outside the workspace, they reach the nearest point inside."""
-    in_limits: NDArray[np.bool_]
+    in_limits: Mask
     """True if the solution is within the joint ranges, (k,)."""
-    reachable: Any
-    """True if the point is in the workspace."""
-    orientation_error: Any
+    reachable: bool | Mask
+    """True if the point is in the workspace. Arrays (n,) hold the results for n points."""
+    orientation_error: float | Array
     """Angle between the requested and the reached tool axis, rad."""
-    tip_error: Any
+    tip_error: float | Array
     """Distance between the requested and the reached tip position, m."""
-    boundary_distance: Any
+    boundary_distance: float | Array
     """Tilt between the point and the workspace boundary, rad. Negative outside."""
 
     def to_dict(self) -> JsonObject:
@@ -101,6 +99,7 @@ class Workspace(ShortRepr):
         }
 
 
+@checked
 def fk(robot: Robot, q: ArrayLike) -> ToolPose:
     """Return the tool pose for joints q (forward kinematics; paper, eq. 2).
 
@@ -139,6 +138,7 @@ def fk(robot: Robot, q: ArrayLike) -> ToolPose:
     )
 
 
+@checked
 def jacobian(robot: Robot, q: ArrayLike) -> Array:
     """Return the geometric Jacobian of the tip in the base frame.
 
@@ -176,6 +176,7 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
     return result if np.ndim(q) == 2 else result[0]
 
 
+@checked
 def ik(
     robot: Robot,
     roll: ArrayLike = 0.0,
@@ -192,7 +193,7 @@ def ik(
     ----------
     robot : Robot
     roll, tilt, spin : float or (n,)
-        Angles of the tool in rad.
+        Angles of the tool in rad. For the coordinates of a Task, pass `**task.set_coordinates`.
     depth : float or (n,)
         Distance of the tip beyond the remote centre in m.
     within_limits : bool
@@ -224,8 +225,6 @@ def ik(
     >>> ik(robot, tilt=np.radians([-110, -100, -90])).joints.shape
     (3, 2, 4)
     """
-    if isinstance(roll, Task):
-        raise GeometryError("roll is a Task: pass ik(robot, **task.given)")
     mechanism = Mechanism.from_geometry(robot.geometry)
     try:
         points = np.stack(np.broadcast_arrays(roll, tilt, spin, depth), axis=-1)
@@ -238,7 +237,7 @@ def ik(
         reference=np.zeros(4) if reference is None else reference,
     )
     joints, in_limits = solutions.joints, solutions.in_limits
-    inside = boundary_distance(mechanism, points[..., 1])
+    distance = boundary_distance(mechanism, points[..., 1])
     if points.ndim == 2:
         if within_limits:
             joints[~in_limits] = np.nan
@@ -248,7 +247,7 @@ def ik(
             reachable=solutions.reachable,
             orientation_error=solutions.orientation_error,
             tip_error=solutions.tip_error,
-            boundary_distance=inside,
+            boundary_distance=distance,
         )
     distinct: list[int] = []
     for k, solution in enumerate(joints[0]):
@@ -263,10 +262,11 @@ def ik(
         reachable=bool(solutions.reachable[0]),
         orientation_error=float(solutions.orientation_error[0]),
         tip_error=float(solutions.tip_error[0]),
-        boundary_distance=float(inside),
+        boundary_distance=float(distance),
     )
 
 
+@checked
 def workspace(robot: Robot) -> Workspace:
     """Return the tilts that a robot reaches, in closed form (paper, §II-B).
 

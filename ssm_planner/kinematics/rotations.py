@@ -33,8 +33,8 @@ def hat(omega: ArrayLike) -> Array:
 def exponential_terms(omega: ArrayLike) -> Array:
     """Return E (3, 3, 3) with e^{ω̂θ} = E[0] + cos θ E[1] + sin θ E[2] for a unit vector ω (3,)."""
     omega = np.asarray(omega, dtype=float)
-    along = np.outer(omega, omega)
-    return np.stack((along, np.eye(3) - along, hat(omega)))
+    projection = np.outer(omega, omega)
+    return np.stack((projection, np.eye(3) - projection, hat(omega)))
 
 
 def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
@@ -52,8 +52,8 @@ def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
     import casadi
 
     if isinstance(omega, casadi.SX):
-        along = omega @ omega.T
-        still, cosine, sine = along, casadi.SX.eye(3) - along, casadi.skew(omega)
+        projection = omega @ omega.T
+        still, cosine, sine = projection, casadi.SX.eye(3) - projection, casadi.skew(omega)
     else:
         still, cosine, sine = (constant(term) for term in exponential_terms(omega))
     return still + casadi.cos(angle) * cosine + casadi.sin(angle) * sine
@@ -123,12 +123,12 @@ def rotation_matrices(name: str, value: ArrayLike) -> Array:
     bad = np.flatnonzero((fault > ROTATION_TOLERANCE / 4.0) | mirrored)
     if bad.size:
         i = int(bad[0])
-        what = (
+        reason = (
             "its determinant is -1 (a reflection)"
             if mirrored[i]
             else f"RᵀR differs from 1 by {fault[i]:.2g}"
         )
-        raise GeometryError(f"{name}[{i}] of shape {array.shape} is not a rotation: {what}")
+        raise GeometryError(f"{name}[{i}] of shape {array.shape} is not a rotation: {reason}")
     return array
 
 

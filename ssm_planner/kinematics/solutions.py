@@ -74,8 +74,8 @@ def within_limits(
     bounds = joint_limits("limits", limits)
     joints = solutions.joints.copy()
     _shift_into_range(joints, _centres(bounds, reference, len(joints)), bounds)
-    inside = np.all((joints >= bounds[:, 0] - 1e-12) & (joints <= bounds[:, 1] + 1e-12), axis=2)
-    return replace(solutions, joints=joints, in_limits=inside)
+    is_within = np.all((joints >= bounds[:, 0] - 1e-12) & (joints <= bounds[:, 1] + 1e-12), axis=2)
+    return replace(solutions, joints=joints, in_limits=is_within)
 
 
 def by_distance(

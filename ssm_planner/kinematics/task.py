@@ -40,10 +40,10 @@ def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any)
     )
     c, s = xp.sqrt(xp.nonnegative(cosine2)), branch * xp.sqrt(xp.nonnegative(sine2))
     zeta, eta = azimuths(xp, mech.alpha, mech.beta, c, s)
-    turned = xp.where(tilt * mech.side >= 0.0, 0.0, math.pi)
-    theta1 = roll - zeta - mech.side * math.pi / 2.0 + turned
+    half_turn = xp.where(tilt * mech.side >= 0.0, 0.0, math.pi)
+    theta1 = roll - zeta - mech.side * math.pi / 2.0 + half_turn
     theta2 = mech.delta + 2.0 * xp.arctan2(s, c)
-    theta3 = spin + eta - mech.spin_offset - turned
+    theta3 = spin + eta - mech.spin_offset - half_turn
     return theta1, theta2, theta3, mech.insertion_sign * depth
 
 
@@ -90,8 +90,8 @@ def roll_and_tilt(
 
     `around` is √(y² + z²) and must not be zero.
     """
-    side, (along, y, z) = mechanism.side, pointing
-    return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, along)
+    side, (axial, y, z) = mechanism.side, pointing
+    return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, axial)
 
 
 def task_batch(name: str, value: ArrayLike) -> Array:
@@ -150,10 +150,10 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
     The formula uses that t̂ is perpendicular to ω1.
     """
     roll, tilt, _, depth = np.ascontiguousarray(task.T)
-    along, across, upwards = (axis[:, None] for axis in mechanism.tip_axes)
+    axial, across, upwards = (axis[:, None] for axis in mechanism.tip_axes)
     # row by row, so that operations run along many values
-    aside = np.cos(roll) * across + np.sin(roll) * upwards
-    pointing = np.cos(tilt) * along + np.sin(tilt) * aside
+    lateral = np.cos(roll) * across + np.sin(roll) * upwards
+    pointing = np.cos(tilt) * axial + np.sin(tilt) * lateral
     return np.asarray(mechanism.insertion_sign * depth * pointing).T
 
 
@@ -197,10 +197,10 @@ def task_of_tip_symbolic(
     """
     import casadi
 
-    along, y, z = casadi.vertsplit(mechanism.insertion_sign * casadi.DM(mechanism.frame.T) @ tip)
+    axial, y, z = casadi.vertsplit(mechanism.insertion_sign * casadi.DM(mechanism.frame.T) @ tip)
     y, z = casadi.cos(roll) * y + casadi.sin(roll) * z, casadi.cos(roll) * z - casadi.sin(roll) * y
     roll_offset, tilt = roll_and_tilt(
-        casadi_namespace(), mechanism, (along, y, z), casadi.sqrt(y * y + z * z)
+        casadi_namespace(), mechanism, (axial, y, z), casadi.sqrt(y * y + z * z)
     )
     return casadi.vertcat(roll + roll_offset, tilt, spin, casadi.norm_2(tip))
 

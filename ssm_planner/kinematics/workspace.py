@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ssm_planner.arguments import checked
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
@@ -163,7 +164,7 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
     c2, s2 = elbow_squares(NUMPY, alpha, beta, np.cos(half), np.sin(half))
     # at a tilt that is the end of the interval, rounding must not decide between infinite and
     # outside
-    c2, s2 = (np.where((part < 0.0) & (part > -1e-15), 0.0, part) for part in (c2, s2))
+    c2, s2 = (np.where((square < 0.0) & (square > -1e-15), 0.0, square) for square in (c2, s2))
     with np.errstate(divide="ignore", invalid="ignore"):
         product = math.sin(alpha) * math.sin(beta)
         sin_x = check_branch(branch) * 2.0 * np.sqrt(c2 * s2) / product
@@ -171,11 +172,11 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
         on_t = (math.sin(alpha - beta) * c2 + math.sin(alpha + beta) * s2) / product
         toward = (math.sin(alpha - beta) * c2 - math.sin(alpha + beta) * s2) / product
         sine = np.sin(np.abs(tilts))
-        first = toward / (math.sin(alpha) * sin_x * sine)
-        second = sine / (product * sin_x)
+        joint_1 = toward / (math.sin(alpha) * sin_x * sine)
+        joint_2 = sine / (product * sin_x)
         third = -on_t / (math.sin(beta) * sin_x * sine)
     side = np.where(tilts < 0.0, -1.0, 1.0)
-    speeds: Array = np.stack((first, second, third), axis=-1) * side[..., np.newaxis]
+    speeds: Array = np.stack((joint_1, joint_2, third), axis=-1) * side[..., np.newaxis]
     return speeds
 
 
@@ -269,6 +270,7 @@ class DesignRegion(ShortRepr):
         return design_margin(alpha, beta, self.tilt_range) >= self.margin - ROUNDING
 
 
+@checked
 def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> DesignRegion:
     """Return all (α, β) that reach the signed tilts [tilt_low, tilt_high].
 
@@ -313,5 +315,5 @@ def design_margin(alpha: float, beta: float, tilt_range: tuple[float, float]) ->
     """
     check_angles(alpha, beta)
     low, high = magnitude_range("tilt_range", tilt_range)
-    nearest, farthest = tilt_magnitudes(alpha, beta)
-    return min(low - nearest, farthest - high)
+    smallest_tilt, largest_tilt = tilt_magnitudes(alpha, beta)
+    return min(low - smallest_tilt, largest_tilt - high)

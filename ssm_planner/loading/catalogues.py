@@ -66,7 +66,7 @@ def entries(path: Path, gear: bool = False) -> JsonObject:
     """
     file = catalogue_file(path)
     if file.is_dir():
-        return _counted(
+        return _check_count(
             file,
             {entry_file.stem: read(entry_file).value for entry_file in sorted(file.glob("*.yaml"))},
         )
@@ -85,16 +85,17 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
     Raises ProblemError.
     """
     file = catalogue_file(path)
-    found = (
+    values = (
         {}
         if file.is_dir()
         else {
-            row.label: {name: _beside(file, row, name) for name in BESIDE} for row in rows_of(file)
+            row.label: {name: _value_beside(file, row, name) for name in BESIDE}
+            for row in rows_of(file)
         }
     )
     return {
-        label: {name: x for name, x in said.items() if x is not None}
-        for label, said in found.items()
+        label: {name: x for name, x in text.items() if x is not None}
+        for label, text in values.items()
     }
 
 
@@ -106,15 +107,17 @@ def motors_of(path: Path) -> list[Part[Motor]]:
             entry_file.stem: motor_from(read(entry_file))
             for entry_file in sorted(file.glob("*.yaml"))
         }
-        return [Part(label, motor, motor.mass) for label, motor in _counted(file, motors).items()]
-    parts = []
+        return [
+            Part(label, motor, motor.mass) for label, motor in _check_count(file, motors).items()
+        ]
+    entries = []
     for row in rows_of(file):
         motor = motor_from(_section(file, row, _motor(row, file.name)))
-        parts.append(Part(row.label, motor, motor.mass, _beside(file, row, "length")))
-    return parts
+        entries.append(Part(row.label, motor, motor.mass, _value_beside(file, row, "length")))
+    return entries
 
 
-def gears_of(path: Path, own: Drive) -> list[Part[Drive]]:
+def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
     """Return drives in which gears of a catalogue replace the gear of a joint's drive.
 
     Only gears of the same kind are included. A row without friction or inertias keeps those of the
@@ -128,20 +131,24 @@ def gears_of(path: Path, own: Drive) -> list[Part[Drive]]:
         }
         kinds = {
             label: section.value.get("kind")
-            for label, section in _counted(file, gear_files).items()
+            for label, section in _check_count(file, gear_files).items()
         }
         return [
             Part(label, drive_from(gear_files[label]))
-            for label, kind in kinds.items()
-            if kind == own.kind
+            for label, drive_kind in kinds.items()
+            if drive_kind == drive.kind
         ]
-    if not own.threaded:
+    if not drive.threaded:
         return []
     return [
-        Part(row.label, _geared(file, row, own), *(_beside(file, row, name) for name in BESIDE))
+        Part(
+            row.label,
+            _geared(file, row, drive),
+            *(_value_beside(file, row, name) for name in BESIDE),
+        )
         for row in rows_of(file)
-        if row.cells.get("kind", own.kind) == own.kind
-        and bool(WORM_COLUMNS & set(row.cells)) == (own.kind == "worm")
+        if row.cells.get("kind", drive.kind) == drive.kind
+        and bool(WORM_COLUMNS & set(row.cells)) == (drive.kind == "worm")
     ]
 
 
@@ -180,10 +187,10 @@ def rows_of(file: Path) -> list[Row]:
             raise ProblemError(
                 f"{len(cells)} cells", file=file, line=reader.line_num, allowed=f"{len(headings)}"
             )
-        written = zip(headings, (cell.strip() for cell in cells), strict=True)
+        pairs = zip(headings, (cell.strip() for cell in cells), strict=True)
         row: JsonObject = {
             name: cell if name in NAMES else _value(f"{cell} {unit}".rstrip())
-            for (name, unit), cell in written
+            for (name, unit), cell in pairs
             if cell
         }
         label = str(row.pop("order_number", None) or row.get("name", ""))
@@ -191,13 +198,13 @@ def rows_of(file: Path) -> list[Row]:
             reason = f"{label!r} occurs twice" if label else "no name"
             raise ProblemError(reason, file=file, line=reader.line_num)
         rows[label] = Row(label, row, reader.line_num)
-    return list(_counted(file, rows).values())
+    return list(_check_count(file, rows).values())
 
 
 C = TypeVar("C")
 
 
-def _counted(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
+def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
     if not 0 < len(named_entries) <= LARGEST_CATALOGUE:
         raise ProblemError(
             f"{len(named_entries)} entries", file=file, allowed=f"1 to {LARGEST_CATALOGUE}"
@@ -242,11 +249,11 @@ def _motor(row: Row, file: str) -> JsonObject:
     return entry
 
 
-def _section(file: Path, row: Row, said: Mapping[str, Any]) -> Section:
-    return Section(file, plain_node(said, line=row.line))
+def _section(file: Path, row: Row, values: Mapping[str, Any]) -> Section:
+    return Section(file, plain_node(values, line=row.line))
 
 
-def _beside(file: Path, row: Row, name: str) -> float | None:
+def _value_beside(file: Path, row: Row, name: str) -> float | None:
     if name not in row.cells:
         return None
     try:
@@ -257,17 +264,17 @@ def _beside(file: Path, row: Row, name: str) -> float | None:
         ) from None
 
 
-def _geared(file: Path, row: Row, own: Drive) -> Drive:
+def _geared(file: Path, row: Row, drive: Drive) -> Drive:
     """Return the present drive with the gear of a row."""
-    friction, slides = friction_of(own), own.slides
+    friction, slides = friction_of(drive), drive.slides
     effort, inertia = ("N", "kg") if slides else ("N*m", "kg*m^2")
-    said: JsonObject = {
+    values: JsonObject = {
         "name": row.label,
-        "kind": own.kind,
+        "kind": drive.kind,
         "source": f"{file.name}, {row.label}",
-        "geometry": {"thread_angle": f"{own.dimensions['thread_angle']!r} rad"},
-        "input_inertia": f"{own.input_inertia!r} kg*m^2",
-        "output_inertia": f"{own.output_inertia!r} {inertia}",
+        "geometry": {"thread_angle": f"{drive.dimensions['thread_angle']!r} rad"},
+        "input_inertia": f"{drive.input_inertia!r} kg*m^2",
+        "output_inertia": f"{drive.output_inertia!r} {inertia}",
         "friction": {
             "mu": friction.mu,
             "b_c": f"{friction.b_c!r} N*m",
@@ -275,33 +282,36 @@ def _geared(file: Path, row: Row, own: Drive) -> Drive:
         },
         "self_locking": "not required",  # `size` checks self-locking
     }
-    said["friction"]["b_oc"] = f"{friction.b_oc!r} {effort}"
-    said["friction"]["mu_static"] = friction.mu_static
-    if own.kind == "antibacklash_screw":
-        said |= {"preload": f"{own.preload!r} N", "second_nut_mass": f"{own.second_nut_mass!r} kg"}
+    values["friction"]["b_oc"] = f"{friction.b_oc!r} {effort}"
+    values["friction"]["mu_static"] = friction.mu_static
+    if drive.kind == "antibacklash_screw":
+        values |= {
+            "preload": f"{drive.preload!r} N",
+            "second_nut_mass": f"{drive.second_nut_mass!r} kg",
+        }
     of_friction = []
     for key, cell in row.cells.items():
         if key in BESIDE:
             continue
-        place, _, name = key.rpartition(".")
-        (said.setdefault(place, {}) if place else said)[name] = cell
-        of_friction += [name] if place == "friction" else []
-    made = drive_from(_section(file, row, said))
-    ratings = made.ratings
-    if own.ratings is not None and ratings is not None:
+        prefix, _, name = key.rpartition(".")
+        (values.setdefault(prefix, {}) if prefix else values)[name] = cell
+        of_friction += [name] if prefix == "friction" else []
+    result = drive_from(_section(file, row, values))
+    ratings = result.ratings
+    if drive.ratings is not None and ratings is not None:
         ratings = replace(
             ratings,
-            **{name: getattr(ratings, name) or getattr(own.ratings, name) for name in FITTED},
+            **{name: getattr(ratings, name) or getattr(drive.ratings, name) for name in FITTED},
         )
     with_friction = replace(
-        friction, **{name: getattr(friction_of(made), name) for name in of_friction}
+        friction, **{name: getattr(friction_of(result), name) for name in of_friction}
     )
     return replace(
-        made,
+        result,
         ratings=ratings,
         friction=with_friction,
         friction_ranges={
-            name: ends for name, ends in own.friction_ranges.items() if name not in of_friction
+            name: ends for name, ends in drive.friction_ranges.items() if name not in of_friction
         },
-        self_locking=own.self_locking,
+        self_locking=drive.self_locking,
     )

@@ -33,7 +33,7 @@ class BadGeometry(ValueError):
         self.key = key
 
 
-def resolve(family: str, given: Mapping[str, float]) -> dict[str, float]:
+def resolve(family: str, numbers: Mapping[str, float]) -> dict[str, float]:
     """Return all dimensions (SI) of a worm or screw, by the file's names, from the given ones.
 
     worm: ratio, worm_diameter, wheel_diameter, lead, lead_angle, starts, pitch; ratio =
@@ -41,67 +41,68 @@ def resolve(family: str, given: Mapping[str, float]) -> dict[str, float]:
     ratio = 2π/lead.
     Both: tan(lead_angle) = lead/(π·diameter), lead = starts·pitch. Raises BadGeometry.
     """
-    named = _internal(family, given)
-    known: dict[str, float] = {}
+    named_numbers = _internal(family, numbers)
+    dimensions: dict[str, float] = {}
     for name in _ORDER:
-        if name not in named:
+        if name not in named_numbers:
             continue
-        key, value = named[name]
-        if name in known:
-            if abs(known[name] / value - 1) > TOLERANCE:
+        key, value = named_numbers[name]
+        if name in dimensions:
+            if abs(dimensions[name] / value - 1) > TOLERANCE:
                 raise BadGeometry(
-                    f"contradicts the other dimensions, which give {_text(name, known[name])}; "
+                    "contradicts the other dimensions, which give "
+                    f"{_text(name, dimensions[name])}; "
                     "omit or correct one of them",
                     key,
                 )
             continue
-        known[name] = value
-        _complete(family, known)
-    missing = [name for name in _NEEDED[family] if name not in known]
+        dimensions[name] = value
+        _complete(family, dimensions)
+    missing = [name for name in _NEEDED[family] if name not in dimensions]
     if missing:
-        raise BadGeometry(_insufficient(family, given))
-    lead_angle = math.atan(known.pop("tan_lead_angle"))
-    diameter = known.pop("diameter")
+        raise BadGeometry(_insufficient(family, numbers))
+    lead_angle = math.atan(dimensions.pop("tan_lead_angle"))
+    diameter = dimensions.pop("diameter")
     result = {
         "worm_diameter" if family == "worm" else "diameter": diameter,
         "lead_angle": lead_angle,
-        **known,
+        **dimensions,
     }
     return result
 
 
 def _internal(family: str, dimensions: Mapping[str, float]) -> dict[str, tuple[str, float]]:
     """Return the given dimensions by the names in the laws, each with its key in the file."""
-    named: dict[str, tuple[str, float]] = {}
+    internal: dict[str, tuple[str, float]] = {}
     for key, value in dimensions.items():
         if key == "lead_angle":
             if not 0 < value < math.pi / 3:
                 raise BadGeometry("a lead angle must be between 0 and 60 deg", key)
-            named["tan_lead_angle"] = (key, math.tan(value))
+            internal["tan_lead_angle"] = (key, math.tan(value))
         elif key in ("worm_diameter", "diameter", "effective_diameter"):
-            if "diameter" in named and abs(named["diameter"][1] / value - 1) > TOLERANCE:
+            if "diameter" in internal and abs(internal["diameter"][1] / value - 1) > TOLERANCE:
                 raise BadGeometry(
                     "differs from diameter: give only the diameter at which friction acts", key
                 )
-            named.setdefault("diameter", (key, value))
+            internal.setdefault("diameter", (key, value))
         else:
-            named[key] = (key, value)
-    return named
+            internal[key] = (key, value)
+    return internal
 
 
-def _complete(family: str, known: dict[str, float]) -> None:
+def _complete(family: str, dimensions: dict[str, float]) -> None:
     """Add every dimension that the known ones determine."""
     progress = True
     while progress:
         progress = False
         for powers, constant in _LAWS[family]:
-            unknown = [name for name in powers if name not in known]
+            unknown = [name for name in powers if name not in dimensions]
             if len(unknown) == 1:
                 value = constant
                 for name, power in powers.items():
-                    if name in known:
-                        value /= known[name] ** power
-                known[unknown[0]] = value ** (1 / powers[unknown[0]])
+                    if name in dimensions:
+                        value /= dimensions[name] ** power
+                dimensions[unknown[0]] = value ** (1 / powers[unknown[0]])
                 progress = True
 
 

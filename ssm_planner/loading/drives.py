@@ -22,7 +22,6 @@ from ssm_planner.loading.schema import (
     Model,
     Part,
     Text,
-    figure,
     interval,
     located,
     model_from,
@@ -33,6 +32,7 @@ from ssm_planner.loading.schema import (
     quantity,
     reading,
     required,
+    sourced_field,
     validated,
     vector,
     wrong,
@@ -51,15 +51,15 @@ from ssm_planner.problem.drive import (
     ThreadKind,
 )
 from ssm_planner.problem.posterior import Harmonics, Posterior, Ripple
-from ssm_planner.problem.value import Bound, Quantity, bare, hints
+from ssm_planner.problem.value import Bound, Quantity, hints, strip_annotations
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
 FLAT = 1e-9
 """Pressure angle of a drive with efficiencies. Its cosine is 1."""
-_Number = Annotated[Figure, figure(quantity("number", POSITIVE))]
-_Length = Annotated[Figure, figure(quantity("length", POSITIVE))]
-_Angle = Annotated[Figure, figure(quantity("angle", POSITIVE))]
+_Number = Annotated[Figure, sourced_field(quantity("number", POSITIVE))]
+_Length = Annotated[Figure, sourced_field(quantity("length", POSITIVE))]
+_Angle = Annotated[Figure, sourced_field(quantity("angle", POSITIVE))]
 
 
 class WormDimensions(Model):
@@ -112,7 +112,7 @@ class ScrewDimensions(Model):
 
 def _numbers(value: Any) -> tuple[float, ...]:
     try:
-        numbers = tuple(float(word) for word in value.split())
+        numbers = tuple(float(text) for text in value.split())
     except (AttributeError, ValueError):
         numbers = ()
     if not numbers or not all(map(math.isfinite, numbers)):
@@ -169,10 +169,16 @@ def _range(name: str, slides: bool) -> Any:
     """Return the optional range of a friction parameter due to lubrication, temperature and
     wear.
     """
-    (of,) = (mark for mark in bare(hints(Friction)[name])[1] if isinstance(mark, Quantity))
-    kind = of.kind(slides)
+    (unit_mark,) = (
+        mark for mark in strip_annotations(hints(Friction)[name])[1] if isinstance(mark, Quantity)
+    )
+    unit_kind = unit_mark.unit_kind(slides)
     # the bounds of a dimensionless number may be equal
-    return optional(Annotated[Any, vector(kind, kind) if kind == "number" else interval(kind)])
+    return optional(
+        Annotated[
+            Any, vector(unit_kind, unit_kind) if unit_kind == "number" else interval(unit_kind)
+        ]
+    )
 
 
 class RatioDimensions(Model):
@@ -230,51 +236,51 @@ OF_MESH = (
     "posterior",
 )
 """Parameters of the friction in a thread."""
-_SHARE = Annotated[Figure, figure(quantity("number", Bound(above=0.0, at_most=1.0)))]
+_SHARE = Annotated[Figure, sourced_field(quantity("number", Bound(above=0.0, at_most=1.0)))]
 
 
 @cache
-def drive_model(kind: str) -> Any:
+def drive_model(drive_kind: str) -> Any:
     """Return the model of the files for one of KINDS.
 
     It is built on first use because this is slow.
     """
-    slides, threaded = kind not in TURNING, kind in THREADED
+    slides, threaded = drive_kind not in TURNING, drive_kind in THREADED
     only_of_screws = () if slides else OF_SCREWS
     ratings = model_of(
-        Ratings, {"source": SOURCE}, slides=slides, figures=True, without=only_of_screws
+        Ratings, {"source": SOURCE}, slides=slides, sourced=True, without=only_of_screws
     )
     keys = {
-        "kind": (Literal[kind], ...),
+        "kind": (Literal[drive_kind], ...),
         "source": SOURCE,
         "ratings": optional(nested(ratings)),
     }
-    if kind in _GEOMETRY:
-        what = "of the thread" if threaded else "from the motor to the output"
-        keys["geometry"] = required(_GEOMETRY[kind], f"Dimensions {what}.")
-    keys |= _keys_of_thread(slides) if threaded else _keys_of_efficiencies(kind, slides)
+    if drive_kind in _GEOMETRY:
+        description = "of the thread" if threaded else "from the motor to the output"
+        keys["geometry"] = required(_GEOMETRY[drive_kind], f"Dimensions {description}.")
+    keys |= _keys_of_thread(slides) if threaded else _keys_of_efficiencies(drive_kind, slides)
     without: tuple[str, ...] = () if threaded else OF_THREADS
-    if kind == "antibacklash_screw":
-        keys["preload"] = Annotated[Figure, figure(quantity("force", POSITIVE))], ...
-        keys["second_nut_mass"] = reading(Drive, "second_nut_mass", slides, figures=True), ...
+    if drive_kind == "antibacklash_screw":
+        keys["preload"] = Annotated[Figure, sourced_field(quantity("force", POSITIVE))], ...
+        keys["second_nut_mass"] = reading(Drive, "second_nut_mass", slides, sourced=True), ...
     else:
         without += OF_TWO_NUTS
     base = _ThreadModel if threaded else Model
-    return model_of(Drive, keys, slides=slides, figures=True, without=without, base=base)
+    return model_of(Drive, keys, slides=slides, sourced=True, without=without, base=base)
 
 
 def _keys_of_thread(slides: bool) -> dict[str, Any]:
     """Return the keys of a drive with a thread that differ from the fields of Drive."""
     friction = {
-        "mu_static": optional(reading(Friction, "mu_static", figures=True)),
+        "mu_static": optional(reading(Friction, "mu_static", sourced=True)),
         "covariance": optional(dict[str, dict[str, FiniteFloat]]),
         "posterior": optional(PosteriorModel),
     }
     ranges = {"source": (Text, ...), **{name: _range(name, slides) for name in RANGED}}
     published = {
-        name: optional(reading(Friction, name, slides, figures=True)) for name in PARAMETERS
+        name: optional(reading(Friction, name, slides, sourced=True)) for name in PARAMETERS
     }
-    published["preload"] = optional(reading(Drive, "preload", figures=True))
+    published["preload"] = optional(reading(Drive, "preload", sourced=True))
     rig = {
         "payload_direction": (Literal["positive", "negative"], "positive"),
         "published": optional(
@@ -284,7 +290,7 @@ def _keys_of_thread(slides: bool) -> dict[str, Any]:
     }
     if not slides:
         rig["payload_arm"] = positive("length"), ...
-    friction_model = model_of(Friction, friction, slides=slides, figures=True)
+    friction_model = model_of(Friction, friction, slides=slides, sourced=True)
     return {
         "self_locking": (Literal["required", "not required"], "required"),
         "friction": (
@@ -299,19 +305,19 @@ def _keys_of_thread(slides: bool) -> dict[str, Any]:
 _OF_FRICTION = f"Friction of mesh and bearings. {TO_IDENTIFY!r} is allowed for a drive on a rig."
 
 
-def _keys_of_efficiencies(kind: str, slides: bool) -> dict[str, Any]:
+def _keys_of_efficiencies(drive_kind: str, slides: bool) -> dict[str, Any]:
     """Return the keys of a drive with efficiencies that differ from the fields of Drive."""
     friction = {
-        name: optional(reading(Friction, name, slides, figures=True)) for name in ("b_c", "b_v")
+        name: optional(reading(Friction, name, slides, sourced=True)) for name in ("b_c", "b_v")
     }
-    if kind != "direct":
+    if drive_kind != "direct":
         friction["efficiency"] = optional(
             _SHARE, "Ratio of output to input power while the motor drives. The default is 1."
         )
         friction["backward_efficiency"] = optional(
             _SHARE, "Ratio of output to input power while the load drives. The default is forwards."
         )
-    model = model_of(Friction, friction, slides=slides, figures=True, without=OF_MESH)
+    model = model_of(Friction, friction, slides=slides, sourced=True, without=OF_MESH)
     return {"friction": optional(nested(model), "Friction, none by default.")}
 
 
@@ -321,12 +327,14 @@ def _may_be_identified(schema: dict[str, Any]) -> None:
 
 def drive_from(section: Section) -> Drive:
     """Return the drive that a section describes. Raises ProblemError."""
-    kind = section.value.get("kind")
-    if not isinstance(kind, str) or kind not in KINDS:
-        reason = "missing: this key is required" if kind is None else "unknown kind of drive"
+    drive_kind = section.value.get("kind")
+    if not isinstance(drive_kind, str) or drive_kind not in KINDS:
+        reason = "missing: this key is required" if drive_kind is None else "unknown kind of drive"
         raise section.error(reason, "kind", allowed=", ".join(KINDS))
-    model: Any = validated(section, drive_model(kind))
-    fields = _of_thread(section, model) if kind in THREADED else _of_efficiencies(section, model)
+    model: Any = validated(section, drive_model(drive_kind))
+    fields = (
+        _of_thread(section, model) if drive_kind in THREADED else _of_efficiencies(section, model)
+    )
     sources, placeholders = _origins(model)
     with located(section.sub("ratings")):
         ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
@@ -401,24 +409,24 @@ def _of_efficiencies(section: Section, model: Any) -> dict[str, Any]:
 
 def _values(model: Model) -> dict[str, Any]:
     """Return the figures of a model by the fields of its value."""
-    given = {
-        name: each.value if isinstance(each, Figure) else each
-        for name, each in model
-        if each is not None
+    numbers = {
+        name: field_value.value if isinstance(field_value, Figure) else field_value
+        for name, field_value in model
+        if field_value is not None
     }
-    return {name: value for name, value in given.items() if name in hints(model.of[-1])}
+    return {name: value for name, value in numbers.items() if name in hints(model.of[-1])}
 
 
 def _dimensions(section: Section, model: Any) -> dict[str, float]:
-    given = model.geometry.numbers()
-    thread_angle = given.pop("thread_angle")
-    outer = given.pop("outer_diameter", None)
+    numbers = model.geometry.numbers()
+    thread_angle = numbers.pop("thread_angle")
+    outer = numbers.pop("outer_diameter", None)
     if not thread_angle < math.radians(120):
         raise section.error(
             "implausible", "geometry", "thread_angle", allowed="an angle below 120 deg"
         )
     try:
-        dimensions = resolve("worm" if model.kind == "worm" else "screw", given)
+        dimensions = resolve("worm" if model.kind == "worm" else "screw", numbers)
     except BadGeometry as error:
         path = ("geometry",) if error.key is None else ("geometry", error.key)
         raise section.error(str(error), *path, show=error.key is not None) from None
@@ -479,16 +487,14 @@ def _rig(model: Any) -> Rig:
 
 def _origins(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
     """Return the source of each figure, and the names of the placeholders."""
-    figures: dict[str, Figure] = {}
+    sourced: dict[str, Figure] = {}
     sources: dict[str, str] = {}
     for submodel in (model, getattr(model, "geometry", None), model.friction, model.ratings):
         if submodel is not None:
             origin = getattr(submodel, "source", None) or model.source
-            figures |= submodel.figures()
-            sources |= {} if origin is None else dict.fromkeys(submodel.figures(), origin)
+            sourced |= submodel.sourced_figures()
+            sources |= {} if origin is None else dict.fromkeys(submodel.sourced_figures(), origin)
     if getattr(model, "friction_ranges", None) is not None:
         sources["friction_ranges"] = model.friction_ranges.source
-    sources |= {
-        name: figure.source for name, figure in figures.items() if figure.source is not None
-    }
-    return sources, tuple(name for name, figure in figures.items() if figure.placeholder)
+    sources |= {name: item.source for name, item in sourced.items() if item.source is not None}
+    return sources, tuple(name for name, item in sourced.items() if item.placeholder)

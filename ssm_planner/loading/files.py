@@ -42,8 +42,8 @@ def find(name: str | Path, folder: Folder) -> Path:
         return path  # reading it raises the appropriate error
     if str(name) in names:
         return names[str(name)]
-    beside = [file.name for file in path.parent.glob("*.yaml")] if path.parent.is_dir() else []
-    close = difflib.get_close_matches(path.name, [*names, *beside], n=1)
+    neighbours = [file.name for file in path.parent.glob("*.yaml")] if path.parent.is_dir() else []
+    close = difflib.get_close_matches(path.name, [*names, *neighbours], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ""
     raise ProblemError(
         f"no such file{hint}", file=path, allowed=f"a file, or a shipped name: {', '.join(names)}"
@@ -72,11 +72,11 @@ def of_data(data: Mapping[str, Any]) -> Section:
 def _section(file: Path | None, root: Node) -> Section:
     if isinstance(root.value, dict):
         return Section(file, root)
-    what = "the problem is" if file is None else "the file holds"
+    subject = "the problem is" if file is None else "the file holds"
     content = (
         "a list" if isinstance(root.value, list) else f"only the text {str(root.value)[:40]!r}"
     )
-    reason = f"{what} {'nothing' if root.value is None else content}"
+    reason = f"{subject} {'nothing' if root.value is None else content}"
     raise ProblemError(reason, file=file, line=root.line, allowed="a mapping of key: value lines")
 
 
@@ -95,7 +95,7 @@ def follow(section: Section, *path: str | int, kind: str | None = None) -> Secti
         )
     )
     try:
-        shipped = shipped_names(f"{kind or path[-1]}s").get(reference.value)  # type: ignore[arg-type]  # robot, drive, motor
+        shipped = shipped_names(f"{kind or path[-1]}s").get(reference.value)  # type: ignore[arg-type]
         if shipped is not None and not target.exists():
             return read(shipped)
         problem = (
@@ -117,8 +117,8 @@ def text_of(file: Path) -> str:
 
     try:
         if not file.is_file():
-            what = "this is a directory, not a file" if file.is_dir() else "not a regular file"
-            raise refused(what if file.exists() else "no such file")
+            fault = "this is a directory, not a file" if file.is_dir() else "not a regular file"
+            raise refused(fault if file.exists() else "no such file")
         size = file.stat().st_size
         if size > LARGEST_FILE:
             raise refused(

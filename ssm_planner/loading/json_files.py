@@ -82,7 +82,7 @@ class _Stream:
         self.text, self.at, self.line = "", 0, 1
         self.digest, self.decoded = hashlib.sha256(), codecs.getincrementaldecoder("utf-8-sig")()
 
-    def more(self) -> bool:
+    def read_more(self) -> bool:
         """Double the buffered text, so that long values are rarely parsed twice.
 
         Return False at the end.
@@ -97,7 +97,7 @@ class _Stream:
         """Return the next character that is not a space, or "" at the end."""
         while True:
             self.at = _SPACE.match(self.text, self.at).end()  # type: ignore[union-attr]
-            if self.at < len(self.text) or not self.more():
+            if self.at < len(self.text) or not self.read_more():
                 return self.text[self.at : self.at + 1]
 
     def take(self, allowed: str) -> str:
@@ -123,7 +123,7 @@ class _Stream:
                 fault, end = error, len(self.text)
             if _NUMBER.match(self.text, end).end() < len(self.text):  # type: ignore[union-attr]
                 break
-            if len(self.text) - self.at > LARGEST_VALUE or not self.more():
+            if len(self.text) - self.at > LARGEST_VALUE or not self.read_more():
                 break
         if fault is not None:
             self.refuse(fault.msg)
@@ -139,10 +139,10 @@ class _Stream:
             if not isinstance(key, str):
                 self.refuse("a key is not text")
             self.take(":")
-            first = self.peek()
-            if (key,) == longest and first == "[":
+            character = self.peek()
+            if (key,) == longest and character == "[":
                 mapping[key] = self.array()
-            elif key == longest[0] and len(longest) > 1 and first == "{":
+            elif key == longest[0] and len(longest) > 1 and character == "{":
                 mapping[key] = self.mapping(longest[1:])
             else:
                 mapping[key] = self.value()
@@ -211,8 +211,8 @@ def parse_json(path: Path, data: bytes) -> Any:
         content = decoder.decode(text)
     except json.JSONDecodeError as error:
         cut = error.pos >= len(text.rstrip())
-        what = "the file ends early: truncated" if cut and text.strip() else "not JSON"
-        raise TrajectoryError(f"{path}:{error.lineno}: {what} ({error.msg})") from error
+        fault = "the file ends early: truncated" if cut and text.strip() else "not JSON"
+        raise TrajectoryError(f"{path}:{error.lineno}: {fault} ({error.msg})") from error
     except RecursionError as error:
         raise TrajectoryError(f"{path}: nested too deeply (allowed: {DEEPEST} levels)") from error
     _check(path, content, 0)
@@ -225,14 +225,14 @@ def _decoder(path: Path) -> json.JSONDecoder:
     def refuse(constant: str) -> NoReturn:
         raise TrajectoryError(f"{path}: contains {constant[:40]}; only finite numbers are allowed")
 
-    def whole(digits: str) -> int:
+    def parse_integer(digits: str) -> int:
         return (
             int(digits)
             if len(digits) <= LONGEST_INTEGER + 1
             else refuse(f"{digits[:12]}… ({len(digits)} digits)")
         )
 
-    return json.JSONDecoder(parse_constant=refuse, parse_int=whole)
+    return json.JSONDecoder(parse_constant=refuse, parse_int=parse_integer)
 
 
 def _check(path: Path, value: Any, depth: int) -> None:

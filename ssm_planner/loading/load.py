@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Union
 
 from pydantic import Field, TypeAdapter
 
+from ssm_planner.arguments import checked
 from ssm_planner.loading.drives import KINDS, drive_from, drive_model
 from ssm_planner.loading.files import find, follow, of_data, of_text, read
 from ssm_planner.loading.motors import MotorModel, motor_from
@@ -36,6 +37,7 @@ from ssm_planner.problem.problem import Problem as Problem
 from ssm_planner.problem.robot import Robot
 
 
+@checked
 def load_problem(name: str | Path) -> Problem:
     """Return the problem in a YAML file or the shipped problem of this name.
 
@@ -59,6 +61,7 @@ def _from_yaml(text: str) -> Problem:
 Problem.from_dict, Problem.from_yaml = problem_from_dict, _from_yaml
 
 
+@checked
 def load_robot(name: str | Path) -> Robot:
     """Return the robot in a YAML file or the shipped robot of this name, with drives and motors.
 
@@ -67,6 +70,7 @@ def load_robot(name: str | Path) -> Robot:
     return robot_from(read(find(name, "robots")))
 
 
+@checked
 def load_drive(name: str | Path) -> Drive:
     """Return the drive in a YAML file or the shipped drive of this name.
 
@@ -75,6 +79,7 @@ def load_drive(name: str | Path) -> Drive:
     return drive_from(read(find(name, "drives")))
 
 
+@checked
 def load_motor(name: str | Path) -> Motor:
     """Return the motor in a YAML file or the shipped motor of this name. Raises ProblemError."""
     return motor_from(read(find(name, "motors")))
@@ -97,6 +102,7 @@ ControllerModel = model_of(
 """Model of a controller file. Every key is optional."""
 
 
+@checked
 def load_controller(name: str | Path) -> Controller:
     """Return the controller in a YAML file or the shipped controller of this name.
 
@@ -142,7 +148,7 @@ def load_motorisation(name: str | Path) -> Motorisation:
     Their robot is loaded as well. Raises ProblemError.
     """
     section = read(find(name, "motorisation"))
-    if section.holds("motion") and not section.holds("back_and_forth"):
+    if section.has_key("motion") and not section.has_key("back_and_forth"):
         raise section.error(
             "this is a problem file: plan it first, then size its plan.json", "motion", show=False
         )
@@ -158,11 +164,11 @@ def load_motorisation(name: str | Path) -> Motorisation:
                 allowed="one joint per run: roll, tilt or insertion",
             )
         strokes.append(Stroke(joints[0], home=model.held, **dict(getattr(run, joints[0]))))
-    places = {
+    locations = {
         f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint)
         for i, stroke in enumerate(strokes)
     }
-    with located(section, places):
+    with located(section, locations):
         return Motorisation(model.name or section.name, robot, tuple(strokes), section.file_name)
 
 

@@ -39,7 +39,7 @@ def written_out(section: Section, within: tuple[Section, ...] = ()) -> Section:
         if points and key in children:
             children[key] = _with_points(section.sub(key), children[key], points)
     if "motion" in children and isinstance(children["motion"].value, list):
-        entries = _Motions(section, within).of(section.sub("motion"), children["motion"])
+        entries = _Motions(section, within).expand(section.sub("motion"), children["motion"])
         children["motion"] = _replaced(children["motion"], dict(enumerate(entries)))
     return Section(section.file, _replaced(section.root, children))
 
@@ -61,7 +61,7 @@ def _replaced(node: Node, children: Mapping[str | int, Node]) -> Node:
 def _points(section: Section) -> Mapping[str | int, Node]:
     """Return the named points of the problem."""
     point_section = section.sub("points")
-    if not section.holds("points"):
+    if not section.has_key("points"):
         return {}
     if not isinstance(point_section.value, dict):
         raise point_section.error(
@@ -87,8 +87,8 @@ def _with_points(part_section: Section, node: Node, points: Mapping[str | int, N
             raise part_section.error("unknown name of a point", allowed=", ".join(map(str, points)))
         return replace(points[node.value], line=node.line)
     children = {
-        part: _with_points(part_section.sub(part), child, points)
-        for part, child in node.children.items()
+        child_key: _with_points(part_section.sub(child_key), child, points)
+        for child_key, child in node.children.items()
     }
     return _replaced(node, children) if children else node
 
@@ -105,7 +105,7 @@ def _by_corners(motion_section: Section, entry: Node) -> list[Node]:
     if "blend" not in node.children:
         reason = "missing: corners need a distance within which they are rounded"
         raise motion_section.sub(name).error(reason, "blend", allowed="a length such as 0.3 mm")
-    rest: dict[str | int, Node] = {
+    remaining: dict[str | int, Node] = {
         key: child for key, child in node.children.items() if key not in ("through", "to", "blend")
     }
     ends = [*corners.children.values(), *([node.children["to"]] if "to" in node.children else [])]
@@ -114,8 +114,8 @@ def _by_corners(motion_section: Section, entry: Node) -> list[Node]:
         on: dict[str | int, Node] = (
             {"blend": node.children["blend"]} if k < len(corners.value) else {}
         )
-        one = replace(_replaced(node, {**rest, "to": end, **on}), line=end.line)
-        legs.append(replace(_replaced(entry, {name: one}), key_lines={name: end.line}))
+        line_node = replace(_replaced(node, {**remaining, "to": end, **on}), line=end.line)
+        legs.append(replace(_replaced(entry, {name: line_node}), key_lines={name: end.line}))
     return legs
 
 
@@ -125,7 +125,7 @@ class _Motions:
     def __init__(self, section: Section, within: tuple[Section, ...]) -> None:
         self.section, self.within = section, within
 
-    def of(self, list_section: Section, node: Node) -> list[Node]:
+    def expand(self, list_section: Section, node: Node) -> list[Node]:
         """Return the motions of the list at a key of the file. Raises ProblemError."""
         expanded: list[Node] = []
         for i, entry in enumerate(node.children.values()):
@@ -161,7 +161,7 @@ class _Motions:
             )
         if not isinstance(value["motion"], list):
             raise list_section.error("expected a list of motions", "motion", show=False)
-        once = self.of(list_section.sub("motion"), node.children["motion"])
+        once = self.expand(list_section.sub("motion"), node.children["motion"])
         if times * len(once) > LONGEST_MOTION:
             raise list_section.error(
                 "too many motions", allowed=f"at most {LONGEST_MOTION} in all", show=False
@@ -175,21 +175,23 @@ class _Motions:
             raise key.error(
                 "invalid problem", allowed="a problem file, relative to this one, or a shipped name"
             )
-        other = follow(motion_section, "include", kind="problem")
+        included = follow(motion_section, "include", kind="problem")
         chain = (*self.within, self.section)
-        if other.file is not None and any(
-            including.file is not None and including.file.samefile(other.file)
+        if included.file is not None and any(
+            including.file is not None and including.file.samefile(included.file)
             for including in chain
         ):
             raise key.error("this problem includes itself", allowed="another problem")
-        entries = written_out(other, chain).sub("motion").value if other.holds("motion") else None
+        entries = (
+            written_out(included, chain).sub("motion").value if included.has_key("motion") else None
+        )
         if not isinstance(entries, list):
             raise key.error("this problem has no motions", allowed="a problem with the key motion")
         for entry in entries:
             if (
                 isinstance(entry, dict)
                 and isinstance(entry.get("path"), str)
-                and other.file is not None
+                and included.file is not None
             ):
-                entry["path"] = str(other.file.parent.absolute() / entry["path"])
+                entry["path"] = str(included.file.parent.absolute() / entry["path"])
         return [plain_node(entry, line=motion_section.line()) for entry in entries]

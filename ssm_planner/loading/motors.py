@@ -11,10 +11,10 @@ from ssm_planner.loading.schema import (
     SOURCE,
     Figure,
     Truth,
-    figure,
     located,
     model_of,
     quantity,
+    sourced_field,
     validated,
 )
 from ssm_planner.loading.yaml_nodes import Section
@@ -23,9 +23,9 @@ from ssm_planner.problem.value import Bound
 from ssm_planner.units import rpm
 
 
-def _check(kind: str, description: str) -> Any:
+def _check(quantity_kind: str, description: str) -> Any:
     """Return a figure that only serves to check others."""
-    hint = Annotated[Figure, figure(quantity(kind, Bound(above=0.0)))]
+    hint = Annotated[Figure, sourced_field(quantity(quantity_kind, Bound(above=0.0)))]
     return hint | None, Field(None, description=description)
 
 
@@ -47,7 +47,7 @@ MotorModel = model_of(
         ),
         **CHECKS,
     },
-    figures=True,
+    sourced=True,
 )
 """Model of a motor file: the figures of a datasheet, each with its source."""
 
@@ -84,21 +84,21 @@ On 95 % of 641 product pages the difference is at most 0.5 %.
 def motor_from(section: Section) -> Motor:
     """Return the motor that a section describes. Raises ProblemError."""
     model: Any = validated(section, MotorModel)
-    figures = model.figures()
-    for name, entry in figures.items():
+    sourced = model.sourced_figures()
+    for name, entry in sourced.items():
         if entry.source is None and model.source is None:
             allowed = "{value: …, source: …}, or one source: for the whole file"
             raise section.error("no source", name, allowed=allowed, show=False)
-    values = {name: entry.value for name, entry in figures.items()}
+    values = {name: entry.value for name, entry in sourced.items()}
     _check_torque(section, values)
     _check_constants(section, values)
     _check_heat(section, values)
     with located(section):
         return Motor(
             name=model.name,
-            sources={name: entry.source or model.source for name, entry in figures.items()},
+            sources={name: entry.source or model.source for name, entry in sourced.items()},
             placeholders=tuple(
-                name for name, entry in figures.items() if model.placeholder or entry.placeholder
+                name for name, entry in sourced.items() if model.placeholder or entry.placeholder
             ),
             file=section.file_name,
             **{name: value for name, value in values.items() if name not in CHECKS},
@@ -107,14 +107,14 @@ def motor_from(section: Section) -> Motor:
 
 def _check_torque(section: Section, values: Mapping[str, float]) -> None:
     """Raise ProblemError if torques, power or inertia are implausible for a small motor."""
-    nominal, largest = values["nominal_torque"], values["max_torque"]
+    nominal, peak_torque = values["nominal_torque"], values["max_torque"]
     for name in ("nominal_torque", "max_torque"):
         if not TORQUE[0] <= values[name] <= TORQUE[1]:
             reason = f"implausible for such a motor ({values[name]:g} N*m): check the unit (mN*m)"
             raise section.error(
                 reason, name, allowed=f"{TORQUE[0] * 1e3:g} mN*m to {TORQUE[1]:g} N*m"
             )
-    if largest > 100 * nominal:
+    if peak_torque > 100 * nominal:
         reason = "more than 100 times nominal_torque: check the unit"
         raise section.error(reason, "max_torque", allowed=f"{nominal:g} N*m upwards")
     power = nominal * values["max_speed"]
@@ -157,8 +157,11 @@ def _check_constants(section: Section, values: Mapping[str, float]) -> None:
         return
     low, high = NO_LOAD_SPEED
     if not low <= voltage / constant <= high:
-        idle = voltage / constant / rpm
-        reason = f"implausible with nominal_voltage: the motor would idle at {idle:.3g} rpm; check the unit (mN*m/A)"
+        no_load_speed = voltage / constant / rpm
+        reason = (
+            f"implausible with nominal_voltage: the motor would idle at {no_load_speed:.3g} "
+            "rpm; check the unit (mN*m/A)"
+        )
         raise section.error(
             reason, "torque_constant", allowed=f"{voltage / high:.3g} to {voltage / low:.3g} N*m/A"
         )
@@ -166,14 +169,17 @@ def _check_constants(section: Section, values: Mapping[str, float]) -> None:
     if stall is not None and resistance is not None:
         expected = constant * voltage / resistance
         if abs(stall / expected - 1) > STALL_AGREEMENT:
-            figures = "nominal_voltage / terminal_resistance"
-            _contradicts(section, "stall_torque", figures, expected, STALL_AGREEMENT)
+            formula = "nominal_voltage / terminal_resistance"
+            _contradicts(section, "stall_torque", formula, expected, STALL_AGREEMENT)
 
 
 def _contradicts(
-    section: Section, name: str, figures: str, torque: float, share: float
+    section: Section, name: str, formula: str, torque: float, share: float
 ) -> NoReturn:
-    reason = f"contradicts torque_constant × {figures} = {torque * 1e3:.4g} mN*m by more than {100 * share:g} %"
+    reason = (
+        f"contradicts torque_constant × {formula} = {torque * 1e3:.4g} mN*m by more than "
+        f"{100 * share:g} %"
+    )
     raise section.error(reason, name, allowed="figures of one datasheet and one winding")
 
 

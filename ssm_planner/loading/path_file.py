@@ -25,7 +25,10 @@ OF_JOINTS, OF_TIP = ("q1", "q2", "q3", "q4"), ("x", "y", "z")
 KNOWN = (*OF_JOINTS, *TASK, *OF_TIP)
 BESIDE = re.compile(r"t|time.*|qd+\d|motor\d_.*")
 """Columns of trajectories that a path does not need."""
-FORMS = "q1, q2, q3, q4; or any of roll, tilt, spin, depth; or x, y, z and spin: each with its unit, such as 'tilt [deg]'"
+FORMS = (
+    "q1, q2, q3, q4; or any of roll, tilt, spin, depth; or x, y, z and spin: each with its "
+    "unit, such as 'tilt [deg]'"
+)
 
 
 def path_from(section: Section, name: str, line: int | None) -> Follow:
@@ -99,8 +102,8 @@ def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
         form: tuple[str, ...] = OF_JOINTS
     elif names_found & set(OF_TIP) and not set(TASK) <= names_found:
         form = (*OF_TIP, "spin")
-        if more := sorted(names_found - set(form)):
-            raise refused("redundant: the tip determines it", more[0])
+        if unexpected := sorted(names_found - set(form)):
+            raise refused("redundant: the tip determines it", unexpected[0])
     else:
         form = tuple(name for name in TASK if name in names_found)
     if missing := [name for name in form if name not in names_found]:
@@ -111,7 +114,7 @@ def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
 
 
 def _numbers(
-    cells: list[str], columns: Mapping[str, tuple[int, float]], place: tuple[Path, int]
+    cells: list[str], columns: Mapping[str, tuple[int, float]], location: tuple[Path, int]
 ) -> Mapping[str, float]:
     """Return the SI values of one row."""
     values: dict[str, float] = {}
@@ -125,8 +128,8 @@ def _numbers(
             reason = "not a finite number" if cell.strip() else "no value"
             raise ProblemError(
                 reason,
-                file=place[0],
-                line=place[1],
+                file=location[0],
+                line=location[1],
                 key=f"column {name}",
                 value=cell.strip() or None,
             )

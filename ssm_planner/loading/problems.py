@@ -56,7 +56,7 @@ from ssm_planner.problem.motion import (
 )
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.problem.value import Bound, frozen
+from ssm_planner.problem.value import Bound, read_only_array
 from ssm_planner.typing import Array
 from ssm_planner.units import KINDS
 
@@ -89,7 +89,10 @@ SQUARE = math.radians(0.5)
 """Largest deviation of the lens axes from a right angle. The first axis is then corrected."""
 Place = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the file."""
-_FORMS = "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] with spin"
+_FORMS = (
+    "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] "
+    "with spin"
+)
 
 
 class _NamedModel(Model):
@@ -108,8 +111,8 @@ class _PointModel(_NamedModel):
         if not data:
             raise wrong("the point is empty", _FORMS)
         if "joints" in data and len(data) > 1:
-            other = next(key for key in data if key != "joints")
-            raise wrong("redundant: joints determine the point", _FORMS, other)
+            other_key = next(key for key in data if key != "joints")
+            raise wrong("redundant: joints determine the point", _FORMS, other_key)
         if "tip" in data:
             for key in ("roll", "tilt", "depth"):
                 if key in data:
@@ -129,7 +132,12 @@ class _ScanModel(Model):
         pattern = data.get("pattern") if isinstance(data, dict) else None
         if pattern not in PATTERNS:
             return data
-        for key in (key for other, keys in PATTERNS.items() if other != pattern for key in keys):
+        for key in (
+            key
+            for pattern_name, keys in PATTERNS.items()
+            if pattern_name != pattern
+            for key in keys
+        ):
             if key in data:
                 raise wrong(
                     f"not allowed for the pattern {pattern!r}",
@@ -161,9 +169,11 @@ def _rate(name: str, bound: Bound = UNBOUND) -> Any:
     return Annotated[Any, quantity("velocity" if name == "depth" else "angular_velocity", bound)]
 
 
-def _largest(kind: type[ToolLimit]) -> Any:
+def _bound_field(limit_type: type[ToolLimit]) -> Any:
     """Return the largest value of a limit on the tool, in its unit."""
-    (kind_name, *_) = (name for name, candidate in KINDS.items() if candidate.unit == kind.unit)
+    (kind_name, *_) = (
+        name for name, candidate in KINDS.items() if candidate.unit == limit_type.unit
+    )
     return positive(kind_name)
 
 
@@ -189,7 +199,7 @@ FreeTargetModel = model_of(
     },
     base=_PointModel,
 )
-_COUNT = Annotated[Any, quantity("number", Bound(at_least=1, at_most=LARGEST_GRID), whole=True)]
+_COUNT = Annotated[Any, quantity("number", Bound(at_least=1, at_most=LARGEST_GRID), integer=True)]
 ScanModel = model_of(
     Scan,
     {
@@ -217,7 +227,9 @@ EyeModel = model_of(Eye, {"lens": optional(nested(LensModel))})
 class RepeatModel(Model):
     """Motions to repeat."""
 
-    times: Annotated[Any, quantity("number", Bound(at_least=1, at_most=LONGEST_MOTION), whole=True)]
+    times: Annotated[
+        Any, quantity("number", Bound(at_least=1, at_most=LONGEST_MOTION), integer=True)
+    ]
     """Number of repetitions."""
     motion: list[Any]
     """Motions to repeat, in order."""
@@ -235,9 +247,12 @@ class _EntryModel(Model):
 
 
 def _motion_to(
-    to: Any, description: str, more: Mapping[str, Any] | None = None, without: tuple[str, ...] = ()
+    to: Any,
+    description: str,
+    extra_keys: Mapping[str, Any] | None = None,
+    without: tuple[str, ...] = (),
 ) -> Any:
-    keys = {"to": required(to, "End point."), **(more or {})}
+    keys = {"to": required(to, "End point."), **(extra_keys or {})}
     model = model_of(Straight, keys, without=(*TASK, "name", *without))
     return optional(nested(model), description)
 
@@ -310,7 +325,9 @@ EntryModel = model_from(
     base=_EntryModel,
 )
 _SHARE = Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
-_OF_TOOL = {kind.field: optional(_largest(kind), kind.__doc__ or "") for kind in ToolLimit.kinds()}
+_OF_TOOL = {
+    kind.field: optional(_bound_field(kind), kind.__doc__ or "") for kind in ToolLimit.kinds()
+}
 _RATES = {
     TaskRate.field_of(name): optional(_rate(name, POSITIVE), "Largest, by magnitude.")
     for name in TASK
@@ -338,10 +355,10 @@ _NAMED = Annotated[
 
 
 def _overrides(slides: bool = False) -> Any:
-    given = ("velocity", "acceleration", "jerk")
+    names = ("velocity", "acceleration", "jerk")
     keys = {
         name: optional(reading(Joint, name, slides), "Value instead of the robot's.")
-        for name in given
+        for name in names
     }
     return model_from(keys)
 
@@ -373,7 +390,7 @@ ProblemModel = model_of(
             positive("mass"), "Point mass at the tip in addition to the robot's bodies."
         ),
     },
-    without=("friction", "payload", "start_acceleration", "wider"),
+    without=("friction", "payload", "start_acceleration", "excess_ranges"),
 )
 """Model of a problem file."""
 
@@ -390,13 +407,13 @@ def problem_from(section: Section) -> Problem:
     if (
         model.start.joints is None
         and model.start.tip is None
-        and (missing := set(TASK) - set(_given(model.start)))
+        and (missing := set(TASK) - set(_set_coordinates(model.start)))
     ):
-        first = next(name for name in TASK if name in missing)
+        missing_name = next(name for name in TASK if name in missing)
         reason = "missing: a start needs all four coordinates"
-        raise section.error(reason, "start", first, allowed=", ".join(TASK))
+        raise section.error(reason, "start", missing_name, allowed=", ".join(TASK))
     motion = tuple(_motion(section.sub("motion", i), entry) for i, entry in enumerate(model.motion))
-    with located(section, _places(model)), in_tables(motion):
+    with located(section, _key_locations(model)), in_tables(motion):
         problem = Problem(
             name=model.name or section.name,
             robot=robot,
@@ -409,8 +426,12 @@ def problem_from(section: Section) -> Problem:
             duration=model.duration,
             duty=None if model.duty == ONCE else model.duty,
             planner=model.planner,
-            start_rate={name: rate for name, rate in _given(model.start_rate).items() if rate},
-            end_rate={name: rate for name, rate in _given(model.end_rate).items() if rate},
+            start_rate={
+                name: rate for name, rate in _set_coordinates(model.start_rate).items() if rate
+            },
+            end_rate={
+                name: rate for name, rate in _set_coordinates(model.end_rate).items() if rate
+            },
             file=section.file_name,
             eye=None if model.eye is None else _eye(section.sub("eye"), model.eye),
         )
@@ -427,9 +448,11 @@ def _robot(section: Section, model: Any) -> Robot:
         )
     joints = []
     for joint in robot.joints:
-        stated = None if model.joints is None else getattr(model.joints, joint.name)
+        joint_model = None if model.joints is None else getattr(model.joints, joint.name)
         overrides = (
-            {} if stated is None else {name: value for name, value in stated if value is not None}
+            {}
+            if joint_model is None
+            else {name: value for name, value in joint_model if value is not None}
         )
         velocity = overrides.get("velocity", joint.velocity) * (
             1.0 if model.speed is None else model.speed
@@ -437,12 +460,12 @@ def _robot(section: Section, model: Any) -> Robot:
         joints.append(replace(joint, **{**overrides, "velocity": velocity}))
     gravity = robot.gravity
     if model.mounting is not None:
-        if named := next((angle for _, angle in model.mounting if isinstance(angle, str)), None):
+        if preset := next((angle for _, angle in model.mounting if isinstance(angle, str)), None):
             raise section.error(
-                f"names {named}, an angle of the robot", "mounting", allowed="angles"
+                f"names {preset}, an angle of the robot", "mounting", allowed="angles"
             )
         turn = rotation(tuple((axis, float(angle)) for axis, angle in model.mounting))
-        gravity = frozen(turn.T @ gravity, (3,))
+        gravity = read_only_array(turn.T @ gravity, (3,))
     robot = replace(robot, joints=(joints[0], joints[1], joints[2], joints[3]), gravity=gravity)
     if not model.tip_payload:
         return robot
@@ -453,48 +476,48 @@ def _robot(section: Section, model: Any) -> Robot:
     return with_payload(robot, model.tip_payload)
 
 
-def _places(model: Any) -> dict[str, Place]:
+def _key_locations(model: Any) -> dict[str, Place]:
     """Return the keys in the file of the fields of a Problem, by the names in its messages."""
-    places: dict[str, Place] = {
+    locations: dict[str, Place] = {
         "start.values": ("start", "joints"),
         "start.position": ("start", "tip"),
     }
-    places |= {name: ("limits", name) for name in ("friction", "payload")}
+    locations |= {name: ("limits", name) for name in ("friction", "payload")}
     for i, entry in enumerate(model.motion):
         (name,) = entry.model_fields_set
-        here, there = f"motion[{i}]", ("motion", i, name)
-        places |= {
-            f"{here}.{key}": (*there, key)
+        prefix, there = f"motion[{i}]", ("motion", i, name)
+        locations |= {
+            f"{prefix}.{key}": (*there, key)
             for key in ("blend", "duration", "constant_speed", "distance")
         }
-        points: dict[str, Place] = {f"{here}.to": (*there, "to")}
+        points: dict[str, Place] = {f"{prefix}.to": (*there, "to")}
         if (path_entry := entry.free or entry.spline) is not None:
-            passed = range(len(path_entry.through))
-            points |= {f"{here}.through[{k}]": (*there, "through", k) for k in passed}
+            indices = range(len(path_entry.through))
+            points |= {f"{prefix}.through[{k}]": (*there, "through", k) for k in indices}
         if entry.arc is not None:
-            points[f"{here}.through[0]"] = (*there, "through")
+            points[f"{prefix}.through[0]"] = (*there, "through")
         for field, location in points.items():
-            places |= {
+            locations |= {
                 f"{field}.values": (*location, "joints"),
                 f"{field}.position": (*location, "tip"),
                 field: location,
             }
         if entry.scan is not None and entry.scan.pattern == "ring":
-            places[f"{here}.diameters"] = (*there, "diameter")
+            locations[f"{prefix}.diameters"] = (*there, "diameter")
         if name in _OF_ONE_COORDINATE:
-            places[f"{here}.{_OF_ONE_COORDINATE[name]}"] = (*there, "to")
-        places[here] = (*there, "to") if entry.straight is not None else there
-    return places
+            locations[f"{prefix}.{_OF_ONE_COORDINATE[name]}"] = (*there, "to")
+        locations[prefix] = (*there, "to") if entry.straight is not None else there
+    return locations
 
 
 def _speeds(model: Any) -> Iterable[Limit]:
     """Return the limits on the rates of task coordinates and of the tool."""
     for name in TASK:
-        if (largest := getattr(model, TaskRate.field_of(name))) is not None:
-            yield TaskRate(name, largest)
-    for kind in ToolLimit.kinds():
-        if (largest := getattr(model, kind.field, None)) is not None:
-            yield kind(largest)
+        if (bound := getattr(model, TaskRate.field_of(name))) is not None:
+            yield TaskRate(name, bound)
+    for limit_type in ToolLimit.kinds():
+        if (bound := getattr(model, limit_type.field, None)) is not None:
+            yield limit_type(bound)
 
 
 def _motion(section: Section, entry: Any) -> Motion:
@@ -519,8 +542,8 @@ def _motion(section: Section, entry: Any) -> Motion:
                 else Free(end, through, model.duration, name, line, spin_free=model.to.spin == FREE)
             )
         if entry.retina is not None:
-            end = Task(**_given(model.to), line=motion_section.line("to"))
-            own = {
+            end = Task(**_set_coordinates(model.to), line=motion_section.line("to"))
+            fields_set = {
                 "duration": model.duration,
                 "constant_speed": model.constant_speed,
                 "distance": model.distance,
@@ -532,7 +555,7 @@ def _motion(section: Section, entry: Any) -> Motion:
                     "depth",
                     allowed="roll, tilt, spin",
                 )
-            return Follow(end, (), name, name, line=line, **own)
+            return Follow(end, (), name, name, line=line, **fields_set)
         if name in ("line", "arc"):
             by = () if name == "line" else (_point(motion_section.sub("through"), model.through),)
             timing = {
@@ -544,7 +567,9 @@ def _motion(section: Section, entry: Any) -> Motion:
                 _point(motion_section.sub("to"), model.to), by, name, name, line=line, **timing
             )
         to = (
-            {_OF_ONE_COORDINATE[name]: model.to} if name in _OF_ONE_COORDINATE else _given(model.to)
+            {_OF_ONE_COORDINATE[name]: model.to}
+            if name in _OF_ONE_COORDINATE
+            else _set_coordinates(model.to)
         )
         return Straight(**to, duration=model.duration, name=name, line=line, blend=model.blend)
 
@@ -558,7 +583,7 @@ def _scan(section: Section, model: Any) -> Scan:
         model.pattern
     ]
     return Scan(
-        Task(**_given(model.at), line=section.line("at")),
+        Task(**_set_coordinates(model.at), line=section.line("at")),
         model.distance,
         diameters,
         rows=model.rows or 0,
@@ -571,7 +596,7 @@ def _scan(section: Section, model: Any) -> Scan:
     )
 
 
-def _given(model: Any) -> dict[str, float]:
+def _set_coordinates(model: Any) -> dict[str, float]:
     """Return the stated task coordinates or rates."""
     return {name: value for name in TASK if (value := getattr(model, name)) not in (None, FREE)}
 
@@ -583,15 +608,15 @@ def _point(section: Section, model: Any) -> Point:
             return Joints(model.joints, line)
         if model.tip is not None:
             return Tip(model.tip, 0.0 if model.spin == FREE else model.spin, line)
-        return Task(**_given(model), line=line)
+        return Task(**_set_coordinates(model), line=line)
 
 
 def _eye(section: Section, model: Any) -> Eye:
     lens = None
     if model.lens is not None:
-        here = section.sub("lens")
-        with located(here):
-            lens = Lens(model.lens.centre, model.lens.semi_axes, _frame(here, model.lens))
+        lens_section = section.sub("lens")
+        with located(lens_section):
+            lens = Lens(model.lens.centre, model.lens.semi_axes, _frame(lens_section, model.lens))
     with located(section):
         return Eye(**{**dict(model), "lens": lens})
 
@@ -609,8 +634,8 @@ def _frame(section: Section, model: Any) -> Array:
 
     third = direction("axis")
     if model.first_axis is None:
-        first, second, _ = model.semi_axes
-        if min(first, second) > 0 and not math.isclose(first, second, rel_tol=1e-9):
+        size_1, size_2, _ = model.semi_axes
+        if min(size_1, size_2) > 0 and not math.isclose(size_1, size_2, rel_tol=1e-9):
             allowed = "the direction of the first semi-axis"
             raise section.error(
                 "missing: required because the first two semi-axes differ",
@@ -618,14 +643,14 @@ def _frame(section: Section, model: Any) -> Array:
                 allowed=allowed,
             )
         # the direction is arbitrary, so the base axis farthest from the third one is used
-        along = np.eye(3)[int(np.argmin(np.abs(third)))]
+        axis = np.eye(3)[int(np.argmin(np.abs(third)))]
     else:
-        along = direction("first_axis")
-        if abs(float(along @ third)) > math.sin(SQUARE):
-            angle = math.degrees(math.acos(float(along @ third)))
+        axis = direction("first_axis")
+        if abs(float(axis @ third)) > math.sin(SQUARE):
+            angle = math.degrees(math.acos(float(axis @ third)))
             raise section.error(
                 f"at {angle:.4g} deg to axis", "first_axis", allowed="a right angle, within 0.5 deg"
             )
-    along = along - third * float(along @ third)
-    along /= np.linalg.norm(along)
-    return np.column_stack((along, np.cross(third, along), third))
+    axis = axis - third * float(axis @ third)
+    axis /= np.linalg.norm(axis)
+    return np.column_stack((axis, np.cross(third, axis), third))

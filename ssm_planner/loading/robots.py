@@ -52,7 +52,7 @@ from ssm_planner.problem.robot import (
     principal_moments,
     unit_vector,
 )
-from ssm_planner.problem.value import Bound, frozen
+from ssm_planner.problem.value import Bound, read_only_array
 from ssm_planner.typing import Array, record
 
 FOLLOWED = ("alpha", "home_tilt", "home_roll")
@@ -60,14 +60,17 @@ FOLLOWED = ("alpha", "home_tilt", "home_roll")
 
 
 def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
-    allowed = "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 deg] or [y alpha]"
+    allowed = (
+        "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 "
+        "deg] or [y alpha]"
+    )
     if not isinstance(value, list):
         raise wrong("invalid chain of rotations", allowed)
     chain: list[tuple[str, float | str]] = []
-    for part in value:
-        axis, _, angle = part.strip().partition(" ") if isinstance(part, str) else ("", "", "")
+    for item in value:
+        axis, _, angle = item.strip().partition(" ") if isinstance(item, str) else ("", "", "")
         if axis not in ("x", "y", "z"):
-            raise wrong(f"{part!r} does not start with x, y or z", allowed)
+            raise wrong(f"{item!r} does not start with x, y or z", allowed)
         follows = angle.strip().removeprefix("-") in FOLLOWED
         chain.append((axis, angle.strip() if follows else units.quantity(angle, "angle")))
     return tuple(chain)
@@ -297,7 +300,7 @@ def robot_from(section: Section) -> Robot:
             geometry=geometry,
             bodies=(bodies[0], bodies[1], bodies[2], bodies[3]),
             joints=(joints[0], joints[1], joints[2], joints[3]),
-            gravity=frozen(model.gravity, (3,)),
+            gravity=read_only_array(model.gravity, (3,)),
             limits=ranges_from(model.limits),
             file=section.file_name,
         )
@@ -305,21 +308,21 @@ def robot_from(section: Section) -> Robot:
 
 def ranges_from(model: Any) -> tuple[TaskRange, ...]:
     """Return the stated ranges of task coordinates."""
-    given = ((name, getattr(model, name)) for name in TASK)
-    return tuple(TaskRange(name, *ends) for name, ends in given if ends is not None)
+    ranges = ((name, getattr(model, name)) for name in TASK)
+    return tuple(TaskRange(name, *ends) for name, ends in ranges if ends is not None)
 
 
 def _joint(section: Section, name: str, model: Any) -> Joint:
     drive = None if model.drive is None else drive_from(follow(section, "drive"))
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
-    others = range(len(model.alternatives))
+    indices = range(len(model.alternatives))
     alternatives = tuple(
-        motor_from(follow(section, "alternatives", i, kind="motor")) for i in others
+        motor_from(follow(section, "alternatives", i, kind="motor")) for i in indices
     )
-    kind = "prismatic" if name == "insertion" else "revolute"
+    joint_kind = "prismatic" if name == "insertion" else "revolute"
     with located(section):
-        found = {"drive": drive, "motor": motor, "alternatives": alternatives}
-        return Joint(**{**dict(model), "name": name, "kind": kind, **found})
+        components = {"drive": drive, "motor": motor, "alternatives": alternatives}
+        return Joint(**{**dict(model), "name": name, "kind": joint_kind, **components})
 
 
 def _frame(
@@ -382,11 +385,11 @@ def _geometry(
     section: Section, model: GeometryModel, omegas: Sequence[Array], last_frame: Array
 ) -> Geometry:
     """Return the geometry. last_frame is the rotation base ← last body at q = 0, (3, 3)."""
-    places: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
+    locations: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
     if model.axes is None:
-        places = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
+        locations = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
     tool_home = last_frame if model.tool_home is None else _frame(section, model.tool_home, model)
-    with located(section, places):
+    with located(section, locations):
         return Geometry(
             omegas[0], omegas[1], omegas[2], tool_home, -1 if model.insertion == "negative" else 1
         )
@@ -422,19 +425,19 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
         return math.acos(max(-1.0, min(1.0, cosine)))
 
     roll = model.home_roll or 0.0
-    along, across = math.cos(alpha) * math.cos(tilt), math.sin(alpha) * math.sin(tilt)
-    beta = angle(along + across * math.sin(roll))
+    axial, across = math.cos(alpha) * math.cos(tilt), math.sin(alpha) * math.sin(tilt)
+    beta = angle(axial + across * math.sin(roll))
     if model.beta is None or abs(model.beta - beta) <= BETA_TOLERANCE:
         return roll
     if model.home_roll is not None:
         reason = f"alpha, home_tilt and home_roll give {math.degrees(beta):.4f} deg"
         raise section.error(reason, "beta", allowed="within 0.5 deg of it")
-    wanted = math.cos(model.beta) - along
-    if abs(wanted) > abs(across):
-        low, high = (math.degrees(angle(along + sign * abs(across))) for sign in (1, -1))
+    target = math.cos(model.beta) - axial
+    if abs(target) > abs(across):
+        low, high = (math.degrees(angle(axial + sign * abs(across))) for sign in (1, -1))
         reason = "no home_roll gives this beta together with alpha and home_tilt"
         raise section.error(reason, "beta", allowed=f"{low:.4g} to {high:.4g} deg")
-    return math.asin(wanted / across)
+    return math.asin(target / across)
 
 
 @record
@@ -485,7 +488,10 @@ def _plausible(section: Section, body: Body) -> Body:
         else 0.0
     )
     if gyration > LARGEST_GYRATION:
-        reason = f"implausible: a radius of gyration of {gyration:.3g} m; check the units of mass and inertia"
+        reason = (
+            f"implausible: a radius of gyration of {gyration:.3g} m; check the units of mass "
+            "and inertia"
+        )
         raise section.error(
             reason, "inertia", allowed=f"a radius of gyration up to {LARGEST_GYRATION:g} m"
         )
@@ -494,58 +500,64 @@ def _plausible(section: Section, body: Body) -> Body:
 
 def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
     for key in ("mass", "com", "inertia", "products_of_inertia"):
-        if section.holds(key):
+        if section.has_key(key):
             raise section.error(
                 "redundant: it follows from the parts",
                 key,
                 allowed="either parts, or mass, com and inertia",
             )
-    parts = [_solid(section.sub("parts", i), part, setting) for i, part in enumerate(model.parts)]
-    total = sum(parts, shapes.point(0.0, np.zeros(3)))
+    solids = [
+        _solid(section.sub("parts", i), model_part, setting)
+        for i, model_part in enumerate(model.parts)
+    ]
+    total = sum(solids, shapes.point(0.0, np.zeros(3)))
     with located(section, {"inertia": ("parts",), "mass": ("parts",)}):
         body = Body(model.name, total.mass, total.com, total.inertia, setting.frame)
     return _plausible(section, body)
 
 
-def _solid(section: Section, part: Any, setting: _Setting) -> shapes.Moments:
+def _solid(section: Section, model: Any, setting: _Setting) -> shapes.Moments:
     """Return a part in the body's frame."""
-    last = setting.place == len(setting.frames) - 1
-    if isinstance(part, ArcModel):
+    is_last = setting.place == len(setting.frames) - 1
+    if isinstance(model, ArcModel):
         if setting.place > 1:
             raise section.error(
                 "no axis follows that of this body", "shape", allowed="rod, box, point"
             )
-        if part.width >= 2 * part.radius:
+        if model.width >= 2 * model.radius:
             raise section.error(
                 "reaches beyond the remote centre", "width", allowed="less than twice the radius"
             )
         start, end = (
-            (1 if side == "positive" else -1) * setting.axis(i) for i, side in enumerate(part.sides)
+            (1 if side == "positive" else -1) * setting.axis(i)
+            for i, side in enumerate(model.sides)
         )
         return shapes.arc(
-            start, end, part.radius, section=(part.width, part.height), density=part.density
+            start, end, model.radius, section=(model.width, model.height), density=model.density
         )
-    if part.frame == "next" and last:
+    if model.frame == "next" and is_last:
         raise section.error("the last body has no next frame", "frame", allowed="own")
-    turn = np.eye(3) if part.frame == "own" else setting.frame.T @ setting.frames[setting.place + 1]
-    if isinstance(part, RodModel):
-        start, end = np.array(part.start), np.array(part.end)
+    turn = (
+        np.eye(3) if model.frame == "own" else setting.frame.T @ setting.frames[setting.place + 1]
+    )
+    if isinstance(model, RodModel):
+        start, end = np.array(model.start), np.array(model.end)
         if not np.any(end - start):
             raise section.error(
                 "the rod has no length", "end", allowed="a different point than start"
             )
-        return shapes.rod(start, end, part.diameter, part.density).turned(turn)
-    mass = _mass_of(section, part, setting.joints)
-    size = np.array(part.size) if isinstance(part, BoxModel) else np.zeros(3)
-    return shapes.box(mass, np.array(part.at), size).turned(turn)
+        return shapes.rod(start, end, model.diameter, model.density).rotated(turn)
+    mass = _mass_of(section, model, setting.joints)
+    size = np.array(model.size) if isinstance(model, BoxModel) else np.zeros(3)
+    return shapes.box(mass, np.array(model.at), size).rotated(turn)
 
 
-def _mass_of(section: Section, part: Any, joints: Sequence[Joint]) -> float:
-    if not isinstance(part.mass, str):
-        if part.mass < 0:
+def _mass_of(section: Section, model: Any, joints: Sequence[Joint]) -> float:
+    if not isinstance(model.mass, str):
+        if model.mass < 0:
             raise section.error("a mass cannot be negative", "mass", allowed="0 kg or more")
-        return float(part.mass)
-    motor = joints[_MOTORS.index(part.mass)].motor
+        return float(model.mass)
+    motor = joints[_MOTORS.index(model.mass)].motor
     if motor is None or motor.mass is None:
         reason = (
             "this joint has no motor" if motor is None else f"the file of {motor.name} has no mass"
@@ -580,12 +592,12 @@ def _sign_hint(model: Any, tensor: Array) -> str:
     convention = model.products_of_inertia
     if convention is None:
         return ""
-    other = "tensor" if convention == "cad" else "cad"
+    other_convention = "tensor" if convention == "cad" else "cad"
     hint = f"; the usual cause is the sign of the products of inertia (now {convention})"
     flipped = principal_moments(
-        model.mass, frozen(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor
+        model.mass, read_only_array(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor
     )
     if possible(flipped):
-        listed = ", ".join(f"{moment:.4g}" for moment in flipped)
-        return f"{hint}, and {other} gives possible moments, ({listed}) kg*m^2"
-    return f"{hint}, but {other} fails as well; check unit and reference point"
+        moments_text = ", ".join(f"{moment:.4g}" for moment in flipped)
+        return f"{hint}, and {other_convention} gives possible moments, ({moments_text}) kg*m^2"
+    return f"{hint}, but {other_convention} fails as well; check unit and reference point"

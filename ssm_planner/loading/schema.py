@@ -23,7 +23,15 @@ from ssm_planner import units
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.robot import JOINTS
-from ssm_planner.problem.value import Ascending, Bound, Quantity, Shape, bare, descriptions, hints
+from ssm_planner.problem.value import (
+    Ascending,
+    Bound,
+    Quantity,
+    Shape,
+    descriptions,
+    hints,
+    strip_annotations,
+)
 from ssm_planner.typing import JsonObject
 from ssm_planner.units import KINDS, NUMBER
 
@@ -63,49 +71,51 @@ class Model(BaseModel):
         return data
 
     @classmethod
-    def about(cls) -> dict[str, str]:
+    def key_descriptions(cls) -> dict[str, str]:
         """Return the meaning of each documented key."""
-        named = {
+        own_texts = {
             name: info.description for name, info in cls.model_fields.items() if info.description
         }
-        of_value = {name: text for each in cls.of for name, text in descriptions(each).items()}
-        # descriptions of files have no shapes, no None and no units, because each value states its own
+        of_value = {
+            name: text for value_type in cls.of for name, text in descriptions(value_type).items()
+        }
+        # files have no shapes and no None, and each of their values states its own unit
         return {
             name: UNIT_IN_MEMORY.sub("", re.sub(r",? ?\(3,\)", "", text)).replace(
                 "None:", "left out:"
             )
-            for name, text in {**of_value, **descriptions(cls), **named}.items()
+            for name, text in {**of_value, **descriptions(cls), **own_texts}.items()
         }
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: Any) -> JsonObject:
         schema = handler(core)
         keys_of = handler.resolve_ref_schema(schema).get("properties", {})
-        about = cls.about()
+        texts = cls.key_descriptions()
         for name, entry in keys_of.items():
             entry.pop("title", None)
-            if name in about:
-                entry["description"] = about[name]
+            if name in texts:
+                entry["description"] = texts[name]
             if isinstance(entry.get("default"), float):
-                entry["default"] = field_of(cls.model_fields[name]).written(entry["default"])
+                entry["default"] = field_of(cls.model_fields[name]).format_default(entry["default"])
         return schema
 
-    def figures(self) -> dict[str, Figure]:
+    def sourced_figures(self) -> dict[str, Figure]:
         """Return the fields that contain a figure."""
         return {name: value for name, value in self if isinstance(value, Figure)}
 
     def numbers(self) -> dict[str, float]:
         """Return the values of the figures."""
-        return {name: figure.value for name, figure in self.figures().items()}
+        return {name: item.value for name, item in self.sourced_figures().items()}
 
 
-def check_keys(data: dict[Any, Any], known: list[str]) -> None:
+def check_keys(data: dict[Any, Any], allowed: list[str]) -> None:
     """Raise an error for the first unknown key, and suggest the most similar one."""
     for key in data:
-        if key not in known:
-            close = difflib.get_close_matches(str(key), known, n=1)
+        if key not in allowed:
+            close = difflib.get_close_matches(str(key), allowed, n=1)
             reason = "unknown key" + (f"; did you mean {close[0]!r}?" if close else "")
-            raise wrong(reason, ", ".join(known), key)
+            raise wrong(reason, ", ".join(allowed), key)
         if data[key] is None:
             raise wrong("empty value: omit the key or give a value", None, key)
 
@@ -135,10 +145,12 @@ class Field:
     def unit(self) -> str:
         """Unit in a form that files accept."""
         return ", ".join(
-            dict.fromkeys(KINDS.get(kind, NUMBER).example.partition(" ")[2] for kind in self.kinds)
+            dict.fromkeys(
+                KINDS.get(unit_kind, NUMBER).example.partition(" ")[2] for unit_kind in self.kinds
+            )
         )
 
-    def written(self, value: Any) -> str:
+    def format_default(self, value: Any) -> str:
         """Return a default as a file would state it."""
         if not self.unit or not isinstance(value, float):
             return str(value)
@@ -167,7 +179,7 @@ def nested(model: Any) -> Any:
     return Annotated[Any, Part(model)]
 
 
-def quantity(kind: str, bound: Bound = UNBOUND, whole: bool = False) -> Field:
+def quantity(kind: str, bound: Bound = UNBOUND, integer: bool = False) -> Field:
     """Return the type of one quantity of a kind in units.KINDS, in SI.
 
     whole requires an integer.
@@ -177,13 +189,13 @@ def quantity(kind: str, bound: Bound = UNBOUND, whole: bool = False) -> Field:
         result = units.quantity(value, kind)
         if fault := bound.fault(result):
             raise units.BadQuantity(
-                fault, allowed if whole else f"{KINDS.get(kind, NUMBER).name} {allowed}"
+                fault, allowed if integer else f"{KINDS.get(kind, NUMBER).name} {allowed}"
             )
-        if whole and not result.is_integer():
+        if integer and not result.is_integer():
             raise units.BadQuantity("not a whole number", allowed)
-        return int(result) if whole else result
+        return int(result) if integer else result
 
-    allowed = f"a whole number {bound.allowed}" if whole else bound.allowed
+    allowed = f"a whole number {bound.allowed}" if integer else bound.allowed
     return Field(read, _json_schema(kind), (kind,), allowed)
 
 
@@ -212,12 +224,12 @@ def vector(*kinds: str) -> Field:
     return Field(lambda value: units.vector(value, kinds), schema, kinds, f"{len(kinds)} values")
 
 
-def figure(of: Field) -> Field:
+def sourced_field(field: Field) -> Field:
     """Return the type of a Figure: a quantity, or a mapping with value, source and placeholder."""
 
     def read(value: object) -> Figure:
         if not isinstance(value, dict):
-            return Figure(of.read(value))
+            return Figure(field.read(value))
         check_keys(value, ["value", "source", "placeholder"])
         if "value" not in value:
             raise wrong("missing", "value: the figure", "value")
@@ -229,49 +241,53 @@ def figure(of: Field) -> Field:
                 "source",
             )
         return Figure(
-            _guarded(of.read, "value")(value["value"]), source, _truth(placeholder, "placeholder")
+            _guarded(field.read, "value")(value["value"]),
+            source,
+            _truth(placeholder, "placeholder"),
         )
 
-    parts = {
-        "value": of.json_schema,
+    number_and_unit = {
+        "value": field.json_schema,
         "source": {"type": "string"},
         "placeholder": {"type": "boolean"},
     }
-    full = {
+    mapping_schema = {
         "type": "object",
-        "properties": parts,
+        "properties": number_and_unit,
         "required": ["value"],
         "additionalProperties": False,
     }
-    return dataclasses.replace(of, read=read, json_schema={"anyOf": [of.json_schema, full]})
+    return dataclasses.replace(
+        field, read=read, json_schema={"anyOf": [field.json_schema, mapping_schema]}
+    )
 
 
-def reading(cls: Any, name: str, slides: bool = False, figures: bool = False) -> Any:
+def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) -> Any:
     """Return the type that reads a field of a value, or None if its annotation does not define it.
 
     slides selects the units of a prismatic joint. figures allows a source for the quantity.
     """
-    kind, marks = bare(hints(cls)[name])
-    if get_origin(kind) is Literal:
-        return kind
+    hint_type, marks = strip_annotations(hints(cls)[name])
+    if get_origin(hint_type) is Literal:
+        return hint_type
     by_type = {type(mark): mark for mark in marks}
     if Quantity not in by_type:
-        return {str: Text, bool: Truth}.get(kind)
-    of = by_type[Quantity].kind(slides)
+        return {str: Text, bool: Truth}.get(hint_type)
+    unit_kind = by_type[Quantity].unit_kind(slides)
     if Ascending in by_type:
-        return Annotated[Any, interval(of)]
+        return Annotated[Any, interval(unit_kind)]
     if Shape in by_type:
-        return Annotated[Any, vector(*(of,) * by_type[Shape].shape[0])]
-    field = quantity(of, by_type.get(Bound, UNBOUND), kind is int)
-    return Annotated[Any, figure(field) if figures else field]
+        return Annotated[Any, vector(*(unit_kind,) * by_type[Shape].shape[0])]
+    field = quantity(unit_kind, by_type.get(Bound, UNBOUND), hint_type is int)
+    return Annotated[Any, sourced_field(field) if sourced else field]
 
 
 def model_of(
     cls: Any,
-    more: Mapping[str, Any] | None = None,
+    extra_keys: Mapping[str, Any] | None = None,
     *,
     slides: bool = False,
-    figures: bool = False,
+    sourced: bool = False,
     without: tuple[str, ...] = (),
     base: type[Model] = Model,
 ) -> Any:
@@ -280,35 +296,35 @@ def model_of(
     Parameters
     ----------
     cls : type
-    more : Mapping, optional
+    extra_keys : Mapping, optional
         Further or different keys, as pydantic's (type, default).
     slides : bool
         Use the units of a prismatic joint.
-    figures : bool
+    sourced : bool
         Allow sources for quantities. Missing figures are then None instead of the default.
     without : tuple of str
         Fields that are not keys.
     base : type
         Base class of the model.
     """
-    own = {field.name: field for field in dataclasses.fields(cls)}
-    given = dict(more or {})
+    value_fields = {field.name: field for field in dataclasses.fields(cls)}
+    model_fields = dict(extra_keys or {})
     fields: dict[str, Any] = {}
-    for field in own.values():
-        if field.name in given:
-            fields[field.name] = given.pop(field.name)
+    for field in value_fields.values():
+        if field.name in model_fields:
+            fields[field.name] = model_fields.pop(field.name)
             continue
         if field.name in without or not field.compare:
             continue
-        hint = reading(cls, field.name, slides, figures)
+        hint = reading(cls, field.name, slides, sourced)
         if hint is None:
             continue
         if field.default is dataclasses.MISSING:
             fields[field.name] = (hint, ...)
         else:
-            left_out = field.default is None or (figures and get_origin(hint) is Annotated)
+            left_out = field.default is None or (sourced and get_origin(hint) is Annotated)
             fields[field.name] = (hint | None, None) if left_out else (hint, field.default)
-    return model_from({**fields, **given}, base, (cls,))
+    return model_from({**fields, **model_fields}, base, (cls,))
 
 
 def model_from(
@@ -318,8 +334,8 @@ def model_from(
 
     of contains values whose fields document the keys. If several do, the last one applies.
     """
-    made: Any = create_model
-    model = made("KeysModel", __base__=base, **fields)
+    created: Any = create_model
+    model = created("KeysModel", __base__=base, **fields)
     model.of = of
     return model
 
@@ -364,7 +380,7 @@ def _truth(value: object, key: str | None = None) -> bool:
 def _axis(value: object) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != 3:
         raise wrong("invalid axis", "three numbers such as [1, 0, 0]")
-    return tuple(units.number(part) for part in value)
+    return tuple(units.number(item) for item in value)
 
 
 def _reference(value: object) -> Any:
@@ -428,14 +444,14 @@ class Key(NamedTuple):
 
 def keys(model: Any, path: str = "") -> Iterator[Key]:
     """Return every key of a model, followed by the keys of its parts."""
-    about = model.about()
+    texts = model.key_descriptions()
     for name, info in model.model_fields.items():
-        parts, field = list(_parts((info.annotation, *info.metadata))), field_of(info)
+        hints, field = list(_nested_hints((info.annotation, *info.metadata))), field_of(info)
         choices = [
             repr(choice)
-            for part in parts
-            if get_origin(part) is Literal
-            for choice in get_args(part)
+            for hint in hints
+            if get_origin(hint) is Literal
+            for choice in get_args(hint)
         ]
         default = info.default
         if isinstance(default, (Model, tuple)) or default is None:
@@ -444,32 +460,32 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
             f"{path}{name}",
             field.unit,
             " or ".join(choices) or field.allowed,
-            "required" if info.is_required() else field.written(default),
-            about.get(name, ""),
+            "required" if info.is_required() else field.format_default(default),
+            texts.get(name, ""),
         )
-        inside = f"{path}{name}{'[]' * any(get_origin(part) in (list, tuple) for part in parts)}."
-        for part in parts:
-            if isinstance(part, type) and issubclass(part, Model):
-                yield from keys(part, inside)
+        prefix = f"{path}{name}{'[]' * any(get_origin(hint) in (list, tuple) for hint in hints)}."
+        for hint in hints:
+            if isinstance(hint, type) and issubclass(hint, Model):
+                yield from keys(hint, prefix)
 
 
 def field_of(info: Any) -> Field:
     """Return the reader of a key from pydantic's description of the key."""
-    parts = _parts((info.annotation, *info.metadata))
-    return next((part for part in parts if isinstance(part, Field)), Field(str, {}))
+    hints = _nested_hints((info.annotation, *info.metadata))
+    return next((hint for hint in hints if isinstance(hint, Field)), Field(str, {}))
 
 
-def _parts(hint: Any) -> Iterator[Any]:
+def _nested_hints(hint: Any) -> Iterator[Any]:
     """Yield a type and all types that it contains."""
     yield hint.model if isinstance(hint, Part) else hint
-    for part in (
+    for inner in (
         hint
         if isinstance(hint, tuple)
         else get_args(hint)
         if get_origin(hint) is not Literal
         else ()
     ):
-        yield from _parts(part)
+        yield from _nested_hints(inner)
 
 
 def validated(section: Section, model: type[M]) -> M:
@@ -481,15 +497,15 @@ def validated(section: Section, model: type[M]) -> M:
         return model.model_validate(section.value)
     except ValidationError as error:
         faults = [_fault(section, details) for details in error.errors(include_url=False)]
-    first, *others = sorted(faults, key=lambda fault: fault.line or 0)
-    first.others = tuple(others[: SHOWN - 1])
-    first.unshown = len(others) - len(first.others)
-    raise first
+    earliest, *faults_left = sorted(faults, key=lambda fault: fault.line or 0)
+    earliest.others = tuple(faults_left[: SHOWN - 1])
+    earliest.unshown = len(faults_left) - len(earliest.others)
+    raise earliest
 
 
 @contextmanager
 def located(
-    section: Section, places: Mapping[str, tuple[str | int, ...]] | None = None
+    section: Section, locations: Mapping[str, tuple[str | int, ...]] | None = None
 ) -> Iterator[None]:
     """Add file and line to errors of values that the block builds.
 
@@ -501,33 +517,33 @@ def located(
         if error.file is not None or error.key is None:
             raise
         field = error.key.partition(".")[2]
-        name, rest = next(
-            ((name, path) for name, path in (places or {}).items() if field.startswith(name)),
+        name, remaining = next(
+            ((name, path) for name, path in (locations or {}).items() if field.startswith(name)),
             ("", ()),
         )
-        parts = re.findall(r"[^.\[\]]+", field.removeprefix(name))
-        path = (*rest, *(int(part) if part.isdecimal() else part for part in parts))
+        tokens = re.findall(r"[^.\[\]]+", field.removeprefix(name))
+        path = (*remaining, *(int(token) if token.isdecimal() else token for token in tokens))
         raise section.error(error.reason, *path, allowed=error.allowed) from None
 
 
 def _fault(section: Section, details: Any) -> ProblemError:
     context = details.get("ctx", {})
     path: tuple[str | int, ...] = ()
-    for part in details["loc"]:  # the parts of a pydantic location that are keys of the file
-        if section.sub(*path).holds(part):
-            path = (*path, part)
-    kind = details["type"]
-    if kind == "problem":
+    for entry in details["loc"]:  # the parts of a pydantic location that are keys of the file
+        if section.sub(*path).has_key(entry):
+            path = (*path, entry)
+    fault_type = details["type"]
+    if fault_type == "problem":
         key = context.get("key")
         return section.error(
             context["reason"], *path, *(() if key is None else (key,)), allowed=context["allowed"]
         )
-    if kind == "missing":
+    if fault_type == "missing":
         return section.error("missing: this key is required", *path, details["loc"][-1])
-    if kind == "literal_error":
+    if fault_type == "literal_error":
         return section.error("unknown value", *path, allowed=context["expected"])
-    if kind in ("too_short", "too_long"):
-        side, bound = ("min", "at least") if kind == "too_short" else ("max", "at most")
+    if fault_type in ("too_short", "too_long"):
+        side, bound = ("min", "at least") if fault_type == "too_short" else ("max", "at most")
         reason = f"{context['actual_length'] or 'no'} entries"
         return section.error(
             reason, *path, allowed=f"{bound} {context[f'{side}_length']}", show=False

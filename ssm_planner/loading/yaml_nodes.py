@@ -78,8 +78,8 @@ def parse(
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
-        what = " ".join(part for part in (error.context, error.problem) if part)
-        raise ProblemError(f"not valid YAML: {what}", file=file, line=line) from None
+        message = " ".join(sentence for sentence in (error.context, error.problem) if sentence)
+        raise ProblemError(f"not valid YAML: {message}", file=file, line=line) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         character = (
@@ -233,10 +233,10 @@ class Section:
         """
         return Section(self.file, self.root, (*self.path, *path))
 
-    def holds(self, part: str | int) -> bool:
+    def has_key(self, key: str | int) -> bool:
         """Return True if there is a value under this key or list position."""
         _, node, complete = self._locate(())
-        return complete and part in node.children
+        return complete and key in node.children
 
     def line(self, *path: str | int) -> int | None:
         """Return the line of a key, or of the value itself in a list, counted from 1."""
@@ -249,7 +249,7 @@ class Section:
         True.
         """
         line, node, complete = self._locate(path)
-        value = _written(node.value) if complete and show else None
+        value = _original_text(node.value) if complete and show else None
         key = key_text((*self.path, *path)) or None
         return ProblemError(
             reason, file=self.file, line=line, key=key, value=value, allowed=allowed
@@ -257,11 +257,11 @@ class Section:
 
     def _locate(self, path: tuple[str | int, ...]) -> tuple[int | None, Node, bool]:
         node, line = self.root, self.root.line
-        for part in (*self.path, *path):
-            if part not in node.children:
+        for key in (*self.path, *path):
+            if key not in node.children:
                 return line, node, False
-            line = node.key_lines[part]
-            node = node.children[part]
+            line = node.key_lines[key]
+            node = node.children[key]
         return line, node, True
 
 
@@ -271,8 +271,8 @@ def key_text(path: tuple[str | int, ...]) -> str:
     List positions count from 0.
     """
     text = ""
-    for part in path:
-        text += f"[{part}]" if isinstance(part, int) else ("." if text else "") + part
+    for key in path:
+        text += f"[{key}]" if isinstance(key, int) else ("." if text else "") + key
     return text
 
 
@@ -299,13 +299,13 @@ def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
     return Node(data, line)
 
 
-def _written(value: object) -> str | None:
+def _original_text(value: object) -> str | None:
     """Return a value as the user wrote it.
 
     A mapping gives None unless it is a figure with a value.
     """
     if isinstance(value, dict):
-        return _written(value["value"]) if "value" in value else None
+        return _original_text(value["value"]) if "value" in value else None
     if isinstance(value, list):
-        return "[" + ", ".join(_written(item) or "{…}" for item in value) + "]"
+        return "[" + ", ".join(_original_text(item) or "{…}" for item in value) + "]"
     return value if isinstance(value, str) else repr(value)

@@ -17,7 +17,7 @@ from ssm_planner.paper.published import BOUNDS, DRIVEN, Inputs
 from ssm_planner.paper.section import Section
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Motorisation
-from ssm_planner.problem.robot import Body, Robot, frozen, possible, principal_moments
+from ssm_planner.problem.robot import Body, Robot, possible, principal_moments, read_only_array
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.style import COLOURS, finish, legend, new_figure
 from ssm_planner.sizing.duty import DutyCycle
@@ -198,7 +198,7 @@ def largest_change(
 def _flipped(body: Body) -> Body:
     """Return a body with negated products of inertia."""
     diagonal = np.diag(np.diag(body.inertia))
-    return unchecked(body, inertia=frozen(2 * diagonal - body.inertia, (3, 3)))
+    return unchecked(body, inertia=read_only_array(2 * diagonal - body.inertia, (3, 3)))
 
 
 STRIBECK_SPEEDS = (0.25, 0.5, 1.0, 2.0)

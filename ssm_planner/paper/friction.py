@@ -92,7 +92,7 @@ class FrictionMap:
         return float(self.unloaded[0][-1] - row.b_c - row.b_v * self.w[-1])
 
     @property
-    def largest(self) -> float:
+    def max_friction(self) -> float:
         """Return the largest |torque| under the arm's weight in both directions, N·m."""
         forwards, backwards = self.loaded
         return float(max(forwards[1].max(), -backwards[0].min()))
@@ -190,7 +190,7 @@ def friction_section(robot: Robot) -> Section:
             "effort of the arm's weight (N·m, N·m, N)",
             *(" … ".join(map(number, m.gravity)) for m in maps),
         ),
-        ("under the arm's weight, largest", *(number(1e3 * m.largest) for m in maps)),
+        ("under the arm's weight, largest", *(number(1e3 * m.max_friction) for m in maps)),
     )
     parameters = (
         _parameter(robot, "mu", "μ_c", 1.0),
@@ -431,7 +431,8 @@ def _reasons(fit: MapFit, law: str) -> list[str]:
             ", ".join(SYMBOLS.get(name, "the load") for name in group) for group in fit.inseparable
         )
         reasons.append(
-            f"with {law} the map gives {groups} only in combination, so that values far apart fit alike"
+            f"with {law} the map gives {groups} only in combination, so that values far apart fit "
+            "alike"
         )
     if fit.estimates["mu"].at_bound:
         reasons.append(

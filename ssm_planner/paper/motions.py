@@ -133,7 +133,9 @@ def _values(problem: Problem, name: str) -> list[float]:
         *(motion.to for motion in problem.motion if isinstance(motion, (Straight, Free))),
     ]
     return [
-        point.given[name] for point in points if isinstance(point, Task) and name in point.given
+        point.set_coordinates[name]
+        for point in points
+        if isinstance(point, Task) and name in point.set_coordinates
     ]
 
 
@@ -161,10 +163,10 @@ def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
         "passed": sum(run.plan.passed for run in runs),
     }
     solved = tuple(run for run in runs if run.loads)
-    return Section("motions", values, {"motions": _figure(solved)} if solved else {})
+    return Section("motions", values, {"motions": _plot(solved)} if solved else {})
 
 
-def _figure(runs: tuple[SpeedRun, ...]) -> Figure:
+def _plot(runs: tuple[SpeedRun, ...]) -> Figure:
     """Draw the motor torques of all runs."""
     figure = new_figure(9.6, 5.6)
     panels = figure.subplots(len(DRIVEN), len(runs), sharex="col", sharey="row", squeeze=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.display import environment, filled, fixed, number, signed
+from ssm_planner.display import environment, format_fixed, number, render_template, signed
 from ssm_planner.paper import published
 from ssm_planner.units import RPM
 
@@ -61,7 +61,7 @@ class Section:
 
 def render(name: str, **values: Any) -> str:
     """Fill in a template; leave one empty line between blocks."""
-    return re.sub(r"\n{2,}", "\n\n", filled(_templates(), f"{name}.md", **values).lstrip())
+    return re.sub(r"\n{2,}", "\n\n", render_template(_templates(), f"{name}.md", **values).lstrip())
 
 
 def wrapped(paragraph: str) -> str:
@@ -82,7 +82,7 @@ def _templates() -> Environment:
         escape=False,
         milli=lambda value: number(1e3 * value),
         in_degrees=math.degrees,
-        degrees=lambda angle, decimals=3: fixed(math.degrees(angle), decimals) + "°",
+        degrees=lambda angle, decimals=3: format_fixed(math.degrees(angle), decimals) + "°",
         degrees_more=lambda angle, decimals: signed(math.degrees(angle), decimals) + "°",
     )
     templates.globals.update(

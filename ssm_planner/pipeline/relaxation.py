@@ -26,7 +26,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 
 GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 """Factors on the smallest possible change, tried in turn until there is a motion."""
@@ -136,7 +136,7 @@ class LessRate(Relaxation):
     def _text(self, share: float) -> str:
         entries = []
         for name, rate in self.rates.items():
-            unit, scale = shown("m/s" if name == "depth" else "rad/s")
+            unit, scale = display_unit("m/s" if name == "depth" else "rad/s")
             entries.append(f"{name}: {share * rate * scale:.12g} {unit}")
         return "{" + ", ".join(entries) + "}"
 
@@ -260,7 +260,7 @@ def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
         (item for item in problem.all_limits if item.key == reason.limit.key), reason.limit
     )
     # For a floor, the required value is the bound, which is lowered to the available value.
-    needed = limit.enough(reason.available if limit.is_floor else reason.required)
+    needed = limit.sufficient_bound(reason.available if limit.is_floor else reason.required)
     return None if limit.relaxed(needed) is None else Relaxation(problem, limit, needed)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.read import read_trajectory
@@ -29,6 +30,7 @@ MOST = 20_000
 """Largest number of points of a path."""
 
 
+@checked
 def retime(
     path: ArrayLike | Trajectory | str | Path,
     robot: Robot | str | Path | None = None,

@@ -17,6 +17,7 @@ from warnings import warn
 
 import numpy as np
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
@@ -75,6 +76,7 @@ def _renamed(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
 
 @_renamed(found="on_solution", cured="on_relaxation")
+@checked
 def plan(
     problem: Problem | str | Path,
     progress: Progress = lambda _: None,
@@ -238,7 +240,7 @@ class Replanner(ShortRepr):
         if isinstance(entry, Free):
             motions[index] = replace(entry, to=_merged(entry.to, target))
         elif isinstance(target, Task):
-            motions[index] = unchecked(entry, **target.given)
+            motions[index] = unchecked(entry, **target.set_coordinates)
         else:
             reason = "a straight motion is one of task coordinates"
             raise ProblemError(
@@ -299,7 +301,7 @@ def _four(values: Array) -> tuple[float, float, float, float]:
 def _merged(base: Point, point: Point) -> Point:
     """Return `point`, with missing task coordinates taken from `base`."""
     if isinstance(base, Task) and isinstance(point, Task):
-        return unchecked(base, **point.given)
+        return unchecked(base, **point.set_coordinates)
     return point
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.motors import drive_torque
 from ssm_planner.dynamics.rigid_body import with_payload
-from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.dynamics.transmission import mesh_coefficients
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LAW, LAWS
@@ -113,13 +113,13 @@ def bounding_drives(
     smallest = {name: float(column.min()) for name, column in sets.items()}
     if LAW in smallest:
         smallest[LAW] = float(LAWS.index("coulomb"))
-    return (*drives, drawn(plain_drive, smallest))
+    return (*drives, drive_with(plain_drive, smallest))
 
 
 def _raised(drive: Drive, values: dict[str, float], torque: float) -> Drive:
     """Return the drive with these friction parameters, and bearing friction raised by `torque`."""
     b_c = values.get("b_c", friction_of(drive).b_c) + torque
-    return drawn(drive, {**values, "b_c": b_c})
+    return drive_with(drive, {**values, "b_c": b_c})
 
 
 def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) -> Array:
@@ -148,7 +148,7 @@ def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) 
     columns = {name: column[:, None] for name, column in sets.items()}
     motion = direction * w / drive.ratio, np.zeros_like(w), direction
     torques, _ = drive_torque(
-        drawn(drive, columns), direction * effort, *motion, breakaway=start > 0
+        drive_with(drive, columns), direction * effort, *motion, breakaway=start > 0
     )
     return np.asarray(
         direction * np.broadcast_to(torques, (len(next(iter(sets.values()), [0])), len(w)))

@@ -133,7 +133,9 @@ def _complete_tasks(
     rows = [task]
     for k, point in enumerate(points, index):
         assert isinstance(point, Task)
-        rows.append(np.array([point.given.get(name, rows[-1][k]) for k, name in enumerate(TASK)]))
+        rows.append(
+            np.array([point.set_coordinates.get(name, rows[-1][k]) for k, name in enumerate(TASK)])
+        )
         refuse_tilt(
             problem,
             mechanism,

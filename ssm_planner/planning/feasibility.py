@@ -46,7 +46,7 @@ from ssm_planner.problem.limits import (
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 
 SAMPLES = 201
 """Number of samples of a path."""
@@ -128,7 +128,7 @@ def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array
             value = float(values[k])
             bound = limit.bound(float(values[k]))
             location = _location_text(phase, k, len(values))
-            unit, scale = shown(limit.unit)
+            unit, scale = display_unit(limit.unit)
             text = (
                 f"{description} {value * scale:.6g} {unit}, but its range ends at "
                 f"{bound * scale:.6g} {unit} ({location})"
@@ -157,7 +157,7 @@ def _past_boundary(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reas
     if phase.path is not None or limit is None:
         return None
     name = problem.robot.joints[1].name
-    unit, scale = shown("rad")
+    unit, scale = display_unit("rad")
     for k, (start, end) in enumerate(pairwise(phase.points)):
         low, high = sorted((float(start[1]), float(end[1])))
         turns = np.arange(
@@ -343,7 +343,7 @@ def _too_fast(
     location = f"{phase.motion.name}, {key.replace('_', ' ')}"
     for i, joint in enumerate(problem.robot.joints):
         limit = joint.limit(JointVelocity)
-        unit, scale = shown(limit.unit)
+        unit, scale = display_unit(limit.unit)
         if abs(qd[i]) > joint.velocity * (1 + TOLERANCE):
             text = (
                 f"joint {joint.name} would move at {scale * abs(qd[i]):.4g} {unit}, but its "
@@ -389,7 +389,7 @@ def _too_near(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | 
         distance = float(np.abs(np.diff(q[:, i])).sum())
         needed = abs(initial**2 - final**2) / (2 * distance) if distance > 0 else 0.0
         if needed > joint.acceleration * (1 + TOLERANCE):
-            unit, scale = shown(joint.limit(JointPosition).unit)
+            unit, scale = display_unit(joint.limit(JointPosition).unit)
             text = (
                 f"joint {joint.name} has {scale * distance:.4g} {unit} to change its velocity from "
                 f"{scale * abs(initial):.4g} to {scale * abs(final):.4g} {unit}/s. This requires "
@@ -426,7 +426,7 @@ def _beyond_room(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason
                 item for item in problem.limits if item.key == (TaskRange.name_of(name), None)
             )
             value = float(task_from_joints(mechanism, there[None])[0, TASK.index(name)])
-        unit, scale = shown(limit.unit)
+        unit, scale = display_unit(limit.unit)
         text = (
             f"{name} {phrase} {scale * value:.6g} {unit}, because joint {joint.name} moves at "
             f"{scale * abs(qd[i]):.4g} {unit}/s and accelerates by at most "

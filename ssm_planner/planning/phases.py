@@ -506,6 +506,6 @@ def _task_of(
 
     `key` is the key of the tilt in error messages.
     """
-    task = np.array([target.given.get(name, defaults[k]) for k, name in enumerate(TASK)])
+    task = np.array([target.set_coordinates.get(name, defaults[k]) for k, name in enumerate(TASK)])
     refuse_tilt(problem, mechanism, float(task[1]), line=target.line, key=key)
     return task

@@ -104,7 +104,7 @@ def _reach(eye: Eye, axis: Array, radius: float) -> Array:
 
 def _middle(problem: Problem, mechanism: Mechanism, scan: Scan) -> Array:
     """Return the task coordinates (4,) at which the tool points at the middle of the pattern."""
-    task = np.array([scan.at.given.get(name, 0.0) for name in TASK])
+    task = np.array([scan.at.set_coordinates.get(name, 0.0) for name in TASK])
     refuse_tilt(problem, mechanism, float(task[1]), line=scan.line, key="at.tilt")
     return task
 

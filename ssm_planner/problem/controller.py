@@ -64,7 +64,7 @@ class JointCompliance(Value):
 
 @record
 class Controller(Value):
-    """Cascade of an EPOS4: a position PID with feed-forward at `loop_period` around a current loop."""
+    """Cascade of an EPOS4: a position PID with feed-forward around a current loop."""
 
     name: str = "EPOS4, tuned from the plant"
     """Name of the controller and its tuning."""

@@ -271,7 +271,7 @@ class Drive(Value):
 
     @property
     def threaded(self) -> bool:
-        """True for a worm or screw with sliding friction in the thread, which can be self-locking."""
+        """True for worms and screws with sliding friction, which can be self-locking."""
         return self.kind in get_args(ThreadKind)
 
     def _check(self) -> None:

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.value import Value
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -86,7 +87,7 @@ class Limit(Value, ABC):
 
     @property
     def half_width(self) -> float:
-        """Reference of relative margins: half the width of the range, or 1 for a one-sided limit."""
+        """Reference of relative margins: half the width of a range, or 1 for a one-sided limit."""
         width = self.high - self.low
         return width / 2 if math.isfinite(width) and width > 0 else 1.0
 
@@ -99,7 +100,7 @@ class Limit(Value, ABC):
         """Return the bound that is nearer to a value outside the range, or the only bound."""
         return self.low if value < self.low or math.isinf(self.high) else self.high
 
-    def allows(self, value: float) -> bool:
+    def contains(self, value: float) -> bool:
         """Return True if the value is within the limit."""
         return self.low <= value <= self.high
 
@@ -115,7 +116,7 @@ class Limit(Value, ABC):
         """Return a limit that also allows `value`, or None if no bound of this kind allows it."""
         return None
 
-    def enough(self, needed: float) -> float:
+    def sufficient_bound(self, needed: float) -> float:
         """Return a bound with which the planner finds a motion that needs at least `needed`."""
         return needed
 
@@ -128,7 +129,7 @@ class Limit(Value, ABC):
 
         It is rounded away from the bound.
         """
-        _, scale = shown("" if self.unit == "μ" else self.unit)
+        _, scale = display_unit("" if self.unit == "μ" else self.unit)
         return outwards(scale * value, scale * self.bound(value)) / scale
 
     def described(self, value: float) -> str:
@@ -144,6 +145,9 @@ class Limit(Value, ABC):
         Raises ProblemError if the problem cannot hold this limit.
         """
         raise ProblemError(f"{self.name} cannot be set")
+
+    allows = Renamed("contains")
+    enough = Renamed("sufficient_bound")
 
 
 class Symmetric(Limit):
@@ -206,9 +210,9 @@ def replaced(value: P, **changes: Any) -> P:
 
 def outwards(value: float, bound: float) -> float:
     """Return a value rounded to DIGITS significant digits, away from the bound."""
-    nearest = float(f"{value:.{DIGITS}g}")
-    if not math.isfinite(value) or math.isclose(value, nearest, rel_tol=ROUNDING):
-        return nearest
+    rounded = float(f"{value:.{DIGITS}g}")
+    if not math.isfinite(value) or math.isclose(value, rounded, rel_tol=ROUNDING):
+        return rounded
     exact = Decimal(value)
     rounding = ROUND_CEILING if value > bound else ROUND_FLOOR
     return float(
@@ -218,5 +222,5 @@ def outwards(value: float, bound: float) -> float:
 
 def in_words(value: float, unit: str) -> str:
     """Return a value with the unit that messages use for it."""
-    name, scale = shown("" if unit == "μ" else unit)
+    name, scale = display_unit("" if unit == "μ" else unit)
     return f"{scale * value:.{DIGITS}g} {name}".rstrip()

@@ -19,7 +19,7 @@ from ssm_planner.problem.limit import (
 from ssm_planner.problem.limit import Limit as Limit
 from ssm_planner.problem.value import Positive, unchecked
 from ssm_planner.typing import Range
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 
 TASK = ("roll", "tilt", "spin", "depth")
 """Order of the task coordinates in every array."""
@@ -95,7 +95,7 @@ class JointAcceleration(JointLimit):
     name = field = "acceleration"
     order = 2
 
-    def enough(self, needed: float) -> float:
+    def sufficient_bound(self, needed: float) -> float:
         return max(needed, self.largest) * (1 + TO_MOVE)
 
 
@@ -142,7 +142,7 @@ class MotorTorque(MotorLimit):
     order = 2
     unit = "N·m"
 
-    def enough(self, needed: float) -> float:
+    def sufficient_bound(self, needed: float) -> float:
         return max(needed, self.largest) * (1 + TO_MOVE)
 
     def trials(self) -> tuple[float, ...]:
@@ -377,7 +377,7 @@ class StopTravel(ToolLimit):
         # the travel is proportional to the planner's estimate, so the excess itself suffices
         return replace(self, largest=self.largest * min(bound / worst, 1.0) * (1 - SPARE))
 
-    def enough(self, needed: float) -> float:
+    def sufficient_bound(self, needed: float) -> float:
         return (1 + 2 * SPARE) * needed
 
 
@@ -447,7 +447,7 @@ class LensClearance(Limit):
         )
 
     def rounded(self, value: float) -> float:
-        scale = shown("m")[1] * self.thickness
+        scale = display_unit("m")[1] * self.thickness
         return 1 + outwards(scale * (value - 1), scale * (self.low - 1)) / scale
 
     def described(self, value: float) -> str:
@@ -489,7 +489,7 @@ class Duration(Limit):
         longer = value if self.exact else max(self.largest, value)
         return replace(self, largest=longer, asked=self.asked or self.largest)
 
-    def enough(self, needed: float) -> float:
+    def sufficient_bound(self, needed: float) -> float:
         # without a reserve, only the fastest motion is feasible, and it is hard to find
         return needed if self.exact else 1.002 * needed
 
@@ -577,7 +577,7 @@ class FixedLimit(JointLimit):
 
 @dataclass(frozen=True)
 class Jump(FixedLimit):
-    """Largest step of a joint's position, velocity or acceleration between two trajectory pieces."""
+    """Largest step of a joint's position, velocity or acceleration between two pieces."""
 
     derivative: int = 0
     """Order of the derivative: 0, 1 or 2."""
@@ -595,7 +595,7 @@ class Jump(FixedLimit):
 
 @dataclass(frozen=True)
 class EndVelocity(FixedLimit):
-    """Largest error of a joint's velocity at the start or end, relative to the declared velocity."""
+    """Largest error of a joint's velocity at an end, relative to the declared velocity."""
 
     order = 1
     at_end: bool = False
@@ -667,7 +667,7 @@ class Limited:
         return next((limit.largest for limit in self.limits if isinstance(limit, TipSpeed)), None)
 
 
-def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, ...]:
+def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limit, ...]:
     """Return limits of the task as a tuple.
 
     Raises ProblemError if a limit does not belong to the task or occurs twice.
@@ -677,13 +677,13 @@ def task_limits(limits: Iterable[Limit], where: str = "limits") -> tuple[Limit, 
         if not isinstance(limit, (TaskRange, TaskRate, ToolLimit)):
             raise ProblemError(
                 "not a limit of the task",
-                key=where,
+                key=location,
                 value=limit,
                 allowed="TaskRange, TaskRate, TipSpeed, StopTravel",
             )
-        if [other.key for other in unique].count(limit.key) > 1:
+        if [item.key for item in unique].count(limit.key) > 1:
             raise ProblemError(
-                "occurs twice", key=where, value=limit.name, allowed="each limit once"
+                "occurs twice", key=location, value=limit.name, allowed="each limit once"
             )
     return unique
 
@@ -719,11 +719,11 @@ def _with_joint(problem: P, name: str, **changes: Any) -> P:
 
 def _with_own(problem: P, limit: Limit) -> P:
     current: Any = problem
-    if all(other.key != limit.key for other in current.limits):
+    if all(item.key != limit.key for item in current.limits):
         return replaced(problem, limits=(*current.limits, limit))
     return replaced(
         problem,
-        limits=tuple(limit if other.key == limit.key else other for other in current.limits),
+        limits=tuple(limit if item.key == limit.key else item for item in current.limits),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated, ClassVar, Literal
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.value import (
@@ -48,9 +49,11 @@ class Task(Value):
     """Line of the problem file, for messages."""
 
     @property
-    def given(self) -> dict[str, float]:
+    def set_coordinates(self) -> dict[str, float]:
         """Coordinates that are not None, by name in TASK."""
         return {name: value for name in TASK if (value := getattr(self, name)) is not None}
+
+    given = Renamed("set_coordinates")
 
 
 @record
@@ -105,10 +108,10 @@ class Straight(Value):
 
     def _check(self) -> None:
         _check_blend(self)
-        if not self.to.given:
+        if not self.to.set_coordinates:
             raise self._wrong("to", "the point is empty", "roll, tilt, spin or depth", "None")
         if not self.name:
-            coordinates = tuple(self.to.given)
+            coordinates = tuple(self.to.set_coordinates)
             name = coordinates[0] if len(coordinates) == 1 else "straight"
             object.__setattr__(self, "name", "insert" if name == "depth" else name)
 
@@ -230,7 +233,7 @@ def _check_blend(motion: Straight | Follow) -> None:
 def _check_given(motion: Free | Follow) -> None:
     """Raise ProblemError if a point has no coordinates."""
     for i, point in enumerate((*motion.through, motion.to)):
-        if isinstance(point, Task) and not point.given:
+        if isinstance(point, Task) and not point.set_coordinates:
             key = "to" if i == len(motion.through) else f"through[{i}]"
             raise motion._wrong(
                 key, "the point is empty", "roll, tilt, spin or depth; joints; or a tip", "Task()"
@@ -351,7 +354,7 @@ class Motorisation(Value):
             if drives[stroke.joint] is None:
                 reason = "this joint has no drive, so there is no motor to size"
                 raise self._wrong(field, reason, "a driven joint", stroke.joint)
-            if any(other.joint == stroke.joint for other in self.strokes[:i]):
+            if any(stroke_before.joint == stroke.joint for stroke_before in self.strokes[:i]):
                 raise self._wrong(
                     field, "this joint already has a run", "one run per joint", stroke.joint
                 )

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.value import NotNegative, Positive, Shape, Value
 from ssm_planner.typing import Array, JsonObject, record
 
@@ -128,13 +129,16 @@ class Harmonics(Value):
             np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
         )
 
-    def turned(self, start: float) -> Harmonics:
+    def rotated(self, start: float) -> Harmonics:
         """Return the same series for an angle that is measured from `start` in rad."""
-        turned = (np.array(self.cosine) - 1j * np.array(self.sine)) * np.exp(
+        coefficients = (np.array(self.cosine) - 1j * np.array(self.sine)) * np.exp(
             1j * start * np.array(self.orders)
         )
         return Harmonics(
-            self.orders, tuple(turned.real.tolist()), tuple((-turned.imag).tolist()), self.phased
+            self.orders,
+            tuple(coefficients.real.tolist()),
+            tuple((-coefficients.imag).tolist()),
+            self.phased,
         )
 
     def to_dict(self) -> JsonObject:
@@ -146,6 +150,8 @@ class Harmonics(Value):
             "sine": self.sine,
             "phased": self.phased,
         }
+
+    turned = Renamed("rotated")
 
 
 @record

@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.limits import (
     TASK,
     LensClearance,
@@ -46,7 +47,7 @@ from ssm_planner.problem.value import (
 )
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Range, record
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 
 MOST_OF_SPLINE = 20
 """Largest number of points of a spline that optimal control can time."""
@@ -74,7 +75,7 @@ class Lens(Value):
 
 @record
 class Eye(Value):
-    """Eye around the remote centre, in the base frame, m: a spherical retina and an optional lens."""
+    """Eye around the remote centre: a spherical retina and an optional lens. Base frame, m."""
 
     centre: Annotated[Vector, Quantity("length")]
     """Base frame, m, (3,)."""
@@ -130,19 +131,22 @@ class Eye(Value):
                 self.centre.tolist(),
             )
         # the tip must be able to enter the eye through the port with this clearance
-        room = self.port - (distance - self.radius)
-        if not self.clearance < room:
+        radial_play = self.port - (distance - self.radius)
+        if not self.clearance < radial_play:
             reason = "the tip cannot keep this distance from the wall when it leaves the port"
-            raise self._wrong("clearance", reason, f"less than {_mm(room)}, or a larger port")
+            raise self._wrong(
+                "clearance", reason, f"less than {_mm(radial_play)}, or a larger port"
+            )
         if self.lens is None:
             return
         ratio = float(np.linalg.norm(self.lens.frame.T @ self.lens.centre / self.lens.semi_axes))
-        least = 1 + self.shaft_radius / float(self.lens.semi_axes.min())
-        if ratio <= least:
+        smallest_ratio = 1 + self.shaft_radius / float(self.lens.semi_axes.min())
+        if ratio <= smallest_ratio:
             raise self._wrong(
                 "lens.centre",
                 "the lens blocks the shaft where it enters the eye",
-                f"a position where the lens, enlarged {least:.4g} times, does not contain the "
+                f"a position where the lens, enlarged {smallest_ratio:.4g} times, does not contain "
+                "the "
                 "remote centre",
                 self.lens.centre.tolist(),
             )
@@ -154,7 +158,7 @@ def _mm(length: float) -> str:
 
 def _text(name: str, value: float) -> str:
     """Return a task coordinate or joint position as text with its unit."""
-    unit, scale = shown("m" if name in ("depth", "insertion") else "rad")
+    unit, scale = display_unit("m" if name in ("depth", "insertion") else "rad")
     return f"{value * scale:.6g} {unit}"
 
 
@@ -202,8 +206,8 @@ class TaskLimits(Limited, ShortRepr):
                 continue
             same = next((limit for limit in limits if limit.key == robot_range.key), robot_range)
             low, high = max(robot_range.low, same.low), min(robot_range.high, same.high)
-            both = replace(robot_range, lower=low, upper=high) if low < high else robot_range
-            limits = [*(limit for limit in limits if limit.key != robot_range.key), both]
+            common = replace(robot_range, lower=low, upper=high) if low < high else robot_range
+            limits = [*(limit for limit in limits if limit.key != robot_range.key), common]
         return replace(self, limits=tuple(limits))
 
     def slower(self, stretch: float) -> TaskLimits:
@@ -305,7 +309,7 @@ class Problem(Value, Limited):
     None means no payload.
     """
     name: str = "problem"
-    wider: Annotated[Mapping[str, Interval], Names(TASK)] = field(
+    excess_ranges: Annotated[Mapping[str, Interval], Names(TASK)] = field(
         default_factory=dict, compare=False
     )
     """Requested ranges that exceed those of the robot, by name in TASK.
@@ -347,10 +351,12 @@ class Problem(Value, Limited):
 
     def _check(self) -> None:
         task_limits(self.limits, "Problem.limits")
-        others = (limit for limit in self.limits if not isinstance(limit, TaskRange))
-        object.__setattr__(self, "limits", (*self._narrowed(), *others))
+        remaining = (limit for limit in self.limits if not isinstance(limit, TaskRange))
+        object.__setattr__(self, "limits", (*self._narrowed(), *remaining))
         if isinstance(self.start, Task):
-            start = Task(**{**dict.fromkeys(TASK, 0.0), **self.start.given}, line=self.start.line)
+            start = Task(
+                **{**dict.fromkeys(TASK, 0.0), **self.start.set_coordinates}, line=self.start.line
+            )
             object.__setattr__(self, "start", start)
         if not self.motion:
             raise self._wrong("motion", "no entries", "at least one motion", "()")
@@ -385,7 +391,9 @@ class Problem(Value, Limited):
             if name in self.ranges and (
                 requested[0] < lower - SLACK or requested[1] > upper + SLACK
             ):
-                object.__setattr__(self, "wider", {**self.wider, name: self.ranges[name]})
+                object.__setattr__(
+                    self, "excess_ranges", {**self.excess_ranges, name: self.ranges[name]}
+                )
         return [TaskRange(name, *ends) for name, ends in ranges.items()]
 
     def _points(self) -> Iterator[tuple[str, Point]]:
@@ -408,7 +416,7 @@ class Problem(Value, Limited):
         planning/feasibility checks the coordinates that follow from them.
         """
         if isinstance(point, Task):
-            for name, value in point.given.items():
+            for name, value in point.set_coordinates.items():
                 self._check_within(f"{key}.{name}", name, value)
         elif isinstance(point, Tip):
             distance, (low, high) = math.hypot(*point.position), self.ranges["depth"]
@@ -469,7 +477,7 @@ class Problem(Value, Limited):
                 raise self._wrong(f"{key}.diameters", reason, f"below {_mm(eye.radius)}", diameter)
 
     def _check_blends(self) -> None:
-        """Raise ProblemError unless rounded corners lie between lines and arcs without durations."""
+        """Raise ProblemError unless rounded corners join lines and arcs without durations."""
         for i, entry in enumerate(self.motion):
             if not isinstance(entry, (Straight, Follow)) or entry.blend is None:
                 continue
@@ -562,16 +570,18 @@ class Problem(Value, Limited):
         if self.duration is None:
             return
         timed = [entry.duration is not None for entry in self.motion]
-        fixed = sum(entry.duration or 0.0 for entry in self.motion)
+        fixed_duration = sum(entry.duration or 0.0 for entry in self.motion)
         if all(timed):
             raise self._wrong(
                 "duration",
                 "every motion already has a duration",
                 "no duration of the whole problem",
             )
-        if fixed >= self.duration:
+        if fixed_duration >= self.duration:
             raise self._wrong(
-                "duration", f"dwells and timed motions alone take {fixed:g} s", "more than that"
+                "duration",
+                f"dwells and timed motions alone take {fixed_duration:g} s",
+                "more than that",
             )
 
     def _check_for_toppra(self) -> None:
@@ -619,3 +629,5 @@ class Problem(Value, Limited):
             self.duration is not None or motion.duration is not None or self.objective == "effort"
         )
         return slower or bool(self.robot.jerk_limited)
+
+    wider = Renamed("excess_ranges")

@@ -38,7 +38,7 @@ from ssm_planner.problem.value import (
     Vector,
     check_name,
 )
-from ssm_planner.problem.value import frozen as frozen
+from ssm_planner.problem.value import read_only_array as read_only_array
 from ssm_planner.typing import Array, Range, record
 
 L = TypeVar("L", bound=Limit)
@@ -80,12 +80,12 @@ class Geometry(Value):
     def _check(self) -> None:
         for name in ("omega1", "omega2", "omega3"):
             unit_vector(getattr(self, name), f"Geometry.{name}")
-        for first, second in ((1, 2), (2, 3)):
-            pair = getattr(self, f"omega{first}"), getattr(self, f"omega{second}")
+        for inner, outer in ((1, 2), (2, 3)):
+            pair = getattr(self, f"omega{inner}"), getattr(self, f"omega{outer}")
             if np.linalg.norm(np.cross(*pair)) < math.sin(SMALLEST_ANGLE):
-                reason = f"the axes of joints {first} and {second} are parallel"
+                reason = f"the axes of joints {inner} and {outer} are parallel"
                 raise self._wrong(
-                    f"omega{second}", reason, "at least 0.1 deg between neighbouring axes"
+                    f"omega{outer}", reason, "at least 0.1 deg between neighbouring axes"
                 )
         check_rotation(self, "tool_home")
         if np.linalg.norm(self.tool_home[:, 2] - self.omega3) > UNIT_TOLERANCE:
@@ -133,8 +133,10 @@ class Body(Value):
             raise self._wrong("inertia", "not symmetric", "a symmetric tensor, kg·m²")
         moments = principal_moments(self.mass, self.com, self.inertia)
         if not possible(moments):
-            listed = ", ".join(f"{moment:.4g}" for moment in moments)
-            reason = f"impossible principal moments about the centre of mass, ({listed}) kg*m^2"
+            moments_text = ", ".join(f"{moment:.4g}" for moment in moments)
+            reason = (
+                f"impossible principal moments about the centre of mass, ({moments_text}) kg*m^2"
+            )
             raise self._wrong("inertia", reason, POSSIBLE)
 
 
@@ -198,7 +200,11 @@ class Joint(Value):
                 drive.name,
             )
         if self.slides != drive.slides:
-            kinds = [kind for kind in get_args(DriveKind) if (kind in TURNING) != self.slides]
+            kinds = [
+                drive_kind
+                for drive_kind in get_args(DriveKind)
+                if (drive_kind in TURNING) != self.slides
+            ]
             reason = f"a {drive.kind} drive does not fit a {self.kind} joint"
             raise self._wrong("drive", reason, ", ".join(kinds), drive.name)
 
@@ -238,12 +244,12 @@ class Joint(Value):
             )
         return tuple(limits)
 
-    def limit(self, kind: type[L]) -> L:
+    def limit(self, limit_type: type[L]) -> L:
         """Return the limit of one kind. Raises KeyError if the robot does not have it."""
         for limit in self.limits:
-            if isinstance(limit, kind):
+            if isinstance(limit, limit_type):
                 return limit
-        raise KeyError(kind.__name__)
+        raise KeyError(limit_type.__name__)
 
 
 @record
@@ -273,10 +279,10 @@ class Robot(Value, Limited):
         for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
             if joint.name != name:
                 raise self._wrong(f"joints[{i}].name", "wrong order of joints", name, joint.name)
-            kind = "prismatic" if name == "insertion" else "revolute"
-            if joint.kind != kind:
+            joint_kind = "prismatic" if name == "insertion" else "revolute"
+            if joint.kind != joint_kind:
                 raise self._wrong(
-                    f"joints[{i}].kind", f"wrong kind for joint {name}", kind, joint.kind
+                    f"joints[{i}].kind", f"wrong kind for joint {name}", joint_kind, joint.kind
                 )
         low, high = self.travel
         for name, (lower, upper) in self.ranges.items():
@@ -325,8 +331,8 @@ class Robot(Value, Limited):
                 position[id(robot.bodies)] = bodies.index(robot.bodies)
             load = position[id(robot.bodies)]
             if drive is not None:
-                before = cases.get((load, id(drive)), (load, drive, ()))[2]
-                cases[load, id(drive)] = (load, drive, tuple(dict.fromkeys((*before, *sides))))
+                positions = cases.get((load, id(drive)), (load, drive, ()))[2]
+                cases[load, id(drive)] = (load, drive, tuple(dict.fromkeys((*positions, *sides))))
         return tuple(cases.values())
 
     @property
@@ -338,7 +344,7 @@ class Robot(Value, Limited):
         return low, high
 
 
-def unit_vector(vector: Array, where: str) -> Array:
+def unit_vector(vector: Array, location: str) -> Array:
     """Return the vector (3,) scaled to length 1.
 
     Raises ProblemError if its length differs from 1 by more than 1e-6.
@@ -347,7 +353,7 @@ def unit_vector(vector: Array, where: str) -> Array:
     if not abs(length - 1) <= UNIT_TOLERANCE:
         reason = f"the vector has length {length:.7g}"
         raise ProblemError(
-            reason, key=where, value=vector.tolist(), allowed="a unit vector, within 1e-6"
+            reason, key=location, value=vector.tolist(), allowed="a unit vector, within 1e-6"
         )
     return vector / length
 

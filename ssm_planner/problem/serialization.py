@@ -48,16 +48,16 @@ def plain(value: Any) -> Any:
 
     Limits become a mapping from the limited quantity to its bound.
     """
-    kind: Any = type(value)
-    if kind in PRIMITIVE:
+    value_type: Any = type(value)
+    if value_type in PRIMITIVE:
         return value
-    if kind is tuple or kind is list:
+    if value_type is tuple or value_type is list:
         return [plain(item) for item in value]
-    if kind is np.ndarray:
+    if value_type is np.ndarray:
         return value.tolist()
-    if kind in _SPECIAL:
-        return _SPECIAL[kind](value)
-    if names := _names(kind):
+    if value_type in _SPECIAL:
+        return _SPECIAL[value_type](value)
+    if names := _names(value_type):
         return {name: plain(getattr(value, name)) for name in names}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
@@ -92,6 +92,10 @@ def _without_files(data: Any) -> Any:
     return [_without_files(item) for item in data] if isinstance(data, list) else data
 
 
+EXCESS_KEY = "wider"
+"""Key of Problem.excess_ranges in plan.json."""
+
+
 @cache
 def _names(cls: Any) -> tuple[str, ...]:
     """Return the field names of a dataclass, or an empty tuple for any other class."""
@@ -113,14 +117,15 @@ def _robot(robot: Robot) -> JsonObject:
 
 
 def _problem(problem: Problem) -> JsonObject:
-    stated = {field: bound for field, bound in limits_to_plain(problem).items() if field != "eye"}
-    return {name: plain(getattr(problem, name)) for name in _names(Problem)} | stated
+    bounds = {field: bound for field, bound in limits_to_plain(problem).items() if field != "eye"}
+    fields = {name: plain(getattr(problem, name)) for name in _names(Problem)} | bounds
+    return {EXCESS_KEY if name == "excess_ranges" else name: fields[name] for name in fields}
 
 
 def _point(point: Point) -> JsonObject:
     """Return a point as plan.json states it: one of task, joints and tip (with spin)."""
     return {
-        "task": point.given if isinstance(point, Task) else None,
+        "task": point.set_coordinates if isinstance(point, Task) else None,
         "joints": list(point.values) if isinstance(point, Joints) else None,
         "tip": list(point.position) if isinstance(point, Tip) else None,
         "spin": point.spin if isinstance(point, Tip) else None,
@@ -168,28 +173,28 @@ _ALWAYS = ("curve", "file")
 _KINDS = {"straight": Straight, "free": Free, "path": Follow, "dwell": Dwell, "scan": Scan}
 
 
-def _point_from(data: Any, where: str) -> Point:
-    check_mapping(data, ("task", "joints", "tip", "spin", "line"), where)
+def _point_from(data: Any, location: str) -> Point:
+    check_mapping(data, ("task", "joints", "tip", "spin", "line"), location)
     line = {"line": data.get("line")}
     if data.get("joints") is not None:
-        point: Point = built(Joints, {"values": data["joints"], **line}, where)
+        point: Point = built(Joints, {"values": data["joints"], **line}, location)
     elif data.get("tip") is not None:
-        point = built(Tip, {"position": data["tip"], "spin": data.get("spin"), **line}, where)
+        point = built(Tip, {"position": data["tip"], "spin": data.get("spin"), **line}, location)
     else:
         task = data.get("task")
-        check_mapping(task, TASK, f"{where}.task")
-        point = built(Task, {**task, **line}, where)
+        check_mapping(task, TASK, f"{location}.task")
+        point = built(Task, {**task, **line}, location)
     return point
 
 
-def _motion_from(data: Any, where: str) -> Motion:
+def _motion_from(data: Any, location: str) -> Motion:
     of_kind = _OF_KIND.get(str(data.get("kind")), ()) if isinstance(data, Mapping) else ()
     check_mapping(
-        data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), where
+        data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), location
     )
     cls: Any = _KINDS.get(data.get("kind"))
     if cls is None:
-        raise wrong(f"{where}.kind", data.get("kind"), ", ".join(_KINDS))
+        raise wrong(f"{location}.kind", data.get("kind"), ", ".join(_KINDS))
     values = {
         "name": data.get("name", ""),
         "line": data.get("line"),
@@ -197,21 +202,21 @@ def _motion_from(data: Any, where: str) -> Motion:
     }
     if cls is Scan:
         del values["duration"]
-        check_mapping(data.get("scan"), (*_SCAN, "order"), f"{where}.scan")
+        check_mapping(data.get("scan"), (*_SCAN, "order"), f"{location}.scan")
         values |= data["scan"]
     if cls is not Dwell:
-        target = _point_from(data.get("target"), f"{where}.target")
+        target = _point_from(data.get("target"), f"{location}.target")
         if cls is Straight and isinstance(target, Task):
-            values |= target.given
+            values |= target.set_coordinates
         else:
             values["at" if cls is Scan else "to"] = target
     values |= {name: data[name] for name in of_kind if name in data}
     if cls in (Free, Follow):
         through = data.get("through") or ()
         values["through"] = tuple(
-            _point_from(point, f"{where}.through[{k}]") for k, point in enumerate(through)
+            _point_from(point, f"{location}.through[{k}]") for k, point in enumerate(through)
         )
-    motion: Motion = built(cls, values, where)
+    motion: Motion = built(cls, values, location)
     return motion
 
 
@@ -222,13 +227,13 @@ def limits_to_plain(value: Problem | TaskLimits) -> JsonObject:
     the eye.
     """
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.of_tool}}
-    stated = {
+    bounds = {
         "limits": plain(value.ranges),
         **speeds,
         "rates": plain(value.rates),
         "eye": plain(value.eye),
     }
-    return stated | {name: plain(getattr(value, name)) for name in ("friction", "payload")}
+    return bounds | {name: plain(getattr(value, name)) for name in ("friction", "payload")}
 
 
 _SPECIAL: dict[type, Callable[[Any], JsonObject]] = {
@@ -242,7 +247,7 @@ _SPECIAL: dict[type, Callable[[Any], JsonObject]] = {
 
 
 @contextmanager
-def _named(file: str | None) -> Iterator[None]:
+def _name_file(file: str | None) -> Iterator[None]:
     """Add the name of the file to errors that the block raises."""
     try:
         yield
@@ -261,7 +266,7 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
         "robot": robot_from_plain(data.get("robot", {}), file),
         "limits": task.limits,
     }
-    with _named(file):
+    with _name_file(file):
         resolved |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
         resolved |= {"start": _point_from(data.get("start"), "problem.start")}
         entries = data.get("motion")
@@ -270,12 +275,12 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
         resolved["motion"] = tuple(
             _motion_from(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries)
         )
-        rest = {
-            key: item
+        fields_left = {
+            "excess_ranges" if key == EXCESS_KEY else key: item
             for key, item in data.items()
             if key not in {*resolved, *limits_to_plain(task)}
         }
-        problem: Problem = built(Problem, rest, "problem", resolved)
+        problem: Problem = built(Problem, fields_left, "problem", resolved)
     return problem
 
 
@@ -284,7 +289,7 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
 
     file is named in messages. Raises ProblemError with the key, its value and the allowed values.
     """
-    with _named(file):
+    with _name_file(file):
         robot: Robot = built(
             Robot, {**data, "limits": _ranges(data.get("limits"), "robot.limits")}, "robot"
         )
@@ -297,13 +302,15 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
     A limit without a key is absent from the result. file is named in messages. Raises ProblemError
     with the key, its value and the allowed values.
     """
-    with _named(file):
+    with _name_file(file):
         limits: list[Limit] = _ranges(problem.get("limits"), "problem.limits")
         rates = _by_task(Positive, problem.get("rates"), "problem.rates")
         limits += [TaskRate(name, rate) for name, rate in rates.items()]
-        for kind in ToolLimit.kinds():
-            largest = converted(Positive | None, problem.get(kind.field), f"problem.{kind.field}")
-            limits += [] if largest is None else [kind(largest)]
+        for limit_type in ToolLimit.kinds():
+            bound = converted(
+                Positive | None, problem.get(limit_type.field), f"problem.{limit_type.field}"
+            )
+            limits += [] if bound is None else [limit_type(bound)]
         eye: Eye | None = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)
         friction: float | None = converted(
             Positive | None, problem.get("friction"), "problem.friction"
@@ -314,15 +321,16 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
     return TaskLimits(tuple(limits), eye, friction=friction, payload=payload)
 
 
-def _ranges(data: Any, where: str) -> list[Limit]:
+def _ranges(data: Any, location: str) -> list[Limit]:
     return [
-        TaskRange(name, low, high) for name, (low, high) in _by_task(Interval, data, where).items()
+        TaskRange(name, low, high)
+        for name, (low, high) in _by_task(Interval, data, location).items()
     ]
 
 
-def _by_task(hint: Any, data: Any, where: str) -> dict[str, Any]:
+def _by_task(hint: Any, data: Any, location: str) -> dict[str, Any]:
     """Return a mapping from task coordinates, empty if data is None."""
     by_coordinate: dict[str, Any] = converted(
-        Annotated[Mapping[str, hint], Names(TASK)], {} if data is None else data, where
+        Annotated[Mapping[str, hint], Names(TASK)], {} if data is None else data, location
     )
     return by_coordinate

@@ -43,11 +43,11 @@ class Bound:
     @property
     def allowed(self) -> str:
         """Description such as "above 0" or "from 1 to 50", empty if every number is allowed."""
-        words = {"above": self.above, "at least": self.at_least, "at most": self.at_most}
+        bounds = {"above": self.above, "at least": self.at_least, "at most": self.at_most}
         if math.isfinite(self.at_least) and math.isfinite(self.at_most):
             return f"from {self.at_least:g} to {self.at_most:g}"
         return " and ".join(
-            f"{word} {bound:g}" for word, bound in words.items() if math.isfinite(bound)
+            f"{phrase} {bound:g}" for phrase, bound in bounds.items() if math.isfinite(bound)
         )
 
     def fault(self, value: float) -> str | None:
@@ -61,13 +61,13 @@ class Bound:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Units of a number in files, as keys of `units.KINDS` for revolute and for prismatic joints."""
+    """Units of a number in files: keys of `units.KINDS` for revolute and for prismatic joints."""
 
     turning: str
     sliding: str = ""
 
-    def kind(self, slides: bool = False) -> str:
-        """Return the key for a prismatic joint if slides is True, else that for a revolute joint."""
+    def unit_kind(self, slides: bool = False) -> str:
+        """Return the key for a prismatic joint if `slides`, else that for a revolute joint."""
         return self.sliding if slides and self.sliding else self.turning
 
 
@@ -117,20 +117,24 @@ class Value(ShortRepr):
 
     def _wrong(self, field: str, reason: str, allowed: str, value: object = None) -> ProblemError:
         """Return the error for a field, or for a part of it such as `strokes[2].joint`."""
-        shown = getattr(self, field, None) if value is None else value
+        field_value = getattr(self, field, None) if value is None else value
         return ProblemError(
-            reason, key=f"{type(self).__name__}.{field}", value=shown, allowed=allowed
+            reason, key=f"{type(self).__name__}.{field}", value=field_value, allowed=allowed
         )
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
             return NotImplemented
         cls: Any = type(self)
-        return all(_same(getattr(self, name), getattr(other, name)) for name in _compared(cls))
+        return all(
+            _same(getattr(self, name), getattr(other, name)) for name in _compared_fields(cls)
+        )
 
     def __hash__(self) -> int:
         cls: Any = type(self)
-        return hash((cls.__name__, *(_hashable(getattr(self, name)) for name in _compared(cls))))
+        return hash(
+            (cls.__name__, *(_hashable(getattr(self, name)) for name in _compared_fields(cls)))
+        )
 
 
 def attributes(value: object, names: Iterable[str]) -> dict[str, Any]:
@@ -158,14 +162,14 @@ def hints(cls: Any) -> dict[str, Any]:
     return {field.name: resolved[field.name] for field in dataclasses.fields(cls)}
 
 
-def bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
     """Return a type without None and annotations, and the annotations (Bound, Shape and others)."""
     if get_origin(hint) in (typing.Union, types.UnionType):
-        inner = [part for part in get_args(hint) if part is not type(None)]
-        return bare(inner[0]) if len(inner) == 1 else (hint, ())
+        inner = [inner_hint for inner_hint in get_args(hint) if inner_hint is not type(None)]
+        return strip_annotations(inner[0]) if len(inner) == 1 else (hint, ())
     if get_origin(hint) is Annotated:
-        kind, *marks = get_args(hint)
-        return kind, tuple(marks)
+        hint_type, *marks = get_args(hint)
+        return hint_type, tuple(marks)
     return hint, ()
 
 
@@ -188,14 +192,16 @@ def descriptions(cls: type) -> dict[str, str]:
     return texts
 
 
-def frozen(value: object, shape: tuple[int, ...]) -> Array:
+def read_only_array(value: object, shape: tuple[int, ...]) -> Array:
     """Return a read-only float array of the given shape."""
     array = np.array(value, dtype=float).reshape(shape)
     array.setflags(write=False)
     return array
 
 
-def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = None) -> Any:
+def built(
+    cls: Any, data: object, location: str, known_values: Mapping[str, Any] | None = None
+) -> Any:
     """Build a dataclass and its nested dataclasses from a mapping with the names of the fields.
 
     Parameters
@@ -204,9 +210,9 @@ def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = 
         Dataclass to build.
     data : object
         Mapping with a value for each field that has no default.
-    where : str
+    location : str
         Key of the data, for messages.
-    given : Mapping, optional
+    known_values : Mapping, optional
         Values of fields that are not in the data.
 
     Raises
@@ -215,27 +221,27 @@ def built(cls: Any, data: object, where: str, given: Mapping[str, Any] | None = 
         If a key is unknown or missing, or a value is invalid.
     """
     fields = {field.name: field for field in dataclasses.fields(cls)}
-    check_mapping(data, tuple(fields), where)
+    check_mapping(data, tuple(fields), location)
     assert isinstance(data, Mapping)
     types_of = hints(cls)
-    values = dict(given or {})
+    values = dict(known_values or {})
     for name, field in fields.items():
         if name in values:
             continue
         if name in data:
-            values[name] = converted(types_of[name], data[name], f"{where}.{name}", build=True)
+            values[name] = converted(types_of[name], data[name], f"{location}.{name}", build=True)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise ProblemError(
-                "missing", key=f"{where}.{name}", allowed=f"the keys of {cls.__name__}"
+                "missing", key=f"{location}.{name}", allowed=f"the keys of {cls.__name__}"
             )
     try:
         return cls(**values)
     except ProblemError as error:
-        error.key = where + str(error.key).removeprefix(cls.__name__)
+        error.key = location + str(error.key).removeprefix(cls.__name__)
         raise
 
 
-def converted(hint: Any, value: Any, where: str, build: bool = False) -> Any:
+def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
     """Return a value in the form that a type hint requires.
 
     Parameters
@@ -243,7 +249,7 @@ def converted(hint: Any, value: Any, where: str, build: bool = False) -> Any:
     hint : type
         Annotated type of the field.
     value : object
-    where : str
+    location : str
         Key of the value, for messages.
     build : bool
         Build the dataclasses that the hint names from mappings.
@@ -253,98 +259,98 @@ def converted(hint: Any, value: Any, where: str, build: bool = False) -> Any:
     ProblemError
         If the value does not have the required type or violates an annotation.
     """
-    origin, parts = get_origin(hint), get_args(hint)
+    origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _annotated(parts, value, where, build)
+        return _annotated(arguments, value, location, build)
     if origin is typing.Union or origin is types.UnionType:
-        return _union(parts, value, where, build)
+        return _union(arguments, value, location, build)
     if origin is Literal:
-        if isinstance(value, bool) or value not in parts:
-            raise wrong(where, value, " or ".join(map(str, parts)))
-        return parts[parts.index(value)]
+        if isinstance(value, bool) or value not in arguments:
+            raise wrong(location, value, " or ".join(map(str, arguments)))
+        return arguments[arguments.index(value)]
     if origin is tuple:
-        return _tuple(parts, value, where, build)
+        return _tuple(arguments, value, location, build)
     if isinstance(origin, type) and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
-            raise wrong(where, value, "a mapping")
+            raise wrong(location, value, "a mapping")
         return {
-            str(key): converted(parts[1], item, f"{where}.{key}", build)
+            str(key): converted(arguments[1], item, f"{location}.{key}", build)
             for key, item in value.items()
         }
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         if isinstance(value, hint):
             return value
         if build:
-            return built(hint, value, where)
-        raise wrong(where, value, f"a {hint.__name__}")
-    return _scalar(hint, value, where)
+            return built(hint, value, location)
+        raise wrong(location, value, f"a {hint.__name__}")
+    return _scalar(hint, value, location)
 
 
-def check_name(name: object, known: tuple[str, ...], where: str, reason: str) -> None:
-    """Raise ProblemError if a name is not among the known ones, and suggest the most similar one."""
-    if name not in known:
-        close = difflib.get_close_matches(str(name), known, n=1)
+def check_name(name: object, names: tuple[str, ...], location: str, reason: str) -> None:
+    """Raise ProblemError for an unknown name, and suggest the most similar one."""
+    if name not in names:
+        close = difflib.get_close_matches(str(name), names, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
-        raise ProblemError(reason + hint, key=where, value=name, allowed=", ".join(known))
+        raise ProblemError(reason + hint, key=location, value=name, allowed=", ".join(names))
 
 
-def check_mapping(data: object, known: tuple[str, ...], where: str) -> None:
+def check_mapping(data: object, names: tuple[str, ...], location: str) -> None:
     """Raise ProblemError if data is not a mapping or has an unknown key."""
     if not isinstance(data, Mapping):
-        raise wrong(where, data, f"a mapping with the keys {', '.join(known)}")
+        raise wrong(location, data, f"a mapping with the keys {', '.join(names)}")
     for key in data:
-        check_name(key, known, f"{where}.{key}", "unknown key")
+        check_name(key, names, f"{location}.{key}", "unknown key")
 
 
-def wrong(where: str, value: object, allowed: str) -> ProblemError:
+def wrong(location: str, value: object, allowed: str) -> ProblemError:
     """Return the error for a value of the wrong type."""
-    shown = "None" if value is None else value
-    return ProblemError("wrong type of value", key=where, value=shown, allowed=allowed)
+    text = "None" if value is None else value
+    return ProblemError("wrong type of value", key=location, value=text, allowed=allowed)
 
 
-def _annotated(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> Any:
-    kind, *marks = parts
+def _annotated(arguments: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
+    hint_type, *marks = arguments
     for mark in marks:
         if isinstance(mark, Shape):
-            return _array(mark.shape, value, where)
-        value = converted(kind, value, where, build)
+            return _array(mark.shape, value, location)
+        value = converted(hint_type, value, location, build)
         if isinstance(mark, Bound):
             if fault := mark.fault(value):
-                raise ProblemError(fault, key=where, value=value, allowed=mark.allowed)
+                raise ProblemError(fault, key=location, value=value, allowed=mark.allowed)
         elif isinstance(mark, Names):
             for key in value:
-                check_name(key, mark.names, f"{where}.{key}", "unknown key")
+                check_name(key, mark.names, f"{location}.{key}", "unknown key")
         elif isinstance(mark, Ascending) and not value[0] < value[1]:
             raise ProblemError(
                 "the lower bound is not below the upper one",
-                key=where,
+                key=location,
                 value=value,
                 allowed="(lower, upper)",
             )
     return value
 
 
-def _union(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> Any:
-    if value is None and type(None) in parts:
+def _union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
+    if value is None and type(None) in members:
         return None
-    inner = [part for part in parts if part is not type(None)]
+    inner = [member for member in members if member is not type(None)]
     if len(inner) == 1:
-        return converted(inner[0], value, where, build)
+        return converted(inner[0], value, location, build)
     if not isinstance(value, tuple(inner)):
-        raise wrong(where, value, " or ".join(f"a {part.__name__}" for part in inner))
+        raise wrong(location, value, " or ".join(f"a {member.__name__}" for member in inner))
     return value
 
 
-def _tuple(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> tuple[Any, ...]:
+def _tuple(members: tuple[Any, ...], value: Any, location: str, build: bool) -> tuple[Any, ...]:
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if not isinstance(value, (list, tuple)):
-        raise wrong(where, value, "a list")
-    hints = (parts[0],) * len(value) if parts[-1] is Ellipsis else parts
+        raise wrong(location, value, "a list")
+    hints = (members[0],) * len(value) if members[-1] is Ellipsis else members
     if len(hints) != len(value):
-        raise wrong(where, value, f"a list of {len(hints)}")
+        raise wrong(location, value, f"a list of {len(hints)}")
     return tuple(
-        converted(hint, item, f"{where}[{i}]", build)
+        converted(hint, item, f"{location}[{i}]", build)
         for i, (hint, item) in enumerate(zip(hints, value, strict=True))
     )
 
@@ -352,7 +358,7 @@ def _tuple(parts: tuple[Any, ...], value: Any, where: str, build: bool) -> tuple
 _SCALARS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
 
 
-def _scalar(hint: Any, value: Any, where: str) -> Any:
+def _scalar(hint: Any, value: Any, location: str) -> Any:
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(
         value, bool
     )
@@ -362,25 +368,25 @@ def _scalar(hint: Any, value: Any, where: str) -> Any:
         return int(value)
     if hint in (str, bool) and isinstance(value, hint):
         return value
-    raise wrong(where, value, _SCALARS[hint])
+    raise wrong(location, value, _SCALARS[hint])
 
 
-def _array(shape: tuple[int, ...], value: Any, where: str) -> Array:
+def _array(shape: tuple[int, ...], value: Any, location: str) -> Array:
     allowed = f"finite numbers of shape {shape}"
     try:
         array = np.array(value)
     except (TypeError, ValueError) as error:
-        raise wrong(where, value, allowed) from error
-    fits = array.ndim == len(shape) and all(
+        raise wrong(location, value, allowed) from error
+    has_shape = array.ndim == len(shape) and all(
         n in (-1, m) for n, m in zip(shape, array.shape, strict=True)
     )
-    if array.dtype.kind not in "iuf" or not fits or not np.isfinite(array).all():
-        raise wrong(where, value, allowed)
-    return frozen(array, array.shape)
+    if array.dtype.kind not in "iuf" or not has_shape or not np.isfinite(array).all():
+        raise wrong(location, value, allowed)
+    return read_only_array(array, array.shape)
 
 
 @cache
-def _compared(cls: type) -> tuple[str, ...]:
+def _compared_fields(cls: type) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(cls) if field.compare)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ssm_planner.display import NOTHING, columns, fixed, number, percent, signed, words
+from ssm_planner.display import NOTHING, columns, format_fixed, number, percent, plain_words, signed
 from ssm_planner.problem.limits import (
     JUMPS,
     READ_IN,
@@ -27,7 +27,7 @@ from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
 from ssm_planner.sizing.checks import Check
 from ssm_planner.sizing.requirements import PARTS, MotorRequirement
 from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
-from ssm_planner.units import RPM, shown
+from ssm_planner.units import RPM, display_unit
 from ssm_planner.verification.certificate import LimitCheck
 
 if TYPE_CHECKING:  # `check` prints tables without loading the planner.
@@ -139,7 +139,7 @@ class Judged(Protocol):
 
 def unit_of_limit(limit: Judged, degree: str = "deg") -> tuple[str, float]:
     """Return the display unit of a limit and its factor from SI. Motor speeds are in rpm."""
-    return shown(READ_IN.get(limit.name, limit.unit), degree)
+    return display_unit(READ_IN.get(limit.name, limit.unit), degree)
 
 
 def limit_cells(limit: LimitCheck, degree: str = "deg") -> tuple[str, str, str, str, str, str]:
@@ -160,7 +160,7 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
     Limits on jumps are listed only if they are exceeded.
     """
     rows = [
-        (*limit_cells(limit), fixed(limit.time, 4), "" if limit.passed else "EXCEEDED")
+        (*limit_cells(limit), format_fixed(limit.time, 4), "" if limit.passed else "EXCEEDED")
         for limit in sorted(limits, key=lambda limit: limit.margin)
         if limit.name not in JUMPS or not limit.passed
     ]
@@ -176,7 +176,7 @@ def phases_table(plan: Plan) -> Table:
         (
             name,
             *(
-                fixed(value, 4)
+                format_fixed(value, 4)
                 for value in (entry.duration, entry.toppra_duration, entry.lower_bound)
             ),
         )
@@ -192,7 +192,7 @@ def candidates_table(plan: Plan) -> Table:
     for name, candidates in zip_longest(names, plan.candidates, fillvalue=()):
         for each in candidates:
             times = (each["bound"], each["estimate"], each["duration"])
-            shown_times = (NOTHING if value is None else fixed(value, 4) for value in times)
+            shown_times = (NOTHING if value is None else format_fixed(value, 4) for value in times)
             rows.append((name or NOTHING, each["kind"], *shown_times, each["outcome"]))
     header = ("phase", "candidate", "bound s", "estimate s", "duration s", "outcome")
     return Table(header, rows, (2, 3, 4))
@@ -219,7 +219,7 @@ def joints_table(plan: Plan) -> Table:
     ends = plan.trajectory.sample(np.array([0.0, plan.trajectory.duration])).q
     rows = []
     for joint, (start, end) in zip(plan.problem.robot.joints, ends.T, strict=True):
-        unit, scale = shown(joint.unit)
+        unit, scale = display_unit(joint.unit)
         rows.append((joint.name, number(scale * start, 5), number(scale * end, 5), unit))
     return Table(("joint", "from", "to", "unit"), rows, (1, 2))
 
@@ -232,12 +232,12 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
         required = (
             number(1e3 * r.peak_torque, 4),
             number(1e3 * r.rms_torque, 4),
-            fixed(RPM * r.peak_speed, 0),
+            format_fixed(RPM * r.peak_speed, 0),
         )
         rated = (NOTHING,) * 3
         if motor is not None:
             torques = number(1e3 * motor.max_torque, 4), number(1e3 * motor.nominal_torque, 4)
-            rated = *torques, fixed(RPM * motor.max_speed, 0)
+            rated = *torques, format_fixed(RPM * motor.max_speed, 0)
         pairs = (f"{a} of {b}" for a, b in zip(required, rated, strict=True))
         placeholders = NOTHING if motor is None else str(len(motor.placeholders) or "none")
         rows.append((r.joint, motor.name if motor else "no motor given", *pairs, placeholders))
@@ -296,17 +296,19 @@ def answers(plan: Plan, folder: Path | None = None) -> list[str]:
 
     Each answer is one line. The closest limit is the closest of those that do not bind by design.
     """
-    bound = f"{fixed(plan.lower_bound, 4)} s"
+    bound = f"{format_fixed(plan.lower_bound, 4)} s"
     lines = [
-        f"time     {fixed(plan.duration, 4)} s; no motion on this path is shorter than {bound}"
+        f"time     {format_fixed(plan.duration, 4)} s; no motion on this path is shorter than {bound}"
     ]
     if any(motion.kind == Free.kind for motion in plan.problem.motion):
         lines = [
-            f"time     {fixed(plan.duration, 4)} s; lower bound {bound}, loose for free motions"
+            f"time     {format_fixed(plan.duration, 4)} s; lower bound {bound}, loose for free motions"
         ]
     certificate = plan.certificate
-    if plan.doubt is not None or certificate is None:
-        lines.append(f"check    NOT CERTIFIED: {plan.doubt or 'the plan has no certificate'}")
+    if plan.uncertified_reason is not None or certificate is None:
+        lines.append(
+            f"check    NOT CERTIFIED: {plan.uncertified_reason or 'the plan has no certificate'}"
+        )
     else:
         limits, violations = certificate.limits, certificate.violations
         bind = sum(limit.margin <= BINDING for limit in limits)
@@ -337,7 +339,7 @@ def closest_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
 
 def rate_words(rates: Mapping[str, float]) -> str:
     """Format rates of task coordinates, for example "tilt -10 deg/s"."""
-    units = {name: shown("m" if name == "depth" else "rad") for name in rates}
+    units = {name: display_unit("m" if name == "depth" else "rad") for name in rates}
     return ", ".join(
         f"{name} {number(units[name][1] * rate, 4)} {units[name][0]}/s"
         for name, rate in rates.items()
@@ -469,7 +471,7 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
         return "open", "Motors open", f"no motor given for {missing_motors}"
     undecided = _undecided(sizing)
     margins = [
-        (margin, f"{words(name)} of {motor['joint']} is the tightest check")
+        (margin, f"{plain_words(name)} of {motor['joint']} is the tightest check")
         for motor in motors
         for name, margin in motor["margins"].items()
         if margin is not None
@@ -479,7 +481,7 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
     if margin < 0:
         return "open", "Motors suffice: not known", lacking
     figures = list(stand_ins(sizing))
-    outcome, reasons = f"Motors suffice with {fixed(100 * margin, 1)} % margin", [tightest]
+    outcome, reasons = f"Motors suffice with {format_fixed(100 * margin, 1)} % margin", [tightest]
     if figures:
         outcome += f" if {len(figures)} stand-in figure{'s hold' if figures[1:] else ' holds'}"
         reasons.append(f"Stand-in figures: {', '.join(figures)}")
@@ -503,13 +505,13 @@ def stand_ins(sizing: SizingObject) -> Iterator[str]:
         for name in motor["placeholders"]:
             margin = margins.get(LOWEST.get(name))
             if margin is not None:
-                spare = f" (may be {fixed(100 * margin, 1)} % lower)"
-                yield f"{motor['joint']} {words(name)}{spare}"
+                spare = f" (may be {format_fixed(100 * margin, 1)} % lower)"
+                yield f"{motor['joint']} {plain_words(name)}{spare}"
             elif electrical and name not in (*LOWEST, "encoder_counts"):
-                yield f"{motor['joint']} {words(name)}"
+                yield f"{motor['joint']} {plain_words(name)}"
     for gear in sizing["gears"]:
         if any(margin is not None for margin in gear["margins"].values()):
-            yield from (f"{gear['joint']} {words(name)}" for name in gear["placeholders"])
+            yield from (f"{gear['joint']} {plain_words(name)}" for name in gear["placeholders"])
 
 
 def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
@@ -531,7 +533,7 @@ def _undecided(sizing: SizingObject) -> list[str]:
     of_gears = _gear_checks(sizing)
     return list(
         dict.fromkeys(
-            "gear" if name in of_gears else words(name)
+            "gear" if name in of_gears else plain_words(name)
             for part in (*sizing["motors"], *sizing["gears"])
             for name in part["not_checked"]
         )
@@ -549,7 +551,10 @@ def _failures(sizing: SizingObject) -> list[str]:
     for gear in sizing["gears"]:
         if gear["adequate"] is False:
             failed.setdefault((gear["joint"], gear["binds"]), gear["margins"][gear["binds"]])
-    return [f"{joint}: {words(name)} {percent(margin)}" for (joint, name), margin in failed.items()]
+    return [
+        f"{joint}: {plain_words(name)} {percent(margin)}"
+        for (joint, name), margin in failed.items()
+    ]
 
 
 def _gear_checks(sizing: SizingObject) -> set[str]:
@@ -558,7 +563,7 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
 
 def _lacking(lacking: Mapping[str, str]) -> tuple[str, str]:
     figures = dict.fromkeys(figure for needs in lacking.values() for figure in needs.split(" and "))
-    return ", ".join(words(name) for name in lacking), ", ".join(figures)
+    return ", ".join(plain_words(name) for name in lacking), ", ".join(figures)
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
@@ -644,12 +649,16 @@ def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
             cells = (
                 NOTHING if value is None else number(scale * value) for value, scale in quantities
             )
-            verdict = (LOUD[pair["adequate"]], words(pair["binds"] or NOTHING), percent(margin))
+            verdict = (
+                LOUD[pair["adequate"]],
+                plain_words(pair["binds"] or NOTHING),
+                percent(margin),
+            )
             rows.append((pair["motor"], pair["gear"], *verdict, *cells))
         lines += Table(head, rows, range(4, len(head))).lines() if rows else ["no pair remains"]
-        reasons = [f"{words(name)} {count}" for name, count in joint["reasons"].items()]
+        reasons = [f"{plain_words(name)} {count}" for name, count in joint["reasons"].items()]
         missing = {
-            f"{words(name)}: {needs}"
+            f"{plain_words(name)}: {needs}"
             for pair in joint["best"]
             for name, needs in pair["not_checked"].items()
         }
@@ -696,11 +705,19 @@ def _split(sizing: Sizing) -> Table:
         parts = joint.requirement.split.at_peak
         sign = math.copysign(1e3, sum(parts.values()))
         rows.append((joint.load.joint, *(signed(sign * parts[name], 4) for name in PARTS)))
-    return Table(("joint", *map(words, PARTS)), rows, range(1, len(PARTS) + 1))
+    return Table(("joint", *map(plain_words, PARTS)), rows, range(1, len(PARTS) + 1))
 
 
 def _candidates(sizing: Sizing) -> list[str]:
-    head = ("joint", "motor", "adequate", "binds", *map(words, MOTOR_MARGINS), "gear", "winding")
+    head = (
+        "joint",
+        "motor",
+        "adequate",
+        "binds",
+        *map(plain_words, MOTOR_MARGINS),
+        "gear",
+        "winding",
+    )
     rows = []
     for verdict in (*sizing.verdicts, *sizing.alternatives):
         margins = {check.name: check.margin for check in verdict.checks}
@@ -710,7 +727,7 @@ def _candidates(sizing: Sizing) -> list[str]:
         name = ("or " if verdict in sizing.alternatives else "") + verdict.motor.name
         name += " *" if verdict.motor.placeholder else ""
         shares = (percent(margin) for margin in (*(margins[key] for key in MOTOR_MARGINS), gear))
-        binds = words(verdict.binds or NOTHING)
+        binds = plain_words(verdict.binds or NOTHING)
         rows.append(
             (verdict.joint, name, LOUD[verdict.adequate], binds, *shares, _winding(verdict))
         )
@@ -731,7 +748,7 @@ def _gears(sizing: Sizing) -> Table:
     rows = []
     for joint in sizing.joints:
         margins = [
-            f"{words(check.name)} {percent(check.margin)}"
+            f"{plain_words(check.name)} {percent(check.margin)}"
             for check in joint.gear
             if check.margin is not None
         ]
@@ -754,7 +771,7 @@ def _not_checked(sizing: Sizing) -> list[str]:
         if check.needs is not None:
             state = "not checked" if check.margin is None else "not decided"
             names, needs = groups.setdefault((subject, state), ({}, {}))
-            names[words(check.name)] = None
+            names[plain_words(check.name)] = None
             needs.update(dict.fromkeys(check.needs.split(" and ")))
     return [
         f"{subject}: {', '.join(names)} {state}: needs {'; '.join(needs)}"
@@ -834,7 +851,7 @@ def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
             motor.joint,
             *(number(1e3 * torque, 4) for torque in (motor.peak_torque, motor.limit)),
             "SATURATED" if motor.saturated else "no",
-            fixed(motor.following_error, 0),
+            format_fixed(motor.following_error, 0),
             str(motor.window),
             "TRIPPED" if motor.tripped else "no",
         )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.codegen.vectorised import Vectorised
-from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.robot import Robot
@@ -82,7 +82,7 @@ def drawn_frictions(
         if joint.drive is None:
             continue
         uncertainty = spread_of(joint.drive, spread)
-        if not uncertainty.known:
+        if not uncertainty.is_stated:
             notes.append(
                 f"joint {joint.name}: its drive file does not state the uncertainty of its "
                 "friction, which is used as stated"
@@ -92,7 +92,7 @@ def drawn_frictions(
         values |= {
             name: rng.uniform(low, high, count) for name, (low, high) in uncertainty.ranges.items()
         }
-        friction = drawn(
+        friction = drive_with(
             joint.drive, {name: value for name, value in values.items() if name in _DRAWN}
         ).friction
         table[:, k] = np.stack(

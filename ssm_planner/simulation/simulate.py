@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ssm_planner.arguments import checked
 from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats.epos4 import setpoint_times, setpoints
@@ -280,6 +281,7 @@ class SimulationResult(ShortRepr):
         }
 
 
+@checked
 def simulate(
     plan: Plan | Trajectory | str | Path,
     scenario: Scenario | None = None,

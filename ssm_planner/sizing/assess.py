@@ -268,7 +268,7 @@ def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
     `worst` of the result is the probability.
     """
     required = case.conditions.confidence
-    if not case.spread.known:
+    if not case.spread.is_stated:
         return unchecked(
             CONFIDENCE,
             "posterior, covariance or friction_ranges in the drive file, "

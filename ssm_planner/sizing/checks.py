@@ -103,14 +103,17 @@ class Case:
     ) -> Check:
         """Check an upper limit on `factor` times an uncertain demand."""
         band, confidence = self.band, self.conditions.confidence
-        worst, nominal = factor * band.high(demand, confidence), factor * band.at(demand)
+        demand_high, nominal = (
+            factor * band.high(demand, confidence),
+            factor * band.nominal_value(demand),
+        )
         if math.isinf(limit):
-            return Check(name, 1.0, worst=worst, unit=unit, nominal=nominal, probability=1.0)
+            return Check(name, 1.0, worst=demand_high, unit=unit, nominal=nominal, probability=1.0)
         samples = factor * getattr(band.worst, demand)
         check = Check(
             name,
-            _margin(worst, limit),
-            worst=worst,
+            _margin(demand_high, limit),
+            worst=demand_high,
             limit=limit,
             unit=unit,
             nominal=nominal,

@@ -9,15 +9,16 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.spread import LINEAR_DRAWS, SEED, FrictionSpread, drawn
+from ssm_planner.dynamics.spread import LINEAR_DRAWS, SEED, FrictionSpread, drive_with
 from ssm_planner.problem.motor import Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
     REFERENCE_TEMPERATURE,
-    figure,
     missing,
+    require_value,
     required_voltage,
     resistance,
     torque_constant,
@@ -60,9 +61,11 @@ class Demands(ShortRepr):
         return np.stack([np.atleast_1d(getattr(self, name)) for name in DEMANDS], axis=1)
 
     @classmethod
-    def of(cls, table: Array) -> Demands:
+    def from_table(cls, table: Array) -> Demands:
         """Build the demands from a table (draws, 5) with a column for each entry of DEMANDS."""
         return cls(*(table[:, i] for i in range(len(DEMANDS))))
+
+    of = Renamed("from_table")
 
 
 @record
@@ -91,9 +94,11 @@ class Band(ShortRepr):
         """Return the value that the demand does not fall below with this confidence."""
         return float(np.quantile(getattr(self.best, name), 1 - confidence, method="inverted_cdf"))
 
-    def at(self, name: DemandName) -> float:
+    def nominal_value(self, name: DemandName) -> float:
         """Return the demand at the stated friction."""
         return float(getattr(self.nominal, name)[0])
+
+    at = Renamed("nominal_value")
 
 
 def demands(load: JointLoad) -> Demands:
@@ -123,7 +128,7 @@ def _voltage(torque: Array, load: JointLoad) -> Array:
     motor, speed = load.motor, load.speed()
     if motor is None or missing(motor, *ELECTRICAL):
         return np.full(len(torque), np.nan)
-    hottest = figure(motor, "max_winding_temperature")
+    hottest = require_value(motor, "max_winding_temperature")
     cold, hot = (
         required_voltage(torque, speed, motor, temperature).max(axis=1)
         for temperature in (REFERENCE_TEMPERATURE, hottest)
@@ -142,17 +147,19 @@ def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
     nominal, corners = demands(load), _at_corners(load, spread)
     shifts = spread.deviations(LINEAR_DRAWS) @ _secants(load, spread)
     worst, best = np.maximum(corners.max(axis=0) + shifts, 0.0), corners.min(axis=0) + shifts
-    return Band(nominal, Demands.of(worst), _lowest(best, load, spread), spread.known)
+    return Band(nominal, Demands.from_table(worst), _lowest(best, load, spread), spread.is_stated)
 
 
-def _drawn(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
+def _load_with(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
     """Return the load of the drive with other friction parameters, see `drawn`."""
-    return replace(load, drive=drawn(load.drive, values))
+    return replace(load, drive=drive_with(load.drive, values))
 
 
 def _at_corners(load: JointLoad, spread: FrictionSpread) -> Array:
     """Return the demands (corners, 5) at every corner of the stated ranges."""
-    return np.concatenate([demands(_drawn(load, corner)).array() for corner in spread.corners()])
+    return np.concatenate(
+        [demands(_load_with(load, corner)).array() for corner in spread.corners()]
+    )
 
 
 def _lowest(best: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
@@ -165,7 +172,7 @@ def _lowest(best: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
     wd = np.abs(load.acceleration())
     peak, rms = ((high - low) / 2 * value for value in (float(wd.max()), float(load.rms(wd))))
     volts = peak * volts_per_torque(load.motor)
-    return Demands.of(np.maximum(best - [peak, rms, volts, 0.0, 0.0], 0.0))
+    return Demands.from_table(np.maximum(best - [peak, rms, volts, 0.0, 0.0], 0.0))
 
 
 def volts_per_torque(motor: Motor | None) -> float:
@@ -175,7 +182,7 @@ def volts_per_torque(motor: Motor | None) -> float:
     """
     if motor is None or missing(motor, *ELECTRICAL):
         return np.nan
-    hottest = figure(motor, "max_winding_temperature")
+    hottest = require_value(motor, "max_winding_temperature")
     return resistance(motor, hottest) / torque_constant(motor, hottest)
 
 
@@ -189,7 +196,7 @@ def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
             continue
         low = max(mean - sigma, 0.0)
         above, below = (
-            demands(_drawn(load, {name: value})).array()[0] for value in (mean + sigma, low)
+            demands(_load_with(load, {name: value})).array()[0] for value in (mean + sigma, low)
         )
         slopes[i] = (above - below) / (mean + sigma - low)
     return slopes
@@ -200,7 +207,9 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
     nominal, at_corners = demands(load), _at_corners(load, spread)
     if not spread.names:
         worst, best = at_corners.max(axis=0, keepdims=True), at_corners.min(axis=0, keepdims=True)
-        return Band(nominal, Demands.of(worst), _lowest(best, load, spread), spread.known)
+        return Band(
+            nominal, Demands.from_table(worst), _lowest(best, load, spread), spread.is_stated
+        )
     corners, few, deviations = spread.corners(), thinned(load), spread.deviations(count)
     ends = [
         {int(extreme(np.nan_to_num(column))) for column in at_corners.T}
@@ -213,7 +222,7 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
         reduce(take, (tables[i] for i in indices))
         for take, indices in zip((np.maximum, np.minimum), ends, strict=True)
     )
-    smooth = Demands.of(high)
+    smooth = Demands.from_table(high)
     ripple = _with_ripple(smooth, load)
     return Band(
         nominal,
@@ -251,13 +260,13 @@ def _drawn_demands(
     standing = np.flatnonzero(load.direction == 0)
     # A self-locking drive at rest needs no torque at any friction, and its effort stays the same.
     torque_free = len(standing) > 0 and len(moving) > 0 and not np.any(load.torque()[standing])
-    subset = replace(load.at(moving), weight=load.weight[moving]) if torque_free else load
+    subset = replace(load.subset(moving), weight=load.weight[moving]) if torque_free else load
     values = spread.values(deviations)
     step = max(BLOCK // len(subset.t), 1)
     tables = []
     for start in range(0, len(deviations), step):
         block = {name: value[start : start + step, None] for name, value in values.items()}
-        tables.append(demands(_drawn(subset, {**block, **corner})).array())
+        tables.append(demands(_load_with(subset, {**block, **corner})).array())
     table = np.concatenate(tables)
     if torque_free:
         k = DEMANDS.index("peak_effort")
@@ -282,4 +291,4 @@ def thinned(load: JointLoad) -> JointLoad:
     keep: Indices = np.unique(
         np.concatenate([every, jump, jump + 1, turn, turn + 1, peaks, extremes])
     )
-    return load.at(keep)
+    return load.subset(keep)

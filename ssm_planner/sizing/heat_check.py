@@ -13,7 +13,7 @@ from ssm_planner.problem.motor import Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import thinned
 from ssm_planner.sizing.joint_load import JointLoad
-from ssm_planner.sizing.motor_limits import Conditions, figure, missing
+from ssm_planner.sizing.motor_limits import Conditions, missing, require_value
 from ssm_planner.sizing.thermal_network import (
     FIGURES,
     Cycle,
@@ -71,7 +71,7 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
     """
     if missing(motor, *FIGURES):
         return None
-    limit = figure(motor, "max_winding_temperature")
+    limit = require_value(motor, "max_winding_temperature")
     model = ThermalModel.from_motor(motor, conditions.ambient)
     few = thinned(load)
     cycle = Cycle.from_torque(few.t, few.torque(), conditions.pause)
@@ -86,12 +86,12 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
             cycle=cycle,
         )
     nominal, hot = steady_state(model, cycle), cycle.scaled(worst_rms / rms)
-    worst = steady_state(model, hot)
+    hot_state = steady_state(model, hot)
     return Heat(
         _largest_factor(model, cycle, limit) * rms,
         limit,
         nominal_winding=nominal.peak if nominal.steady else None,
-        winding=worst.peak if worst.steady else None,
+        winding=hot_state.peak if hot_state.steady else None,
         model=model,
         cycle=hot,
     )

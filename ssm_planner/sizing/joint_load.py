@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.motors import STILL, directions
 from ssm_planner.dynamics.rigid_body import RigidBody
@@ -122,8 +123,8 @@ class JointLoad(ShortRepr):
             duration=factor * self.duration,
         )
 
-    def plus(self, other: JointLoad, share: float) -> JointLoad:
-        """Return the same motion with `share` times the additional load of `other`.
+    def plus(self, load: JointLoad, share: float) -> JointLoad:
+        """Return the same motion with `share` times the additional load of `load`.
 
         The loads are linear in the masses, so this interpolates between two payloads exactly.
         """
@@ -131,16 +132,18 @@ class JointLoad(ShortRepr):
         return replace(
             self,
             **{
-                name: getattr(self, name) + share * (getattr(other, name) - getattr(self, name))
+                name: getattr(self, name) + share * (getattr(load, name) - getattr(self, name))
                 for name in names
             },
         )
 
-    def at(self, keep: Indices) -> JointLoad:
+    def subset(self, keep: Indices) -> JointLoad:
         """Select the instants with increasing indices `keep` (m,) and recompute their weights."""
         names = ("t", "q", "qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
-        parts = {name: getattr(self, name)[keep] for name in names}
-        return replace(self, **parts, weight=_weights(parts["t"]))
+        columns = {name: getattr(self, name)[keep] for name in names}
+        return replace(self, **columns, weight=_weights(columns["t"]))
+
+    at = Renamed("subset")
 
 
 def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tuple[JointLoad, ...]:
@@ -149,9 +152,9 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     The instants have at least the rate `rate` (Hz), within the limits of INSTANTS and STRETCH. They
     include every start, turn and arrival of a joint.
     """
-    piece, local, is_first, is_last = _instants(trajectory, robot, rate)
-    samples = trajectory.sample_pieces(piece, local)
-    inertia, velocity, gravity = RigidBody.from_robot(robot).parts(
+    index, local, is_first, is_last = _instants(trajectory, robot, rate)
+    samples = trajectory.sample_pieces(index, local)
+    inertia, velocity, gravity = RigidBody.from_robot(robot).effort_parts(
         samples.q, samples.qd, samples.qdd
     )
     departing, starting = directions(robot, samples, 1)
@@ -189,14 +192,14 @@ def _instants(
 
     No joint turns within a stretch.
     """
-    piece, start, end = _stretches(trajectory, robot, rate)
+    index, start, end = _stretches(trajectory, robot, rate)
     counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, _max_instants(trajectory)) + 2
-    stretch = np.repeat(np.arange(len(piece)), counts)
+    stretch = np.repeat(np.arange(len(index)), counts)
     k = np.arange(len(stretch)) - np.repeat(np.cumsum(counts) - counts, counts)
     # The first two instants coincide: breakaway, and the motion just after it.
     share = np.maximum(k - 1, 0) / (counts[stretch] - 2)
     local = np.where(share == 1.0, end[stretch], start[stretch] + share * (end - start)[stretch])
-    return piece[stretch], local, k == 0, k == counts[stretch] - 1
+    return index[stretch], local, k == 0, k == counts[stretch] - 1
 
 
 def _max_instants(trajectory: Trajectory) -> int:
@@ -208,10 +211,10 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
     """Cut the pieces at every turn of a joint. Returns piece, local start and local end."""
     lengths = np.diff(trajectory.breaks)
     counts = np.clip(np.ceil(lengths * rate).astype(int), 4, _max_instants(trajectory)) + 1
-    piece = np.repeat(np.arange(len(lengths)), counts)
-    k = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
-    local = k / (counts[piece] - 1) * lengths[piece]
-    qd = trajectory.sample_pieces(piece, local).qd
+    index = np.repeat(np.arange(len(lengths)), counts)
+    k = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+    local = k / (counts[index] - 1) * lengths[index]
+    qd = trajectory.sample_pieces(index, local).qd
     sign = np.where(
         np.abs(qd) > STILL * np.array([joint.velocity for joint in robot.joints]), np.sign(qd), 0.0
     )
@@ -221,12 +224,12 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
     )[:-1]
     joints = np.arange(sign.shape[1])
     turns, joint = np.nonzero(
-        (piece[last_moving] == piece[1:, None]) & (sign[last_moving, joints] * sign[1:] < 0)
+        (index[last_moving] == index[1:, None]) & (sign[last_moving, joints] * sign[1:] < 0)
     )
     before_turn = last_moving[turns, joint]
-    cuts = _turns(trajectory, piece[before_turn], local[before_turn], local[turns + 1], joint)
+    cuts = _turns(trajectory, index[before_turn], local[before_turn], local[turns + 1], joint)
     pieces, starts = (
-        np.append(np.arange(len(lengths)), piece[before_turn]),
+        np.append(np.arange(len(lengths)), index[before_turn]),
         np.append(np.zeros(len(lengths)), cuts),
     )
     order = np.lexsort((starts, pieces))
@@ -236,10 +239,10 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
 
 
 def _turns(
-    trajectory: Trajectory, piece: Indices, low: Array, high: Array, joint: Indices
+    trajectory: Trajectory, index: Indices, low: Array, high: Array, joint: Indices
 ) -> Array:
     """Return the local times between `low` and `high` at which joints turn, by bisection."""
-    coefficients = trajectory.pieces(piece)[np.arange(len(piece)), 1:, joint] * np.arange(
+    coefficients = trajectory.pieces(index)[np.arange(len(index)), 1:, joint] * np.arange(
         1, DEGREE + 1
     )
 
@@ -250,7 +253,7 @@ def _turns(
         return np.sign(value)
 
     sign = ahead(low)
-    for _ in range(60 if len(piece) else 0):
+    for _ in range(60 if len(index) else 0):
         middle = (low + high) / 2
         unturned = ahead(middle) == sign
         low, high = np.where(unturned, middle, low), np.where(unturned, high, middle)

@@ -74,7 +74,7 @@ def missing(motor: Motor, *names: str) -> tuple[str, ...]:
     return tuple(name for name in names if getattr(motor, name) is None)
 
 
-def figure(motor: Motor, name: str) -> float:
+def require_value(motor: Motor, name: str) -> float:
     """Return a value of the motor file. Raises ProblemError if the file does not give it."""
     value = getattr(motor, name)
     if value is None:
@@ -101,14 +101,14 @@ def rotor_range(motor: Motor) -> Range:
 
 def resistance(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
     """Return the terminal resistance (ohm) with the winding at a temperature (K)."""
-    return figure(motor, "terminal_resistance") * (
+    return require_value(motor, "terminal_resistance") * (
         1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
     )
 
 
 def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
     """Return the torque constant (N·m/A) with the magnets at a temperature (K)."""
-    return figure(motor, "torque_constant") * (
+    return require_value(motor, "torque_constant") * (
         1 + magnet_drift(motor) * (temperature - REFERENCE_TEMPERATURE)
     )
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem.drive import Drive
@@ -135,7 +136,7 @@ class TorqueBreakdown(ShortRepr):
     rms: dict[str, float]
     """RMS of each part over the motion, N·m."""
 
-    def parts(self) -> Iterator[tuple[str, Array]]:
+    def components(self) -> Iterator[tuple[str, Array]]:
         """Yield the name and values (n,) of every part, N·m."""
         for name in PARTS:
             yield name, getattr(self, name)
@@ -143,6 +144,8 @@ class TorqueBreakdown(ShortRepr):
     def to_dict(self) -> dict[str, dict[str, float]]:
         """Return the value at the largest torque and the RMS of every part, N·m."""
         return {name: {"at_peak": self.at_peak[name], "rms": self.rms[name]} for name in PARTS}
+
+    parts = Renamed("components")
 
 
 FIGURES = (
@@ -180,7 +183,7 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
     without = np.where(
         moving, motor_torque(rough, effort, w, wd, direction=sign), _mesh(lossless, effort, sign)
     )
-    parts = {
+    components = {
         "input_inertia": input_inertia,
         "output_inertia": output_inertia,
         "load": load_torque,
@@ -189,9 +192,9 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
     }
     peak = int(np.argmax(np.abs(total)))
     return TorqueBreakdown(
-        **parts,
-        at_peak={name: float(values[peak]) for name, values in parts.items()},
-        rms={name: float(load.rms(values)) for name, values in parts.items()},
+        **components,
+        at_peak={name: float(values[peak]) for name, values in components.items()},
+        rms={name: float(load.rms(values)) for name, values in components.items()},
     )
 
 

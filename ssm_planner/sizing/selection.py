@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
-from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.loading.catalogues import Part
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
@@ -38,8 +38,8 @@ from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
     REFERENCE_TEMPERATURE,
     Conditions,
-    figure,
     missing,
+    require_value,
     resistance,
     torque_constant,
 )
@@ -82,11 +82,11 @@ class JointSelection:
     @property
     def adequate(self) -> Answers:
         """Answers for each pair, equal to `MotorVerdict.adequate`."""
-        worst = np.min(list(self.answers.values()), axis=0)
+        answer = np.min(list(self.answers.values()), axis=0)
         fails = np.array(
             [any(check.passed is False for check in checks) for checks in self.of_gear]
         )
-        return np.where(fails[:, None], np.int8(-1), worst)
+        return np.where(fails[:, None], np.int8(-1), answer)
 
     def ruled_out_by(self, g: int, m: int) -> list[str]:
         """Return the names of the checks that a pair fails."""
@@ -101,7 +101,7 @@ class JointSelection:
         adequate = self.adequate
         key = self._key(by)
         pairs = [(int(g), int(m)) for g, m in np.argwhere(adequate >= 0)]
-        nominal = [part.of.nominal_torque for part in self.motors]
+        nominal = [candidate.of.nominal_torque for candidate in self.motors]
         return sorted(pairs, key=lambda pair: (-adequate[pair], key[pair], nominal[pair[1]], pair))
 
     def _key(self, by: Rank) -> Array:
@@ -110,11 +110,13 @@ class JointSelection:
         if by == "margin":
             return -np.nan_to_num(np.nanmin(list(self.margins.values()), axis=0), nan=-1.0)
         if by == "torque":
-            return np.broadcast_to([part.of.nominal_torque for part in self.motors], shape)
+            return np.broadcast_to(
+                [candidate.of.nominal_torque for candidate in self.motors], shape
+            )
         motor = np.array(
-            [np.inf if (x := getattr(part, by)) is None else x for part in self.motors]
+            [np.inf if (x := getattr(candidate, by)) is None else x for candidate in self.motors]
         )
-        gear = np.array([getattr(part, by) or 0.0 for part in self.gears])
+        gear = np.array([getattr(candidate, by) or 0.0 for candidate in self.gears])
         return motor + gear[:, None]
 
     def verdict(self, g: int, m: int) -> MotorVerdict:
@@ -151,17 +153,17 @@ class JointSelection:
             shaft + (self.load_inertia + drive.output_inertia) / drive.ratio**2
         ) / motor.rotor_inertia
 
-    def to_dict(self, rank: Rank, shown: int) -> JsonObject:
+    def to_dict(self, rank: Rank, count: int) -> JsonObject:
         """Return an entry of `selection` in the output of `size --json`, in SI units.
 
-        `best` describes the first `shown` pairs in full.
+        `best` describes the first `count` pairs in full.
         """
         adequate = self.adequate
         as_json = {1: True, 0: None, -1: False}
         return {
             "joint": self.load.joint,
-            "motors": [part.label for part in self.motors],
-            "gears": [part.label for part in self.gears],
+            "motors": [candidate.label for candidate in self.motors],
+            "gears": [candidate.label for candidate in self.gears],
             "adequate": [[as_json[int(answer)] for answer in row] for row in adequate],
             "ruled_out_by": [
                 [self.ruled_out_by(g, m) for m in range(len(self.motors))]
@@ -169,7 +171,7 @@ class JointSelection:
             ],
             "reasons": self.reasons(),
             "rank": rank,
-            "best": [self.pair_dict(g, m) for g, m in self.ranked(rank)[:shown]],
+            "best": [self.pair_dict(g, m) for g, m in self.ranked(rank)[:count]],
         }
 
     def pair_dict(self, g: int, m: int) -> JsonObject:
@@ -247,7 +249,7 @@ def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
 
 
 def _balance(motor: Motor, hot: bool) -> tuple[float, float]:
-    temperature = figure(motor, "max_winding_temperature") if hot else REFERENCE_TEMPERATURE
+    temperature = require_value(motor, "max_winding_temperature") if hot else REFERENCE_TEMPERATURE
     return resistance(motor, temperature) / torque_constant(motor, temperature), torque_constant(
         motor, temperature
     )
@@ -264,7 +266,9 @@ def select_joint(
 
     `inertia` is the largest inertia of the moved bodies about the joint's axis, kg·m² or kg.
     """
-    fleet = _Fleet([part.of for part in motors], conditions, load.duration + conditions.pause)
+    fleet = _Fleet(
+        [candidate.of for candidate in motors], conditions, load.duration + conditions.pause
+    )
     rows = [_assess_gear(replace(load, drive=gear.of), fleet, conditions) for gear in gears]
     answers = {name: np.stack([answer[name] for answer, _, _ in rows]) for name in rows[0][0]}
     margins = {name: np.stack([margin[name] for _, margin, _ in rows]) for name in MARGINS}
@@ -317,12 +321,12 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
         return np.nan, np.nan
     model, limit = (
         ThermalModel.from_motor(motor, conditions.ambient),
-        figure(motor, "max_winding_temperature"),
+        require_value(motor, "max_winding_temperature"),
     )
     allowed = limit - model.ambient
     if allowed <= 2 * NEAR:
         return -1.0, np.inf
-    modes = Modes.of(
+    modes = Modes.from_network(
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing
     )
     shares, x = modes.input * modes.shape[0] / -modes.rates, -modes.rates * period
@@ -334,9 +338,9 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
     # Mean squares at which the coldest instant has each temperature up to the one that corresponds
     # to a mean at the limit.
     rise = (allowed + NEAR) * lowest / float(shares.sum()) * np.linspace(0.01, 1.0, RISES)
-    ones = np.ones(RISES)
-    passes = (allowed - NEAR) / (highest * model.power(ones, limit * ones)[0])
-    fails = 1.001 * np.max(rise / (lowest * model.power(ones, model.ambient + rise)))
+    unit = np.ones(RISES)
+    passes = (allowed - NEAR) / (highest * model.power(unit, limit * unit)[0])
+    fails = 1.001 * np.max(rise / (lowest * model.power(unit, model.ambient + rise)))
     return float(np.sqrt(passes)), float(np.sqrt(fails))
 
 
@@ -352,7 +356,7 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     if spread.names:
         return _assess_by_draws(load, fleet, conditions, gear, speed)
     ends = np.array([shaft_inertia(load, motor) for motor in fleet.motors])
-    worst, best = _bands(load, [dict(corner) for corner in spread.corners()], ends, fleet)
+    highest, lowest = _bands(load, [dict(corner) for corner in spread.corners()], ends, fleet)
     answers, margins = {"speed": _answer(speed, speed)}, {"speed": speed}
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
     for name, demand, factor in (
@@ -361,13 +365,13 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
         ("voltage", "volts", 1.0),
     ):
         limit = fleet.limit(name)
-        margins[name] = _margin(factor * worst[demand], limit)
-        answers[name] = _answer(margins[name], _margin(factor * best[demand], limit))
+        margins[name] = _margin(factor * highest[demand], limit)
+        answers[name] = _answer(margins[name], _margin(factor * lowest[demand], limit))
     fails = np.min(list(answers.values()), axis=0) < 0
     if any(check.passed is False for check in gear):
         fails[:] = True
     answers["heat"] = _heat(
-        load, fleet, conditions, band=(share * worst["rms"], share * best["rms"]), fails=fails
+        load, fleet, conditions, band=(share * highest["rms"], share * lowest["rms"]), fails=fails
     )
     limited = np.array(
         [answers[name] for name in ("torque", "continuous_torque", "voltage", "heat")]
@@ -378,7 +382,7 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     has_limit = np.vstack([has_limit, np.isfinite(fleet.cool)])
     together = np.where(has_limit, limited, 1).min(axis=0)
     answers[CONFIDENCE] = (
-        together.astype(np.int8) if spread.known else np.zeros(len(fails), np.int8)
+        together.astype(np.int8) if spread.is_stated else np.zeros(len(fails), np.int8)
     )
     return answers, margins, gear
 
@@ -417,7 +421,7 @@ def _bands(
     turning = load.acceleration() * (load.direction != 0)
     demands = []
     for corner in corners:
-        drive = drawn(load.drive, {**corner, "input_inertia": 0.0})
+        drive = drive_with(load.drive, {**corner, "input_inertia": 0.0})
         rotorless = replace(load, drive=drive).torque()
         sums = [
             float(load.weight @ (a * b))
@@ -432,9 +436,9 @@ def _bands(
     fall, wd = (ends[:, 1] - ends[:, 0]) / 2, np.abs(load.acceleration())
     low_peak, low_rms = low_peak - fall * wd.max(), low_rms - fall * float(load.rms(wd))
     low_volts = low_volts - fall * wd.max() * fleet.volts
-    best = {"peak": low_peak, "volts": low_volts, "rms": low_rms}
+    lowest = {"peak": low_peak, "volts": low_volts, "rms": low_rms}
     return {"peak": peak, "volts": volts, "rms": rms}, {
-        name: np.maximum(low, 0.0) for name, low in best.items()
+        name: np.maximum(low, 0.0) for name, low in lowest.items()
     }
 
 
@@ -467,29 +471,33 @@ def _heat(
 
     An answer is 0 if the temperature bounds decide nothing and the motor `fails` another check.
     """
-    worst, best = band
-    answers = np.where(worst <= fleet.cool, 1, np.where(best > fleet.hot, -1, 0)).astype(np.int8)
+    highest, lowest = band
+    answers = np.where(highest <= fleet.cool, 1, np.where(lowest > fleet.hot, -1, 0)).astype(
+        np.int8
+    )
     open_ = (
         (answers == 0)
         & ~fails
         & np.isfinite(fleet.cool)
-        & ~((worst > fleet.hot) & (best <= fleet.cool))
+        & ~((highest > fleet.hot) & (lowest <= fleet.cool))
     )
     for m in np.flatnonzero(open_).tolist():
         motor = fleet.motors[m]
         candidate = replace(load, drive=with_rotor(load, motor)[0], motor=motor)
-        heat = heat_of(candidate, motor, conditions, worst[m])
+        heat = heat_of(candidate, motor, conditions, highest[m])
         if heat is not None:
             limit = np.array(heat.capacity)
-            answers[m] = _answer(_margin(worst[m], limit), _margin(best[m], limit))
+            answers[m] = _answer(_margin(highest[m], limit), _margin(lowest[m], limit))
     return answers
 
 
-def _margin(worst: Array | float, limit: Array) -> Array:
+def _margin(demand: Array | float, limit: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(limit <= 0, -1.0, (limit - worst) / limit)
+        return np.where(limit <= 0, -1.0, (limit - demand) / limit)
 
 
-def _answer(worst: Array, best: Array) -> NDArray[np.int8]:
+def _answer(highest_margin: Array, lowest_margin: Array) -> NDArray[np.int8]:
     """Return answers equal to `Check.passed` for the margins at both ends of the uncertain data."""
-    return np.where(worst >= -TOLERANCE, 1, np.where(best < -TOLERANCE, -1, 0)).astype(np.int8)
+    return np.where(
+        highest_margin >= -TOLERANCE, 1, np.where(lowest_margin < -TOLERANCE, -1, 0)
+    ).astype(np.int8)

@@ -299,7 +299,7 @@ def _judge(
     loads: Sequence[JointLoad], motors: Mapping[str, Motor], conditions: Conditions
 ) -> _Judgement:
     """Return the smallest margin of all checks that have one."""
-    worst: tuple[float, str | None, str | None] = (float("inf"), None, None)
+    smallest: tuple[float, str | None, str | None] = (float("inf"), None, None)
     missing = []
     for load in loads:
         motor = motors.get(load.joint, load.motor)
@@ -311,8 +311,8 @@ def _judge(
             if check.margin is None:
                 missing.append(f"{load.joint}: {check.name}")
             elif check.name != CONFIDENCE:
-                worst = min(worst, (check.margin, load.joint, check.name), key=lambda x: x[0])
-    return _Judgement(*worst, tuple(missing))
+                smallest = min(smallest, (check.margin, load.joint, check.name), key=lambda x: x[0])
+    return _Judgement(*smallest, tuple(missing))
 
 
 def _search_largest(

@@ -22,8 +22,8 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.motor_limits import (
     COPPER,
     REFERENCE_TEMPERATURE,
-    figure,
     magnet_drift,
+    require_value,
     resistance,
     torque_constant,
 )
@@ -47,7 +47,7 @@ class Modes:
     inverse: Array
 
     @classmethod
-    def of(
+    def from_network(
         cls, r_inner: float, r_outer: float, c_inner: float, c_outer: float, gain: float = 0.0
     ) -> Modes:
         """Compute the modes from thermal resistances (K/W) and capacities (J/K).
@@ -67,7 +67,7 @@ class Modes:
         return cls(rates, inverse[:, 0] / c_inner, vectors / root[:, None], inverse)
 
     @property
-    def growing(self) -> bool:
+    def is_unstable(self) -> bool:
         """True if a mode does not settle because the losses grow faster than the heat leaves."""
         return bool(self.rates.max() >= 0.0)
 
@@ -163,13 +163,14 @@ class ThermalModel(ShortRepr):
         Raises ProblemError if data of FIGURES other than the temperature limit are missing.
         """
         inner, outer = (
-            figure(motor, f"resistance_{name}") for name in ("winding_housing", "housing_ambient")
+            require_value(motor, f"resistance_{name}")
+            for name in ("winding_housing", "housing_ambient")
         )
         return cls(
             inner,
             outer,
-            c_winding=figure(motor, "time_constant_winding") / inner,
-            c_housing=figure(motor, "time_constant_motor") / outer,
+            c_winding=require_value(motor, "time_constant_winding") / inner,
+            c_housing=require_value(motor, "time_constant_motor") / outer,
             ambient=ambient,
             loss=resistance(motor) / torque_constant(motor) ** 2,
             copper=COPPER,
@@ -267,7 +268,7 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
     winding = np.full(len(cycle.t), mean)
     for _ in range(PASSES):
         modes, power = _linearised(model, cycle, winding)
-        if modes.growing:
+        if modes.is_unstable:
             return unsteady
         free = follow(modes, cycle.t, power)
         decay = modes.decay(cycle.period)
@@ -285,7 +286,7 @@ def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Mode
     """Return the modes with the mean slope of the loss included, and the remaining power."""
     power, slope = model.power(cycle.square, winding), model.slope(cycle.square, winding)
     mean = cycle.mean(slope)
-    modes = Modes.of(
+    modes = Modes.from_network(
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing, mean
     )
     return modes, power - mean * (winding - model.ambient)

@@ -80,5 +80,5 @@ def _design(study: Study, trial: Any) -> Design:
                 variable.path, list(variable.contents)
             )
         else:
-            design[variable.path] = variable.at(trial.suggest_float(variable.path, 0.0, 1.0))
+            design[variable.path] = variable.value_at(trial.suggest_float(variable.path, 0.0, 1.0))
     return design

@@ -75,48 +75,54 @@ class Evaluation:
     def _row(self, number: int, design: Design) -> Candidate:
         """Select, plan, check and size a candidate. Raises ProblemError for invalid values."""
         study, margin = self.study, self.study.require.motor_margin
-        parts: dict[str, str] = {}
-        pace = float(design.get(PACE, 1.0))
-        fastest: Motions = {}
+        components: dict[str, str] = {}
+        slowdown = float(design.get(PACE, 1.0))
+        fastest_motions: Motions = {}
         if study.selected:
             originals = dict(problems_of(study, design))
             undriven = {
                 name: _without_selected_motors(study, problem)
                 for name, problem in originals.items()
             }
-            planned = _plan_motions(undriven, {})
-            if isinstance(planned, Rejection):
-                return Candidate(number, "infeasible", design, planned.stage, planned.reason)
-            fastest, selection = planned, select_parts(study, originals, planned, pace)
+            fast = _plan_motions(undriven, {})
+            if isinstance(fast, Rejection):
+                return Candidate(number, "infeasible", design, fast.stage, fast.reason)
+            fastest_motions, selection = fast, select_parts(study, originals, fast, slowdown)
             if isinstance(selection, Rejection):
                 return Candidate(number, "infeasible", design, selection.stage, selection.reason)
-            parts = selection
-        problems = dict(problems_of(study, {**design, **parts}))
+            components = selection
+        problems = dict(problems_of(study, {**design, **components}))
         reduced = {name: with_motor_margin(problem, margin) for name, problem in problems.items()}
-        motions = _plan_motions(reduced, fastest)
+        motions = _plan_motions(reduced, fastest_motions)
         if isinstance(motions, Rejection):
             return Candidate(
-                number, "infeasible", design, motions.stage, motions.reason, figures=parts
+                number, "infeasible", design, motions.stage, motions.reason, figures=components
             )
-        figures = {
-            **parts,
+        results = {
+            **components,
             **_motion_figures(problems, motions),
             **_geometry_figures(next(iter(problems.values()))),
         }
-        for speed in np.geomspace(1.0, 1.0 / pace, PACES)[1:] if pace > 1 else ():
-            if _keeps_margin(figures, margin):
+        for speed in np.geomspace(1.0, 1.0 / slowdown, PACES)[1:] if slowdown > 1 else ():
+            if _keeps_margin(results, margin):
                 break
             # the planner does not limit heat and voltage: slow down the motion of the selection
-            slower = {name: trajectory.slower(float(speed)) for name, trajectory in fastest.items()}
+            slower = {
+                name: trajectory.slower(float(speed))
+                for name, trajectory in fastest_motions.items()
+            }
             if all(
                 check(slower[name], problem.robot, problem.task_limits).passed
                 for name, problem in reduced.items()
             ):
-                figures |= _motion_figures(problems, slower)
-        if not _keeps_margin(figures, margin):
-            reason = f"a motor margin of {100 * figures['motor_margin']:.4g} %, required are {100 * margin:.4g} %"
-            return Candidate(number, "infeasible", design, "motors", reason, figures=figures)
-        return Candidate(number, "done", design, figures=figures)
+                results |= _motion_figures(problems, slower)
+        if not _keeps_margin(results, margin):
+            reason = (
+                f"a motor margin of {100 * results['motor_margin']:.4g} %, required are "
+                f"{100 * margin:.4g} %"
+            )
+            return Candidate(number, "infeasible", design, "motors", reason, figures=results)
+        return Candidate(number, "done", design, figures=results)
 
 
 def evaluate_batch(
@@ -179,7 +185,7 @@ def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
     The plans keep the motor margin that the study requires.
     """
     plans = {}
-    for name, problem in problems_of(study, study.whole(row.design, row.figures)):
+    for name, problem in problems_of(study, study.complete_design(row.design, row.figures)):
         result = plan(quickly(with_motor_margin(problem, study.require.motor_margin)))
         if result.trajectory is not None:
             certificate = check(result.trajectory, problem.robot, problem.task_limits, seal=True)
@@ -237,7 +243,7 @@ def _without_selected_motors(study: Study, problem: Problem) -> Problem:
 
 
 def select_parts(
-    study: Study, problems: Mapping[str, Problem], motions: Motions, pace: float
+    study: Study, problems: Mapping[str, Problem], motions: Motions, slowdown: float
 ) -> dict[str, str] | Rejection:
     """Return the names of the selected motors and gears by path, or the rejection.
 
@@ -245,10 +251,10 @@ def select_parts(
     the given pace. One pass over arrays evaluates the whole catalogue; only the first pairs get the
     complete checks, such as heat.
     """
-    parts: dict[str, str] = {}
+    components: dict[str, str] = {}
     loads = {}
     for name, problem in problems.items():
-        loads_of = joint_loads(motions[name].slower(1 / pace), problem.robot)
+        loads_of = joint_loads(motions[name].slower(1 / slowdown), problem.robot)
         loads[name] = Conditions(pause=pause_of(problem)), {load.joint: load for load in loads_of}
     for joint in dict.fromkeys(choice.path.split(".")[1] for choice in study.selected):
         choices = {
@@ -275,12 +281,15 @@ def select_parts(
                 if gear_choice
                 else f"{len(motors)} motors"
             )
-            text = f"joint {joint}: none of {pairs} holds with {100 * study.require.motor_margin:.4g} % to spare"
+            text = (
+                f"joint {joint}: none of {pairs} holds with "
+                f"{100 * study.require.motor_margin:.4g} % to spare"
+            )
             return Rejection("selection", f"{text} (ruled out by {reasons or 'their margins'})")
         for choice, entry in ((motor_choice, motors[indices[1]]), (gear_choice, gears[indices[0]])):
             if choice is not None:
-                parts[choice.path] = entry.label
-    return parts
+                components[choice.path] = entry.label
+    return components
 
 
 def _admissible_pairs(
@@ -335,9 +344,9 @@ def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]
     ]
 
 
-def _keeps_margin(figures: Mapping[str, Any], margin: float) -> bool:
+def _keeps_margin(results: Mapping[str, Any], margin: float) -> bool:
     """Return whether the figures keep the motor margin; a missing margin passes."""
-    available = figures["motor_margin"]
+    available = results["motor_margin"]
     return available is None or available >= margin
 
 
@@ -354,7 +363,7 @@ def _motion_figures(problems: Mapping[str, Problem], motions: Motions) -> JsonOb
 def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
     """Return the smallest motor margin, the largest torques by joint, and the mass; SI."""
     margins = []
-    figures: JsonObject = {}
+    results: JsonObject = {}
     masses: dict[str, float | None] = {}
     for verdict in (verdict for sizing in sizings for verdict in sizing.verdicts):
         margins += [
@@ -367,15 +376,17 @@ def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
             ("rms_torque", verdict.requirement.rms_torque),
         ):
             key = f"{name}.{verdict.joint}"
-            figures[key] = max(value, figures.get(key, 0.0))
+            results[key] = max(value, results.get(key, 0.0))
         masses[verdict.joint] = verdict.motor.mass
-    stated = [mass for mass in masses.values() if mass is not None]
-    figures["motor_margin"] = min(margins, default=None)
-    figures["peak_torque"] = max(
-        (value for key, value in figures.items() if key.startswith("peak_torque.")), default=None
+    known_masses = [mass for mass in masses.values() if mass is not None]
+    results["motor_margin"] = min(margins, default=None)
+    results["peak_torque"] = max(
+        (value for key, value in results.items() if key.startswith("peak_torque.")), default=None
     )
-    figures["motor_mass"] = sum(stated) if len(stated) == len(masses) and stated else None
-    return figures
+    results["motor_mass"] = (
+        sum(known_masses) if len(known_masses) == len(masses) and known_masses else None
+    )
+    return results
 
 
 def _geometry_figures(problem: Problem) -> JsonObject:

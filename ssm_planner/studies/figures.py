@@ -30,7 +30,7 @@ STAGE_COLOURS = ("0.45", *COLOURS[1:3], FIFTH, COLOURS[3])
 
 def write_study_figures(
     study: Study,
-    own: Candidate,
+    reference: Candidate,
     rows: Sequence[Candidate],
     front: Sequence[Candidate],
     folder: Path,
@@ -39,24 +39,26 @@ def write_study_figures(
 
     Raises ExportError.
     """
-    figures: dict[str, Figure] = {}
+    plots: dict[str, Figure] = {}
     names = [
         name for name in study.minimise if any(row.figures.get(name) is not None for row in front)
     ]
     if len(names) > 1:
-        figures["front"] = new_figure(5.5, 4.0)
-        _front(figures["front"].add_subplot(), study, rows, own=own, front=front, names=names)
+        plots["front"] = new_figure(5.5, 4.0)
+        _front(
+            plots["front"].add_subplot(), study, rows, reference=reference, front=front, names=names
+        )
     if len(study.vary) > 1 and rows:
-        figures["map"] = new_figure(6.5, 4.0)
-        _map(figures["map"].add_subplot(), study, rows)
-    return save_figures(figures, folder)
+        plots["map"] = new_figure(6.5, 4.0)
+        _map(plots["map"].add_subplot(), study, rows)
+    return save_figures(plots, folder)
 
 
 def _front(
     axes: Axes,
     study: Study,
     rows: Sequence[Candidate],
-    own: Candidate,
+    reference: Candidate,
     front: Sequence[Candidate],
     names: list[str],
 ) -> None:
@@ -72,14 +74,20 @@ def _front(
             .T
         )
 
-    done = [row for row in rows if row.state == "done"]
-    axes.plot(*coordinates(done), "o", markersize=3, color="0.6", label=f"planned, {len(done)}")
+    finished = [row for row in rows if row.state == "done"]
+    axes.plot(
+        *coordinates(finished), "o", markersize=3, color="0.6", label=f"planned, {len(finished)}"
+    )
     axes.plot(
         *coordinates(front), "o-", markersize=5, color=COLOURS[0], label=f"front, {len(front)}"
     )
-    if own.state == "done":
+    if reference.state == "done":
         axes.plot(
-            *coordinates([own]), "*", markersize=12, color=COLOURS[1], label="the study's own robot"
+            *coordinates([reference]),
+            "*",
+            markersize=12,
+            color=COLOURS[1],
+            label="the study's own robot",
         )
     finish(axes, *(title_of(name) for name in names[:2]))
     legend(axes)
@@ -92,14 +100,14 @@ def _map(axes: Axes, study: Study, rows: Sequence[Candidate]) -> None:
         row.state if row.state in ("done", "waiting") else row.stage or row.state for row in rows
     ]
     kinds = sorted(set(states), key=lambda state: (state != "done", state))
-    for k, kind in enumerate(kinds):
+    for k, row_state in enumerate(kinds):
         points = [
             (x, y)
             for x, y, state in zip(across["at"], up["at"], states, strict=True)
-            if state == kind
+            if state == row_state
         ]
-        colour = COLOURS[0] if kind == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
-        marker, label = MARKERS[k % len(MARKERS)], f"{kind}, {len(points)}"
+        colour = COLOURS[0] if row_state == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
+        marker, label = MARKERS[k % len(MARKERS)], f"{row_state}, {len(points)}"
         axes.plot(*zip(*points, strict=True), marker, markersize=4, color=colour, label=label)
     finish(axes, across["title"], up["title"])
     legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))

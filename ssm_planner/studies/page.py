@@ -15,7 +15,7 @@ from ssm_planner.reporting.html.page import render
 from ssm_planner.studies.store import Candidate, better
 from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array, JsonObject
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 
 UNITS = {
     "duration": "s",
@@ -54,7 +54,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
         state: sum(row.state == state for row in rows)
         for state in sorted({row.state for row in rows})
     }
-    listed = ", ".join(f"{count} {state}" for state, count in states.items())
+    counts_text = ", ".join(f"{count} {state}" for state, count in states.items())
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
         if row.state not in ("done", "waiting"):
@@ -70,14 +70,15 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
         [
             str(row.number),
             *(number(scaled(name, row.figures), 5) for name in names),
-            *chosen(study, row).values(),
+            *displayed_choices(study, row).values(),
         ]
         for row in front[:SHOWN]
     ]
     return {
         "title": study.name,
         "file": study.file or "FILE",
-        "summary": f"{len(rows)} candidates: {listed}. Objectives: {', '.join(map(named, study.minimise))}.",
+        "summary": f"{len(rows)} candidates: {counts_text}. Objectives: "
+        f"{', '.join(map(named, study.minimise))}.",
         "fallen": [
             {
                 "stage": stage,
@@ -92,35 +93,41 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     }
 
 
-def against_own(study: Study, own: Candidate, front: Sequence[Candidate]) -> str:
+def against_own(study: Study, reference: Candidate, front: Sequence[Candidate]) -> str:
     """State in one sentence the result of the study's own robot and how many beat it."""
-    results = ", ".join(in_words(name, own.figures) for name in study.minimise)
-    missing = [named(name) for name in study.minimise if own.figures.get(name) is None]
-    count = len(better(own, front, study.minimise))
-    if own.state != "done":
-        outcome = f"{own.state}, {own.reason}" if own.reason else own.state
+    results = ", ".join(in_words(name, reference.figures) for name in study.minimise)
+    missing = [named(name) for name in study.minimise if reference.figures.get(name) is None]
+    count = len(better(reference, front, study.minimise))
+    if reference.state != "done":
+        outcome = f"{reference.state}, {reference.reason}" if reference.reason else reference.state
     elif missing:
-        outcome = f"{results}; whether any of the front beats it is not known without {', '.join(missing)}"
+        outcome = (
+            f"{results}; whether any of the front beats it is not known without "
+            f"{', '.join(missing)}"
+        )
     else:
-        outcome = f"{results}; {count} of the front beat{'s' if count == 1 else ''} it: better in one, worse in none"
+        outcome = (
+            f"{results}; {count} of the front beat{'s' if count == 1 else ''} it: better in "
+            "one, worse in none"
+        )
     return f"{study.own_words}: {outcome}"
 
 
 def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> JsonObject:
     """Return the values for the script: columns over all candidates."""
-    figures = _shown_figures(study, rows)
+    plotted = _shown_figures(study, rows)
     front_numbers = {row.number for row in front}
     columns = [choices_at(study, path, rows) for path in study.paths]
     columns += [
         {"title": title_of(name), "at": [scaled(name, row.figures) for row in rows], "labels": None}
-        for name in figures
+        for name in plotted
     ]
     return {
-        "names": [*study.paths, *figures],
+        "names": [*study.paths, *plotted],
         "columns": columns,
         "choices": list(study.paths),
-        "figures": figures,
-        "objectives": [name for name in study.minimise if name in figures],
+        "figures": plotted,
+        "objectives": [name for name in study.minimise if name in plotted],
         "number": [row.number for row in rows],
         "state": [row.state for row in rows],
         "stage": [row.stage or row.state for row in rows],
@@ -140,12 +147,12 @@ def _shown_figures(study: Study, rows: Sequence[Candidate]) -> list[str]:
         for name in sorted(values_by_name)
         if len(values_by_name[name]) > 1 and None not in values_by_name[name]
     ]
-    others = [
+    other_names = [
         name
         for name in names
         if name not in study.minimise and name.split(".")[0] in ("duration", "motor_margin")
     ]
-    return [*(name for name in study.minimise if name in names), *others]
+    return [*(name for name in study.minimise if name in names), *other_names]
 
 
 def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> JsonObject:
@@ -171,15 +178,15 @@ def sensitivity(study: Study, rows: Sequence[Candidate]) -> list[JsonObject]:
 
     Only planned candidates count; one entry per path.
     """
-    done = [row for row in rows if row.state == "done"]
+    finished = [row for row in rows if row.state == "done"]
     shares_by_path = []
     for path in study.paths:
-        positions = np.array(choices_at(study, path, done)["at"], dtype=float)
+        positions = np.array(choices_at(study, path, finished)["at"], dtype=float)
         shares = []
         for name in study.minimise:
-            value = np.array([row.figures.get(name) for row in done], dtype=float)
+            value = np.array([row.figures.get(name) for row in finished], dtype=float)
             shares.append(
-                round(100 * correlation_ratio(positions, value)) if len(done) > BINS else 0
+                round(100 * correlation_ratio(positions, value)) if len(finished) > BINS else 0
             )
         shares_by_path.append({"path": path, "shares": shares})
     return shares_by_path
@@ -212,10 +219,10 @@ def correlation_ratio(positions: Array, value: Array) -> float:
     return max(0.0, 1.0 - within / (count - groups) / (total / (count - 1)))
 
 
-def chosen(study: Study, row: Candidate) -> dict[str, str]:
+def displayed_choices(study: Study, row: Candidate) -> dict[str, str]:
     """Return the choices of a candidate by path, with a typographic minus sign."""
-    whole = study.whole(row.design, row.figures)
-    return {path: re.sub(r"^-", "−", str(value)) for path, value in whole.items()}
+    full_design = study.complete_design(row.design, row.figures)
+    return {path: re.sub(r"^-", "−", str(value)) for path, value in full_design.items()}
 
 
 def named(name: str) -> str:
@@ -225,12 +232,12 @@ def named(name: str) -> str:
 
 def unit_of(name: str) -> tuple[str, float]:
     """Return the unit in which a figure is shown ("" for none) and the factor from SI."""
-    kind = name.split(".")[0]
+    quantity_name = name.split(".")[0]
     return (
         ("%", 100.0)
-        if kind == "motor_margin"
-        else shown(UNITS[kind])
-        if kind in UNITS
+        if quantity_name == "motor_margin"
+        else display_unit(UNITS[quantity_name])
+        if quantity_name in UNITS
         else ("", 1.0)
     )
 
@@ -241,12 +248,12 @@ def title_of(name: str) -> str:
     return f"{named(name)} ({unit})" if unit else named(name)
 
 
-def in_words(name: str, figures: Mapping[str, Any]) -> str:
+def in_words(name: str, results: Mapping[str, Any]) -> str:
     """Return a figure with its unit, such as "motor mass 0.239 kg"."""
-    return f"{named(name)} {number(scaled(name, figures), 4)} {unit_of(name)[0]}".strip()
+    return f"{named(name)} {number(scaled(name, results), 4)} {unit_of(name)[0]}".strip()
 
 
-def scaled(name: str, figures: Mapping[str, Any]) -> float | None:
+def scaled(name: str, results: Mapping[str, Any]) -> float | None:
     """Return a figure in the unit in which it is shown, or None if it is missing."""
-    value = figures.get(name)
+    value = results.get(name)
     return None if value is None else float(value) * unit_of(name)[1]

@@ -16,6 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import SsmPlannerError
 from ssm_planner.representation import ShortRepr
 from ssm_planner.studies.evaluation import Evaluation, evaluate_batch
@@ -98,6 +99,7 @@ class StudyResult(ShortRepr):
         return pareto(self.rows, self.study.minimise)
 
 
+@checked
 def study(
     of: Study | str | Path,
     folder: str | Path,
@@ -218,7 +220,7 @@ class _Driver:
         self._next_page = now + max(PAGE_EVERY, 50 * (now - self._last_write))
 
     def _process(
-        self, designs: Sequence[Design], first: int, total: int, collect: bool = True
+        self, designs: Sequence[Design], first_number: int, total: int, collect: bool = True
     ) -> list[Candidate]:
         """Screen candidates and send the others to the workers.
 
@@ -230,7 +232,7 @@ class _Driver:
         self.keys += keys
         waiting: list[Asked] = []
         new: list[tuple[int, str, Design]] = []
-        for number, (key, design) in enumerate(zip(keys, designs, strict=True), first):
+        for number, (key, design) in enumerate(zip(keys, designs, strict=True), first_number):
             earlier, state = self._earlier.get(key, (None, "waiting"))
             if earlier != number:
                 new.append((number, key, design))
@@ -240,16 +242,16 @@ class _Driver:
                 self._count(state)
         self._store.add(new)
         batch: list[Asked] = []
-        for asked, fallen in zip(
+        for candidate_design, rejection in zip(
             waiting, self._screens.reject([design for _, _, design in waiting]), strict=True
         ):
-            key, number, design = asked
-            if fallen is not None:
+            key, number, design = candidate_design
+            if rejection is not None:
                 self._record(
-                    key, Candidate(number, "infeasible", design, fallen.stage, fallen.reason)
+                    key, Candidate(number, "infeasible", design, rejection.stage, rejection.reason)
                 )
                 continue
-            batch.append(asked)
+            batch.append(candidate_design)
             if len(batch) >= min(
                 BATCH_SECONDS * self._batch_candidates / self._batch_seconds, LARGEST_BATCH
             ):
@@ -290,8 +292,8 @@ class _Driver:
                 ):  # Dask's WorkerDied
                     lost = error
                 elif len(batch) > 1:
-                    for asked in batch:  # each alone, to find the one that ends its worker
-                        self._submit([asked])
+                    for design in batch:  # each alone, to find the one that ends its worker
+                        self._submit([design])
                 else:
                     reason = "ended its worker process each time it was tried"
                     self._record(batch[0][0], Candidate(-1, "quarantined", {}, None, reason))

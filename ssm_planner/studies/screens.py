@@ -56,7 +56,7 @@ class Screens:
 
     def __init__(self, study: Study) -> None:
         self.study = study
-        self._first: Design = {variable.path: variable.at(0.0) for variable in study.vary}
+        self._first: Design = {variable.path: variable.value_at(0.0) for variable in study.vary}
         problems = list(self._problems())
         self.robot: Robot | None = problems[0].robot if problems else None
         self._tilts, self._moves = _demands(problems)
@@ -70,7 +70,7 @@ class Screens:
         family = self._family(designs)
         if family is not None:
             self._reach(family, rejections)
-        self._parts(designs, rejections)
+        self._screen_parts(designs, rejections)
         if family is not None and self._moves and not self._bodies_vary:
             self._start(designs, family, rejections)
         return rejections
@@ -139,7 +139,7 @@ class Screens:
                         f"{subject}, {ends}, are not within {low:.5g} to {high:.5g} deg of joint 1",
                     )
 
-    def _parts(self, designs: Sequence[Design], rejections: list[Rejection | None]) -> None:
+    def _screen_parts(self, designs: Sequence[Design], rejections: list[Rejection | None]) -> None:
         """Reject drives and motors that are invalid or do not lock."""
         for path, options in self._joints.items():
             faults = {label: self._fault(option) for label, option in options.items()}
@@ -194,13 +194,13 @@ class Screens:
         alive = np.array([rejection is None for rejection in rejections])
         if not alive.any():
             return
-        members = family.some(alive)
+        members = family.subset(alive)
         passing = [design for design, lives in zip(designs, alive, strict=True) if lives]
         by_branch = [self._lacking(members, branch, passing) for branch in (1, -1)]
         for position, i in enumerate(np.flatnonzero(alive)):
-            first, second = by_branch[0][position], by_branch[1][position]
-            if first is not None and second is not None:
-                rejections[i] = first
+            branch_1, branch_2 = by_branch[0][position], by_branch[1][position]
+            if branch_1 is not None and branch_2 is not None:
+                rejections[i] = branch_1
 
     def _lacking(
         self, family: Family, branch: int, designs: Sequence[Design]
@@ -236,7 +236,10 @@ class Screens:
                 for i in np.flatnonzero(torque > joint.motor.max_torque):
                     if rejections[members[i]] is None:
                         needs, has = 1e3 * torque[i], 1e3 * joint.motor.max_torque
-                        reason = f"joint {name} starts against {needs:.4g} mN·m, {joint.motor.name} has {has:.4g} mN·m"
+                        reason = (
+                            f"joint {name} starts against {needs:.4g} mN·m, "
+                            f"{joint.motor.name} has {has:.4g} mN·m"
+                        )
                         rejections[members[i]] = Rejection("static torque", reason)
         return rejections
 
@@ -262,7 +265,7 @@ class Screens:
         centres = [body.frame @ body.com for body in self.robot.bodies]
         return np.stack(
             [
-                _turned(centre, old, new)
+                _rotated(centre, old, new)
                 for centre, old, new in zip(centres, olds, news, strict=True)
             ],
             axis=1,
@@ -298,7 +301,7 @@ def _angles(texts: Sequence[str]) -> Array:
     return np.array([float(text.strip().partition(" ")[0]) for text in texts]) * factor
 
 
-def _turned(point: Array, old: Array, new: Array) -> Array:
+def _rotated(point: Array, old: Array, new: Array) -> Array:
     """Return a point (3,) after the smallest rotations from `old` (3,) to `new` (n, 3), (n, 3)."""
     axis = np.cross(old, new)
     cosine = new @ old
@@ -322,7 +325,7 @@ def _demands(problems: Sequence[Problem]) -> tuple[Array, list[Move]]:
         for motion in problem.motion:
             if not isinstance(motion, Straight):
                 break
-            target = {**position, **motion.to.given}
+            target = {**position, **motion.to.set_coordinates}
             moves.append(Move(_vector(position), _vector(target)))
             tilts.append(target["tilt"])
             position = target

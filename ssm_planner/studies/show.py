@@ -50,7 +50,9 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     robot = target / "robot.yaml"
     with replacing(robot) as temporary:
         text = yaml.safe_dump(
-            _named(study.resolved(study.whole(row.design, row.figures)), study, number),
+            _numbered(
+                study.resolved(study.complete_design(row.design, row.figures)), study, number
+            ),
             sort_keys=False,
             allow_unicode=True,
         )
@@ -67,7 +69,7 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     return paths
 
 
-def _named(tree: JsonObject, study: Study, number: int) -> JsonObject:
+def _numbered(tree: JsonObject, study: Study, number: int) -> JsonObject:
     """Return the content of a robot file with the candidate's number in name and source."""
     return {
         **tree,
@@ -82,7 +84,9 @@ def compare_candidates(study: Study, folder: Path, first: int, second: int) -> J
     return {
         "study": study.name,
         "numbers": [first, second],
-        "design": _pairs(study.whole(a.design, a.figures), study.whole(b.design, b.figures)),
+        "design": _pairs(
+            study.complete_design(a.design, a.figures), study.complete_design(b.design, b.figures)
+        ),
         "figures": _pairs(a.figures, b.figures),
     }
 

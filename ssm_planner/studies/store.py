@@ -71,7 +71,7 @@ class Store(AbstractContextManager["Store"]):
         self.path = path
         lock = path.with_suffix(
             ".lock"
-        )  # a separate file, because SQLite loses its lock when another handle of its file is closed
+        )  # a separate file: SQLite loses its lock when another handle of its file closes
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             lock.touch()
@@ -137,10 +137,11 @@ class Store(AbstractContextManager["Store"]):
                 json.loads(design),
                 stage,
                 reason,
-                figures=json.loads(figures or "{}"),
+                figures=json.loads(results or "{}"),
             )
-            for key, number, state, stage, reason, design, figures in self._read(
-                "SELECT key, number, state, stage, reason, design, figures FROM candidates ORDER BY number, key"
+            for key, number, state, stage, reason, design, results in self._read(
+                "SELECT key, number, state, stage, reason, design, figures FROM candidates ORDER "
+                "BY number, key"
             )
         }
         return (
@@ -251,12 +252,12 @@ def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candid
 
 
 def better(
-    own: Candidate, front: Sequence[Candidate], objectives: Sequence[str]
+    reference: Candidate, front: Sequence[Candidate], objectives: Sequence[str]
 ) -> tuple[Candidate, ...]:
-    """Return the rows of a front that are better than `own` in one objective and worse in none.
+    """Return the rows of a front that dominate `reference`.
 
-    Returns an empty tuple if `own` is not done or lacks an objective.
+    Returns an empty tuple if `reference` is not done or lacks an objective.
     """
-    if not pareto((own,), objectives):
+    if not pareto((reference,), objectives):
         return ()
-    return tuple(row for row in front if pareto((own, row), objectives) == (row,))
+    return tuple(row for row in front if pareto((reference, row), objectives) == (row,))

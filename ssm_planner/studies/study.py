@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.value import NotNegative, Value
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, Range, record
@@ -36,13 +37,15 @@ class Varied:
     high: float
     unit: str
 
-    def at(self, position: float) -> str:
+    def value_at(self, position: float) -> str:
         """Return the choice at a position in [0, 1]: a quantity with its unit."""
         return f"{self.low + position * (self.high - self.low):.8g} {self.unit}".rstrip()
 
     def grid(self, count: int) -> list[str]:
         """Return `count` equidistant choices, including both ends."""
-        return [self.at(position) for position in np.linspace(0, 1, count)]
+        return [self.value_at(position) for position in np.linspace(0, 1, count)]
+
+    at = Renamed("value_at")
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class Choice(ShortRepr):
     beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Mass (kg) and length (m) that a catalogue states, by the entry's name."""
 
-    def at(self, position: float) -> str:
+    def value_at(self, position: float) -> str:
         """Return the name of the entry at a position in [0, 1]."""
         names = list(self.contents)
         return names[min(int(position * len(names)), len(names) - 1)]
@@ -67,6 +70,8 @@ class Choice(ShortRepr):
     def grid(self, count: int) -> list[str]:
         """Return the names of all entries; `count` has no influence."""
         return list(self.contents)
+
+    at = Renamed("value_at")
 
 
 Variable = Varied | Choice
@@ -128,15 +133,16 @@ class Study(ShortRepr):
     @property
     def notes(self) -> list[str]:
         """Return remarks that a reader of the results must know."""
-        fixed = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
+        fixed_bodies = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
         paths = [*self.paths, *(choice.path for choice in self.selected)]
-        if not fixed or not any(
+        if not fixed_bodies or not any(
             path.startswith("geometry.") or path.endswith(".motor") for path in paths
         ):
             return []
         return [
-            f"Bodies as the robot file gives them ({', '.join(fixed)}): they turn with the axes, but keep mass, centre and "
-            "inertia whatever geometry and motors are chosen; bodies given by parts would follow."
+            f"Bodies as the robot file gives them ({', '.join(fixed_bodies)}): they turn with the "
+            "axes, but keep mass, centre and inertia whatever geometry and motors are chosen; "
+            "bodies given by parts would follow."
         ]
 
     @property
@@ -146,7 +152,7 @@ class Study(ShortRepr):
             return "The study's own robot with motors and gears selected in the same way, at pace 1"
         return "The study's own robot as it stands"
 
-    def whole(self, design: Design, figures: Mapping[str, Any]) -> dict[str, str]:
+    def complete_design(self, design: Design, figures: Mapping[str, Any]) -> dict[str, str]:
         """Return all choices of a candidate by path: its design and the parts selected for it.
 
         figures: the candidate's results, which contain the selected parts.
@@ -175,7 +181,7 @@ class Study(ShortRepr):
     def design(self, point: Sequence[float] | Array) -> Design:
         """Return the candidate at a point (d,) of the unit cube, one number per variable."""
         return {
-            variable.path: variable.at(float(x))
+            variable.path: variable.value_at(float(x))
             for variable, x in zip(self.vary, point, strict=True)
         }
 
@@ -200,6 +206,8 @@ class Study(ShortRepr):
                     tree["joints"][path.split(".")[1]], self.robot["joints"][path.split(".")[1]]
                 )
         return tree
+
+    whole = Renamed("complete_design")
 
 
 def sobol(dimensions: int, points: int, seed: int) -> Array:
@@ -257,13 +265,13 @@ def _with_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
     }
 
 
-def _inertia(part: Mapping[str, Any] | None, key: str) -> float:
+def _inertia(mapping: Mapping[str, Any] | None, key: str) -> float:
     """Return the inertia that a drive or motor states under `key`, kg·m².
 
     Missing and invalid values count as 0; the loader of motors reports invalid ones.
     """
-    stated = (part or {}).get(key)
-    value = stated.get("value") if isinstance(stated, Mapping) else stated
+    entry = (mapping or {}).get(key)
+    value = entry.get("value") if isinstance(entry, Mapping) else entry
     try:
         return 0.0 if value is None else quantity(value, "inertia")
     except BadQuantity:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.catalogues import entries, stated_beside
 from ssm_planner.loading.files import find, follow, of_data, read
@@ -96,12 +97,13 @@ class StudyModel(Model):
     """
     require: RequirementsModel = RequirementsModel()
     """Conditions that a candidate must meet."""
-    minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]  # a tuple of texts
+    minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]
     """Objectives; margins are maximised."""
     search: SearchModel = SearchModel()
     """How candidates are generated."""
 
 
+@checked
 def load_study(name: str | Path) -> Study:
     """Load a study from a YAML file or by its shipped name, with all files that it names.
 
@@ -176,7 +178,10 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
     value = section.value
     forms = ({"from", "to"}, {"choices"}, {"catalogue"}, {"catalogue", "select"})
     if not isinstance(value, dict) or set(value) not in forms:
-        allowed = "{from: …, to: …}, {choices: [ … ]}, {catalogue: FILE} or {catalogue: FILE, select: mass}"
+        allowed = (
+            "{from: …, to: …}, {choices: [ … ]}, {catalogue: FILE} or {catalogue: FILE, "
+            "select: mass}"
+        )
         raise section.error("not a way to vary", allowed=allowed)
     if "from" in value:
         return _span(section, path)
@@ -220,9 +225,11 @@ def _check_selection(
             raise section.error(
                 "no motor and no gear: not selected", "vary", choice.path, show=False
             )
-    for pace in (variable for variable in vary if variable.path == PACE):
+    for pace_variable in (variable for variable in vary if variable.path == PACE):
         paces = (
-            [pace.at(0.0)] if isinstance(pace, Varied) else [str(name) for name in pace.contents]
+            [pace_variable.value_at(0.0)]
+            if isinstance(pace_variable, Varied)
+            else [str(name) for name in pace_variable.contents]
         )
         try:
             good = all(1.0 <= float(text) < math.inf for text in paces)
@@ -283,8 +290,8 @@ def _check_paths(section: Section, study: Study) -> None:
 
     Raises ProblemError for the faulty path.
     """
-    first = {variable.path: variable.at(0.0) for variable in study.vary}
-    tree = study.resolved(first)
+    start_design = {variable.path: variable.value_at(0.0) for variable in study.vary}
+    tree = study.resolved(start_design)
     try:
         robot_from(of_data(tree))
     except ProblemError as error:

@@ -194,8 +194,8 @@ def serve() -> None:
         except EOFError:
             return
         try:
-            function, arguments, named = pickle.loads(message)
-            answer = pickle.dumps((True, function(*arguments, **named)), pickle.HIGHEST_PROTOCOL)
+            function, arguments, keywords = pickle.loads(message)
+            answer = pickle.dumps((True, function(*arguments, **keywords)), pickle.HIGHEST_PROTOCOL)
         except Exception as error:  # noqa: BLE001 the caller handles every exception
             answer = _fault(error)
         _send(answers, answer)

@@ -57,7 +57,7 @@ def halves(coefficients: Array) -> tuple[Array, Array]:
     return np.stack(left).T, np.stack(right[::-1]).T
 
 
-def largest(coefficients: Array, tolerance: Array, known: Array) -> tuple[Array, Indices, Array]:
+def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Array, Indices, Array]:
     """Find the largest value on [0, 1] in each of k groups of m polynomials.
 
     Parameters
@@ -65,7 +65,7 @@ def largest(coefficients: Array, tolerance: Array, known: Array) -> tuple[Array,
     coefficients : (k, n + 1, m)
     tolerance : (k,)
         Absolute accuracy of the values.
-    known : (k,)
+    threshold : (k,)
         Values that are already known. A result that does not exceed it may be inexact.
 
     Returns
@@ -76,31 +76,37 @@ def largest(coefficients: Array, tolerance: Array, known: Array) -> tuple[Array,
     ends = np.maximum(coefficients[:, 0], coefficients[:, -1])
     index = np.argmax(ends, axis=1)
     groups = np.arange(len(ends))
-    best = ends[groups, index]
-    where = np.where(coefficients[groups, 0, index] >= best, 0.0, 1.0)
-    bar = np.maximum(best, known) + tolerance
-    group, of = np.nonzero(coefficients[:, 1:-1].max(axis=1, initial=-np.inf) > bar[:, None])
-    pieces, start, width = coefficients[group, :, of], np.zeros(len(of)), 1.0
+    maximum = ends[groups, index]
+    argument = np.where(coefficients[groups, 0, index] >= maximum, 0.0, 1.0)
+    bar = np.maximum(maximum, threshold) + tolerance
+    group, polynomial = np.nonzero(
+        coefficients[:, 1:-1].max(axis=1, initial=-np.inf) > bar[:, None]
+    )
+    pieces, start, width = coefficients[group, :, polynomial], np.zeros(len(polynomial)), 1.0
     for _ in range(DEPTH):
-        if not len(of):
+        if not len(polynomial):
             break
         left, right = halves(pieces)
         width /= 2
         middle = right[:, 0]
-        better = np.flatnonzero(middle > best[group])
+        better = np.flatnonzero(middle > maximum[group])
         better = better[np.argsort(middle[better], kind="stable")]  # of a group the last counts
         changed = group[better]
-        best[changed], index[changed], where[changed] = (
+        maximum[changed], index[changed], argument[changed] = (
             middle[better],
-            of[better],
+            polynomial[better],
             start[better] + width,
         )
-        bar = np.maximum(bar, best + tolerance)
+        bar = np.maximum(bar, maximum + tolerance)
         pieces = np.concatenate([left, right])
-        group, of, start = np.tile(group, 2), np.tile(of, 2), np.concatenate([start, start + width])
+        group, polynomial, start = (
+            np.tile(group, 2),
+            np.tile(polynomial, 2),
+            np.concatenate([start, start + width]),
+        )
         keep = pieces[:, 1:-1].max(axis=1, initial=-np.inf) > bar[group]
-        pieces, group, of, start = pieces[keep], group[keep], of[keep], start[keep]
-    return best, index, where
+        pieces, group, polynomial, start = pieces[keep], group[keep], polynomial[keep], start[keep]
+    return maximum, index, argument
 
 
 def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]:
@@ -128,12 +134,12 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
         roots.append((index[single], start[single] + width * _bisect(pieces[single])))
         pieces, index, start = pieces[~single], index[~single], start[~single]
     roots.append((index, start + width / 2))
-    where, s = np.concatenate([i for i, _ in roots]), np.concatenate([s for _, s in roots])
-    order = np.lexsort((s, where))
-    where, s = where[order], s[order]
-    inside = (s > 0) & (s < 1)
-    fresh = np.append(True, (np.diff(where) != 0) | (np.diff(s) > 1e-12))[: len(s)]
-    return where[inside & fresh], s[inside & fresh]
+    polynomial, s = np.concatenate([i for i, _ in roots]), np.concatenate([s for _, s in roots])
+    order = np.lexsort((s, polynomial))
+    polynomial, s = polynomial[order], s[order]
+    interior = (s > 0) & (s < 1)
+    fresh = np.append(True, (np.diff(polynomial) != 0) | (np.diff(s) > 1e-12))[: len(s)]
+    return polynomial[interior & fresh], s[interior & fresh]
 
 
 def _changes(coefficients: Array) -> Indices:
@@ -150,15 +156,15 @@ def _bisect(coefficients: Array) -> Array:
     if len(powers) <= FEW:
         return np.array(
             [
-                _bisected(row, bool(first > 0))
-                for row, first in zip(powers.tolist(), coefficients[:, 0], strict=True)
+                _bisected(row, bool(start_sign > 0))
+                for row, start_sign in zip(powers.tolist(), coefficients[:, 0], strict=True)
             ]
         )
     low, high = np.zeros(len(powers)), np.ones(len(powers))
-    first = np.sign(coefficients[:, 0])
+    start_sign = np.sign(coefficients[:, 0])
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        ahead = np.sign(evaluate(powers, middle)) == first
+        ahead = np.sign(evaluate(powers, middle)) == start_sign
         low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
     return high
 
@@ -166,11 +172,11 @@ def _bisect(coefficients: Array) -> Array:
 def _bisected(powers: list[float], falling: bool) -> float:
     """Return the zero of one polynomial like `_bisect`."""
     low, high = 0.0, 1.0
-    last, *others = powers[::-1]
+    leading, *lower = powers[::-1]
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        value = last
-        for coefficient in others:
+        value = leading
+        for coefficient in lower:
             value = value * middle + coefficient
         if (value > 0) if falling else (value < 0):
             low = middle

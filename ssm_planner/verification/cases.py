@@ -15,7 +15,7 @@ import numpy as np
 
 from ssm_planner.dynamics.motors import directions, drive_torque
 from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
-from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import MotorTorque
 from ssm_planner.problem.posterior import LAW, LAWS
@@ -53,14 +53,16 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
             {
                 case
                 for load in range(len(masses))
-                for case in motion.worst(i, joint.drive, sets, load)
+                for case in motion.extreme_sets(i, joint.drive, sets, load)
             }
         ):
             values = {name: float(column[k]) for name, column in sets.items()}
             text = ", ".join(starmap(_case_text, values.items())) if limits.friction else ""
             payload = f"payload {1e3 * masses[mass]:g} g" if limits.payload else ""
             case = Case(
-                drawn(joint.drive, values), masses[mass], "; ".join(filter(None, (text, payload)))
+                drive_with(joint.drive, values),
+                masses[mass],
+                "; ".join(filter(None, (text, payload))),
             )
             quantities.append(Quantity(joint.limit(MotorTorque), i, case=case))
     return quantities
@@ -77,11 +79,11 @@ def _outermost(sets: dict[str, Array]) -> dict[str, Array]:
     other set is larger in all parameters, or if none is smaller in all.
     """
     values = np.unique(np.column_stack(list(sets.values())), axis=0)
-    more = np.ones((len(values), len(values)), dtype=bool)
+    dominates = np.ones((len(values), len(values)), dtype=bool)
     for name, column in zip(sets, values.T, strict=True):
-        more &= column[:, None] == column if name == LAW else column[:, None] >= column
-    np.fill_diagonal(more, False)
-    outer = values[~more.any(axis=0) | ~more.any(axis=1)]
+        dominates &= column[:, None] == column if name == LAW else column[:, None] >= column
+    np.fill_diagonal(dominates, False)
+    outer = values[~dominates.any(axis=0) | ~dominates.any(axis=1)]
     return dict(zip(sets, outer.T, strict=True))
 
 
@@ -94,8 +96,8 @@ class _Motion:
         share = np.tile(
             np.concatenate([[0.0], np.arange(1, inner + 1) / (inner + 1), [1.0]]), len(lengths)
         )
-        piece = np.repeat(np.arange(len(lengths)), inner + 2)
-        samples = trajectory.sample_pieces(piece, share * lengths[piece])
+        piece_index = np.repeat(np.arange(len(lengths)), inner + 2)
+        samples = trajectory.sample_pieces(piece_index, share * lengths[piece_index])
         departing, starting = directions(robot, samples, 1)
         arriving, _ = directions(robot, samples, -1)
         self.way = np.where(share[:, None] == 1.0, arriving, departing)
@@ -104,19 +106,24 @@ class _Motion:
         bodies = (RigidBody.from_robot(with_payload(robot, mass)) for mass in masses)
         self.tau = [body.inverse_dynamics(samples.q, samples.qd, samples.qdd) for body in bodies]
 
-    def torque(self, i: int, drive: Drive, load: int, at: Indices) -> Array:
+    def torque(self, i: int, drive: Drive, load: int, instants: Indices) -> Array:
         """Return the torque (sets, instants) of joint i for a drive with columns (sets, 1)."""
-        motion = self.tau[load][at, i], self.qd[at, i], self.qdd[at, i], self.way[at, i]
-        return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[at, i])[0])
+        motion = (
+            self.tau[load][instants, i],
+            self.qd[instants, i],
+            self.qdd[instants, i],
+            self.way[instants, i],
+        )
+        return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[instants, i])[0])
 
-    def worst(
+    def extreme_sets(
         self, i: int, drive: Drive, sets: dict[str, Array], load: int
     ) -> set[tuple[int, int]]:
         """Return (set, load) with the largest, the smallest, and the largest mean square torque."""
         everywhere = np.arange(len(self.qd))
         nominal = np.abs(self.torque(i, drive, load, everywhere)[0])
         step = max(len(everywhere) // INSTANTS, 1)
-        at = np.unique(
+        instants = np.unique(
             np.concatenate(
                 [
                     everywhere[::step],
@@ -125,11 +132,11 @@ class _Motion:
                 ]
             )
         )
-        rows = max(BLOCK // len(at), 1)
+        rows = max(BLOCK // len(instants), 1)
         tables = []
-        for first in range(0, len(next(iter(sets.values()))), rows):
-            columns = {name: column[first : first + rows, None] for name, column in sets.items()}
-            torque = self.torque(i, drawn(drive, columns), load, at)
+        for start in range(0, len(next(iter(sets.values()))), rows):
+            columns = {name: column[start : start + rows, None] for name, column in sets.items()}
+            torque = self.torque(i, drive_with(drive, columns), load, instants)
             tables.append(
                 np.column_stack(
                     [torque.max(axis=1), -torque.min(axis=1), np.square(torque).mean(axis=1)]

@@ -13,6 +13,7 @@ from operator import is_
 from typing import Any
 from weakref import ref
 
+from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.limits import PROMISES, Limit
 from ssm_planner.problem.motion import Follow, Straight
@@ -48,7 +49,7 @@ class LimitCheck(ShortRepr):
     """
 
     @classmethod
-    def of(cls, limit: Limit, worst: float, time: float) -> LimitCheck:
+    def from_extreme(cls, limit: Limit, worst: float, time: float) -> LimitCheck:
         """Build the result for a limit on a magnitude from the largest value and its time."""
         bound = limit.high
         margin = (bound - worst) / bound
@@ -81,6 +82,8 @@ class LimitCheck(ShortRepr):
             return cls(str(data["name"]), joint, **numbers, unit=str(data["unit"]), case=case)
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a line of a certificate: {error!r}") from error
+
+    of = Renamed("from_extreme")
 
 
 @dataclass(frozen=True)
@@ -142,18 +145,18 @@ class Certificate(ShortRepr):
         """Build a certificate from the output of `to_dict`. Raises TrajectoryError."""
         try:
             limits = tuple(LimitCheck.from_dict(limit) for limit in data["limits"])
-            unchecked = tuple(str(what) for what in data["unchecked"])
+            unchecked = tuple(str(text) for text in data["unchecked"])
             instants = data["instants"]
             if type(instants) is not int:
                 raise TypeError(f"instants = {instants!r} is no whole number")
-            found = cls(limits, str(data["interpolation"]), instants, unchecked)
+            certificate = cls(limits, str(data["interpolation"]), instants, unchecked)
             # one that contradicts itself has no seal
             seal = (
                 str(data["sha256"])
-                if data.get("sha256") and data.get("passed") is found.passed
+                if data.get("sha256") and data.get("passed") is certificate.passed
                 else None
             )
-            return replace(found, sha256=seal)
+            return replace(certificate, sha256=seal)
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a certificate: {error!r}") from error
 
@@ -162,13 +165,13 @@ def sealed(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> Certificate:
     """Return the certificate with its seal for this trajectory, robot and limits."""
-    global _last
-    found = replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
-    _last = tuple(map(ref, (found, trajectory, robot, limits)))
-    return found
+    global _recent_seal
+    result = replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
+    _recent_seal = tuple(map(ref, (result, trajectory, robot, limits)))
+    return result
 
 
-_last: tuple[ref[Any], ...] = ()
+_recent_seal: tuple[ref[Any], ...] = ()
 """The most recently sealed certificate and its inputs.
 
 They are immutable, so the seal stays valid.
@@ -182,8 +185,11 @@ def broken_seal(
     if not certificate.limits:
         return "its certificate names no limits"
     if certificate.sha256 is None:
-        return "its certificate has no seal (of an earlier version, or removed): it says nothing of this trajectory"
-    sealed_for = tuple(each() for each in _last)
+        return (
+            "its certificate has no seal (of an earlier version, or removed): it says nothing "
+            "of this trajectory"
+        )
+    sealed_for = tuple(reference() for reference in _recent_seal)
     if sealed_for and all(map(is_, sealed_for, (certificate, trajectory, robot, limits))):
         return None
     if certificate.sha256 != _digest(certificate, trajectory, robot, limits):
@@ -197,17 +203,17 @@ def _digest(
     rates: dict[str, Any] = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
     if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
         rates["duty"] = limits.duty
-    if any(each.name in PROMISES for each in certificate.limits):
+    if any(limit.name in PROMISES for limit in certificate.limits):
         rates["promises"] = [
             _promise(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))
         ]
-    found = {**certificate.to_dict(), "sha256": None}
-    stated = json.dumps({"found": found, "limits": {**plain(limits), **rates}}, sort_keys=True)
+    content = {**certificate.to_dict(), "sha256": None}
+    text = json.dumps({"found": content, "limits": {**plain(limits), **rates}}, sort_keys=True)
     # one object with its keys in order; the robot's text is known from plan to plan
-    digest = hashlib.sha256(f'{stated[:-1]}, "robot": {robot_text(robot)}}}'.encode())
+    digest = hashlib.sha256(f'{text[:-1]}, "robot": {robot_text(robot)}}}'.encode())
     digest.update(trajectory.breaks.astype("<f8").tobytes())
-    for first in range(0, len(trajectory.breaks) - 1, BLOCK):
-        digest.update(trajectory.pieces(slice(first, first + BLOCK)).astype("<f8").tobytes())
+    for start in range(0, len(trajectory.breaks) - 1, BLOCK):
+        digest.update(trajectory.pieces(slice(start, start + BLOCK)).astype("<f8").tobytes())
     return digest.hexdigest()
 
 

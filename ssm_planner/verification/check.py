@@ -78,17 +78,17 @@ def check(
     """
     straight = resolution is not None
     # on straight pieces what depends on the acceleration is not defined
-    judged = [each for each in quantities(robot, limits) if not straight or each.limit.order < 2]
-    judged += [] if straight else worst_cases(trajectory, robot, limits)
-    worst = [Worst(quantity) for quantity in judged]
+    checked = [item for item in quantities(robot, limits) if not straight or item.limit.order < 2]
+    checked += [] if straight else worst_cases(trajectory, robot, limits)
+    extremes = [Worst(quantity) for quantity in checked]
     jumps = Jumps(robot)
     rate = min(rate, INSTANTS / trajectory.duration)
-    sampled = SampledExtremes(trajectory, robot, worst, rate=rate, eye=limits.eye)
+    sampled = SampledExtremes(trajectory, robot, extremes, rate=rate, eye=limits.eye)
     for pieces in pieces_of(trajectory):
-        find_extremes(pieces, worst)
+        find_extremes(pieces, extremes)
         sampled.search(pieces)
         jumps.look(pieces)
-    found = [each.as_check() for each in worst]
+    checks = [item.as_check() for item in extremes]
     unchecked = [
         f"motor torque and speed of joint {joint.name}: {_lacking(joint)}"
         for joint in robot.joints
@@ -100,37 +100,37 @@ def check(
             "limit then"
         )
     else:
-        found += sampled.rms.checks(robot, trajectory, limits.duty)
+        checks += sampled.rms.checks(robot, trajectory, limits.duty)
     if resolution is not None:
-        found, more = linear_limits(
-            trajectory, robot, limits, resolution, dict(zip(judged, found, strict=True))
+        checks, undefined = linear_limits(
+            trajectory, robot, limits, resolution, dict(zip(checked, checks, strict=True))
         )
-        unchecked += more
-    found += jumps.checks(straight)
-    found = _worst_of_each(found)
-    found += end_checks(trajectory, robot, limits, straight)
-    found += _locking(robot, limits.friction)
+        unchecked += undefined
+    checks += jumps.checks(straight)
+    checks = _worst_of_each(checks)
+    checks += end_checks(trajectory, robot, limits, straight)
+    checks += _locking(robot, limits.friction)
     if not straight:
-        found += _farthest_stop(trajectory, robot, limits)
+        checks += _farthest_stop(trajectory, robot, limits)
     if trajectory.phases:
-        found += path_checks(trajectory, Mechanism.from_geometry(robot.geometry), limits)
+        checks += path_checks(trajectory, Mechanism.from_geometry(robot.geometry), limits)
     elif limits.promising:
         unchecked.append(
             f"that the tip keeps to the path of {limits.promising}: a table does not say when it "
             "begins"
         )
-    certificate = Certificate(tuple(found), interpolation, sampled.instants, tuple(unchecked))
+    certificate = Certificate(tuple(checks), interpolation, sampled.instants, tuple(unchecked))
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
 
 
-def _worst_of_each(found: list[LimitCheck]) -> list[LimitCheck]:
+def _worst_of_each(checks: list[LimitCheck]) -> list[LimitCheck]:
     """Return one result for each limit and joint: the worst of all cases."""
-    worst: dict[tuple[str, str | None], LimitCheck] = {}
-    for check_ in found:
+    tightest: dict[tuple[str, str | None], LimitCheck] = {}
+    for check_ in checks:
         key = check_.name, check_.joint
-        if key not in worst or check_.margin < worst[key].margin:
-            worst[key] = check_
-    return list(worst.values())
+        if key not in tightest or check_.margin < tightest[key].margin:
+            tightest[key] = check_
+    return list(tightest.values())
 
 
 def _lacking(joint: Joint) -> str:
@@ -152,22 +152,22 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
     checks = []
     for joint in robot.joints:
         limit, drive = (
-            next((each for each in joint.limits if isinstance(each, SelfLocking)), None),
+            next((item for item in joint.limits if isinstance(item, SelfLocking)), None),
             joint.drive,
         )
         if limit is None or drive is None:
             continue
         lowest, case = limit.friction, None
         if share is not None:
-            least = float(spread_of(drive).within(share).get("mu", np.array([lowest])).min())
-            lowest, case = (least, f"mu {least:.4g}") if least < lowest else (lowest, None)
+            minimum = float(spread_of(drive).within(share).get("mu", np.array([lowest])).min())
+            lowest, case = (minimum, f"mu {minimum:.4g}") if minimum < lowest else (lowest, None)
         in_mu, _ = self_locking_margin(drive, lowest)
         needed = lowest - float(in_mu)
         margin = float(in_mu) / needed
-        found = LimitCheck(
+        result = LimitCheck(
             limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit, case=case
         )
-        checks.append(found)
+        checks.append(result)
     return checks
 
 
@@ -180,12 +180,16 @@ def check_stops(
     transitions between two stops, are left out.
     """
     joined = stops.joined
-    kept = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
-    limits = replace(limits, limits=kept, motion=())
-    found = check(motion if joined is None else joined, robot, limits, rate=RATE_OF_STOPS)
-    whole = (*JUMPS, ContinuousTorque.name, *ENDS)
-    of_stops = tuple(each for each in found.limits if each.name not in whole)
-    return Certificate(of_stops, found.interpolation, found.instants, found.unchecked)
+    remaining = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
+    limits = replace(limits, limits=remaining, motion=())
+    certificate = check(motion if joined is None else joined, robot, limits, rate=RATE_OF_STOPS)
+    excluded = (*JUMPS, ContinuousTorque.name, *ENDS)
+    of_stops = tuple(
+        limit_check for limit_check in certificate.limits if limit_check.name not in excluded
+    )
+    return Certificate(
+        of_stops, certificate.interpolation, certificate.instants, certificate.unchecked
+    )
 
 
 def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:
@@ -198,23 +202,25 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
         return []
     stops = quickest_stops(motion, robot)
     k = int(np.argmax(stops.travel))
-    near = np.linspace(
+    neighbourhood = np.linspace(
         stops.time[max(k - 1, 0)], stops.time[min(k + 1, len(stops.time) - 1)], CLOSER
     )
-    closer = quickest_stops(motion, robot, near)
+    closer = quickest_stops(motion, robot, neighbourhood)
     travel, time = np.append(stops.travel, closer.travel), np.append(stops.time, closer.time)
     k = int(np.argmax(travel))
-    found = LimitCheck.of(limit, float(travel[k]), float(motion.breaks[0] + time[k]))
-    worst = check_stops(stops, motion, robot, limits).worst
-    if worst.passed and stops.ends:
-        return [found]
+    result = LimitCheck.from_extreme(limit, float(travel[k]), float(motion.breaks[0] + time[k]))
+    tightest = check_stops(stops, motion, robot, limits).worst
+    if tightest.passed and stops.ends:
+        return [result]
     reason = (
-        f"a stop exceeds {worst.name} of {worst.joint or 'the tool'}"
+        f"a stop exceeds {tightest.name} of {tightest.joint or 'the tool'}"
         if stops.ends
         else "the motion ends moving"
     )
     return [
         replace(
-            found, margin=min(found.margin, worst.margin, 0.0 if stops.ends else -1.0), case=reason
+            result,
+            margin=min(result.margin, tightest.margin, 0.0 if stops.ends else -1.0),
+            case=reason,
         )
     ]

@@ -45,18 +45,18 @@ class Jumps:
     def look(self, pieces: Pieces) -> None:
         starts, ends = pieces.ends
         # nothing is before the first piece of all
-        before = np.concatenate(
+        previous = np.concatenate(
             [(starts[0] if self._last is None else self._last)[None], ends[:-1]]
         )
         self._last = ends[-1]
-        jump = np.abs(starts - before)
+        jump = np.abs(starts - previous)
         level = self._accumulated(jump, pieces.start)
         # A jump that alone exceeds its tolerance is reported as it is.
         added_up = (level > self._tolerance) & (jump <= self._tolerance)
         jump = np.where(added_up, level, jump)
-        largest, k = jump.max(axis=0), jump.argmax(axis=0)
-        self.time = np.where(largest > self.worst, pieces.start[k], self.time)
-        self.worst = np.maximum(largest, self.worst)
+        magnitude, k = jump.max(axis=0), jump.argmax(axis=0)
+        self.time = np.where(magnitude > self.worst, pieces.start[k], self.time)
+        self.worst = np.maximum(magnitude, self.worst)
 
     def _accumulated(self, jump: Array, time: Array) -> Array:
         """Return the largest sum of jumps up to each one, less what the time between excuses.
@@ -88,16 +88,16 @@ class Jumps:
                 worst, time = (
                     float(values[limit.derivative, i]) for values in (self.worst, self.time)
                 )
-                checks.append(LimitCheck.of(limit, worst, time))
+                checks.append(LimitCheck.from_extreme(limit, worst, time))
         return checks
 
 
 def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
     """Return q̇ (4,) at the start and at the end of a trajectory."""
-    first, last = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
+    start, end = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
     length = trajectory.breaks[-1] - trajectory.breaks[-2]
-    orders = np.arange(1, len(last))
-    return first[1], (last[1:] * (orders * length ** (orders - 1))[:, None]).sum(axis=0)
+    orders = np.arange(1, len(end))
+    return start[1], (end[1:] * (orders * length ** (orders - 1))[:, None]).sum(axis=0)
 
 
 def declared_velocities(
@@ -107,13 +107,13 @@ def declared_velocities(
 
     If any rate is allowed at an end, its result is the rate of the trajectory.
     """
-    found = []
-    own = end_velocities(trajectory)
+    velocities = []
+    actual = end_velocities(trajectory)
     for velocity, rate, t in zip(
-        own, (limits.start_rate, limits.end_rate), trajectory.breaks[[0, -1]], strict=True
+        actual, (limits.start_rate, limits.end_rate), trajectory.breaks[[0, -1]], strict=True
     ):
-        found.append(velocity if rate is None else _joint_velocity(trajectory, robot, rate, t))
-    return found[0], found[1]
+        velocities.append(velocity if rate is None else _joint_velocity(trajectory, robot, rate, t))
+    return velocities[0], velocities[1]
 
 
 def end_checks(
@@ -126,18 +126,20 @@ def end_checks(
     checks = []
     declared = declared_velocities(trajectory, robot, limits)
     outer = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
-    bent = [bool(piece[2:].any()) for piece in outer]
-    for end, (velocity, wanted) in enumerate(
+    bent = [bool(coefficients[2:].any()) for coefficients in outer]
+    for end, (velocity, declared_velocity) in enumerate(
         zip(end_velocities(trajectory), declared, strict=True)
     ):
         if straight and not bent[end]:
             continue
         for i, joint in enumerate(robot.joints):
-            largest = JUMP * joint.velocity
-            limit = _end_velocity(joint.name, largest, joint.kind == "prismatic", at_end=bool(end))
-            worst = abs(float(velocity[i] - wanted[i]))
+            tolerance = JUMP * joint.velocity
+            limit = _end_velocity(
+                joint.name, tolerance, joint.kind == "prismatic", at_end=bool(end)
+            )
+            deviation = abs(float(velocity[i] - declared_velocity[i]))
             time = float(trajectory.breaks[-end])
-            checks.append(LimitCheck.of(limit, worst, time))
+            checks.append(LimitCheck.from_extreme(limit, deviation, time))
     return checks
 
 

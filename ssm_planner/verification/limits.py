@@ -118,11 +118,18 @@ def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
             elif not isinstance(limit, (ContinuousTorque, SelfLocking)):
                 yield Quantity(limit, i, limit.order)
     for kind in (TaskRange, TaskRate):
-        of = {limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)}
+        by_coordinate = {
+            limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)
+        }
         for k, name in enumerate(TASK):
-            if name == "depth" and name in of:
-                yield Quantity(of[name], 3, of[name].order, float(robot.geometry.insertion_sign))
-            elif name in of:
-                yield Quantity(of[name], k)
+            if name == "depth" and name in by_coordinate:
+                yield Quantity(
+                    by_coordinate[name],
+                    3,
+                    by_coordinate[name].order,
+                    float(robot.geometry.insertion_sign),
+                )
+            elif name in by_coordinate:
+                yield Quantity(by_coordinate[name], k)
     yield from map(Quantity, limits.speeds)
     yield from map(Quantity, () if limits.eye is None else limits.eye.limits)

@@ -59,7 +59,9 @@ class Pieces:
         lowest = np.stack([b.min(axis=0).min(axis=0) for b in self.bernstein])
         return lowest, np.stack([b.max(axis=0).max(axis=0) for b in self.bernstein])
 
-    def at(self, piece: Indices | slice, s: Array, out: Sequence[Array] | Array = ()) -> State:
+    def evaluate(
+        self, piece: Indices | slice, s: Array, out: Sequence[Array] | Array = ()
+    ) -> State:
         """Return q, qd, qdd, each (…, n, 4), at s (…, n) of the pieces with index (n,).
 
         out: arrays for the results, (4, … n).
@@ -89,27 +91,29 @@ class Pieces:
 
         Every joint keeps its direction within a segment.
         """
-        whole = np.arange(len(self.start))
+        indices = np.arange(len(self.start))
         # the joints one below the other
         speeds = self.bernstein[1].T.swapaxes(0, 1).reshape(DEGREE, -1).T
-        cuts, s = bernstein.sign_changes(speeds, np.repeat(still(robot), len(whole)))
-        piece = np.concatenate([whole, cuts % len(whole)])
-        begin = np.concatenate([np.zeros(len(whole)), s])
-        order = np.lexsort((begin, piece))
-        piece, begin = piece[order], begin[order]
-        end = np.append(np.where(piece[1:] == piece[:-1], begin[1:], 1.0), 1.0)
-        keep = end > begin
-        return piece[keep], begin[keep], end[keep]
+        cuts, s = bernstein.sign_changes(speeds, np.repeat(still(robot), len(indices)))
+        owner = np.concatenate([indices, cuts % len(indices)])
+        start_s = np.concatenate([np.zeros(len(indices)), s])
+        order = np.lexsort((start_s, owner))
+        owner, start_s = owner[order], start_s[order]
+        end = np.append(np.where(owner[1:] == owner[:-1], start_s[1:], 1.0), 1.0)
+        keep = end > start_s
+        return owner[keep], start_s[keep], end[keep]
 
 
 def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
     """Yield the pieces of a trajectory in blocks."""
     count = len(trajectory.breaks) - 1
-    for first in range(0, count, BLOCK):
-        block = slice(first, min(first + BLOCK, count))
+    for start_index in range(0, count, BLOCK):
+        block = slice(start_index, min(start_index + BLOCK, count))
         start = trajectory.breaks[block]
         yield _pieces(
-            start, trajectory.breaks[first + 1 : block.stop + 1] - start, trajectory.pieces(block)
+            start,
+            trajectory.breaks[start_index + 1 : block.stop + 1] - start,
+            trajectory.pieces(block),
         )
 
 
@@ -136,39 +140,39 @@ def _horner(powers: Array, s: Array, out: Array | None = None) -> Array:
     The values of each joint are adjacent in memory. out: array for the result, (4, … n).
     """
     shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
-    last, *others = (coefficient.reshape(shape) for coefficient in powers.swapaxes(0, 1)[::-1])
-    value = np.multiply(last, s, out=None if out is None else out.reshape(4, *s.shape))
-    value += others[0]
-    for coefficient in others[1:]:
+    leading, *lower = (coefficient.reshape(shape) for coefficient in powers.swapaxes(0, 1)[::-1])
+    value = np.multiply(leading, s, out=None if out is None else out.reshape(4, *s.shape))
+    value += lower[0]
+    for coefficient in lower[1:]:
         value *= s
         value += coefficient
     return np.moveaxis(value, 0, -1)
 
 
-def find_extremes(pieces: Pieces, worst: Sequence[Worst]) -> None:
+def find_extremes(pieces: Pieces, extremes: Sequence[Worst]) -> None:
     """Update the worst values of the polynomial quantities with these pieces."""
     lowest, highest = pieces.bounds
     for order, bernstein_of in enumerate(pieces.bernstein):
         open_: list[tuple[Worst, float, float, float]] = []
-        for each in worst:
-            quantity = each.quantity
+        for extreme in extremes:
+            quantity = extreme.quantity
             if quantity.order != order:
                 continue
             limit, i = quantity.limit, quantity.index
             for sign, bound in ((1.0, limit.high), (-1.0, -limit.low)):
-                factor, known = sign * quantity.scale, bound + each.excess * limit.half_width
-                if max(factor * lowest[order, i], factor * highest[order, i]) > known:
-                    open_.append((each, sign, bound, known))
+                factor, threshold = sign * quantity.scale, bound + extreme.excess * limit.half_width
+                if max(factor * lowest[order, i], factor * highest[order, i]) > threshold:
+                    open_.append((extreme, sign, bound, threshold))
         if not open_:
             continue
-        columns = [each.quantity.index for each, *_ in open_]
-        factors = np.array([sign * each.quantity.scale for each, sign, *_ in open_])
-        widths = np.array([each.quantity.limit.half_width for each, *_ in open_])
-        bars = np.array([known for *_, known in open_])
+        columns = [extreme.quantity.index for extreme, *_ in open_]
+        factors = np.array([sign * extreme.quantity.scale for extreme, sign, *_ in open_])
+        widths = np.array([extreme.quantity.limit.half_width for extreme, *_ in open_])
+        bars = np.array([threshold for *_, threshold in open_])
         groups = bernstein_of.T[columns] * factors[:, None, None]
-        found = bernstein.largest(groups, EXACT * widths, bars)
-        for (each, sign, bound, _), width, value, piece, s in zip(
-            open_, widths, *found, strict=True
+        maxima = bernstein.maxima(groups, EXACT * widths, bars)
+        for (extreme, sign, bound, _), width, value, index, s in zip(
+            open_, widths, *maxima, strict=True
         ):
-            time = float(pieces.start[piece] + s * pieces.length[piece])
-            each.offer(float((value - bound) / width), float(sign * value), time)
+            time = float(pieces.start[index] + s * pieces.length[index])
+            extreme.offer(float((value - bound) / width), float(sign * value), time)

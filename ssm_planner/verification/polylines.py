@@ -37,7 +37,7 @@ def linear_limits(
     robot: Robot,
     limits: TaskLimits,
     resolution: Array,
-    judged: Mapping[Quantity, LimitCheck],
+    checks: Mapping[Quantity, LimitCheck],
 ) -> tuple[list[LimitCheck], list[str]]:
     """Return the limits of a trajectory that consists of linear pieces.
 
@@ -46,12 +46,15 @@ def linear_limits(
     """
     resolution = np.maximum(resolution, FINEST)
     speeds = _Speeds(robot, resolution, declared_velocities(trajectory, robot, limits)[0])
-    for first in range(0, len(trajectory.breaks) - 1, BLOCK):
-        block = slice(first, min(first + BLOCK, len(trajectory.breaks) - 1))
+    for start in range(0, len(trajectory.breaks) - 1, BLOCK):
+        block = slice(start, min(start + BLOCK, len(trajectory.breaks) - 1))
         speeds.look(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
     speeds.end(declared_velocities(trajectory, robot, limits)[1])
-    found = [_within_rounding(of, limit, trajectory, robot, speeds) for of, limit in judged.items()]
-    found += speeds.checks()
+    results = [
+        _within_rounding(quantity, limit, trajectory, robot, speeds)
+        for quantity, limit in checks.items()
+    ]
+    results += speeds.checks()
     undefined = "acceleration, jerk, motor torque and continuous torque: "
     undefined += "not defined on straight pieces (linear interpolation); "
     undefined += (
@@ -62,7 +65,7 @@ def linear_limits(
         notes.append(
             "speeds and jumps that the rounding of the positions can explain are not counted"
         )
-    return found, notes
+    return results, notes
 
 
 class _Speeds:
@@ -81,43 +84,44 @@ class _Speeds:
         """Add pieces between breaks (m + 1,) with coefficients (m, 6, 4)."""
         length = np.diff(breaks)
         speed = np.maximum(np.abs(coefficients[:, 1]) - 2 * self.resolution / length[:, None], 0.0)
-        largest, k = speed.max(axis=0), speed.argmax(axis=0)
-        self.fastest_time = np.where(largest > self.fastest, breaks[k], self.fastest_time)
-        self.fastest = np.maximum(largest, self.fastest)
+        maximum, k = speed.max(axis=0), speed.argmax(axis=0)
+        self.fastest_time = np.where(maximum > self.fastest, breaks[k], self.fastest_time)
+        self.fastest = np.maximum(maximum, self.fastest)
         orders = np.arange(1, DEGREE + 1)
         ends = np.einsum(
             "mk,mkj->mj", orders * length[:, None] ** (orders - 1), coefficients[:, 1:]
         )
-        before = np.concatenate([self._before[None], ends[:-1]])
+        previous = np.concatenate([self._before[None], ends[:-1]])
         self._jumps(
-            breaks[:-1], np.append(self._length, length[:-1]), length, coefficients[:, 1] - before
+            breaks[:-1], np.append(self._length, length[:-1]), length, coefficients[:, 1] - previous
         )
         self._before, self._length, self._time = ends[-1], float(length[-1]), float(breaks[-1])
 
     def end(self, velocity: Array) -> None:
         """Add the end of the motion with the velocity q̇ (4,)."""
-        last, none = np.array([self._length]), np.zeros(1)
-        self._jumps(np.array([self._time]), last, none, (velocity - self._before)[None])
+        length, zero = np.array([self._length]), np.zeros(1)
+        self._jumps(np.array([self._time]), length, zero, (velocity - self._before)[None])
 
-    def _jumps(self, time: Array, before: Array, after: Array, jump: Array) -> None:
+    def _jumps(self, time: Array, length_before: Array, length_after: Array, jump: Array) -> None:
         """Add jumps (n, 4) at times (n,) between intervals of the given lengths.
 
         A length is 0 outside the motion.
         """
-        first, second = (
-            np.divide(1.0, x, out=np.zeros_like(x), where=x > 0) for x in (before, after)
+        inverse_before, inverse_after = (
+            np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
+            for x in (length_before, length_after)
         )
-        inverse: Array = first + second
+        inverse: Array = inverse_before + inverse_after
         jump = np.maximum(np.abs(jump) - 2 * self.resolution * inverse[:, None], 0.0)
-        allowed = self.allowed * ((before + after) / 2)[:, None]
+        allowed = self.allowed * ((length_before + length_after) / 2)[:, None]
         share = jump / allowed
         k = share.argmax(axis=0)
-        each = np.arange(4)
-        worse = share[k, each] > self.share
+        joints = np.arange(4)
+        worse = share[k, joints] > self.share
         self.worst = np.where(
-            worse, np.array([jump[k, each], allowed[k, each], time[k]]), self.worst
+            worse, np.array([jump[k, joints], allowed[k, joints], time[k]]), self.worst
         )
-        self.share = np.where(worse, share[k, each], self.share)
+        self.share = np.where(worse, share[k, joints], self.share)
 
     def checks(self) -> list[LimitCheck]:
         """Return the velocity jumps of each joint."""
@@ -125,18 +129,18 @@ class _Speeds:
         for i, joint in enumerate(self.robot.joints):
             worst, allowed, time = self.worst[:, i].tolist()
             limit = Jump(joint.name, allowed, joint.kind == "prismatic", derivative=1)
-            checks.append(LimitCheck.of(limit, worst, time))
+            checks.append(LimitCheck.from_extreme(limit, worst, time))
         return checks
 
 
 def _within_rounding(
-    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: _Speeds
+    quantity: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: _Speeds
 ) -> LimitCheck:
     """Judge speed limits without the part of the speed that rounding of the points can explain."""
-    if of.limit.order != 1:
+    if quantity.limit.order != 1:
         return limit
-    if of.order is None:
-        return _of_tool(of, limit, trajectory, robot, resolution=speeds.resolution)
+    if quantity.order is None:
+        return _of_tool(quantity, limit, trajectory, robot, resolution=speeds.resolution)
     there = np.concatenate(
         [trajectory.piece_of(np.array([limit.time]), side) for side in ("left", "right")]
     )
@@ -144,12 +148,12 @@ def _within_rounding(
         :, 2:
     ].any():  # of points with velocities: nothing is explained by rounding
         return limit
-    speed = abs(of.scale) * float(speeds.fastest[of.index])
-    return _replaced(limit, speed, float(speeds.fastest_time[of.index]))
+    speed = abs(quantity.scale) * float(speeds.fastest[quantity.index])
+    return _replaced(limit, speed, float(speeds.fastest_time[quantity.index]))
 
 
 def _of_tool(
-    of: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
+    quantity: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
 ) -> LimitCheck:
     """Judge a tool speed at the start of every piece and at the worst sampled instant."""
     if limit.passed:
@@ -157,36 +161,36 @@ def _of_tool(
     mechanism = Mechanism.from_geometry(robot.geometry)
 
     def values(q: Array, qd: Array) -> Array:
-        if isinstance(of.limit, SpeedLimit):
-            return tool_speed(type(of.limit), mechanism, q, qd)
-        return np.abs(task_rates(mechanism, q, qd)[:, of.index])
+        if isinstance(quantity.limit, SpeedLimit):
+            return tool_speed(type(quantity.limit), mechanism, q, qd)
+        return np.abs(task_rates(mechanism, q, qd)[:, quantity.index])
 
-    def unexplained(q: Array, speeds: Array, piece: Indices) -> Array:
-        wrong = 2 * resolution / (trajectory.breaks[piece + 1] - trajectory.breaks[piece])[:, None]
-        explained = sum(values(q, np.eye(4)[i] * wrong) for i in range(4))
-        return np.maximum(values(q, speeds) - explained, 0.0)
+    def unexplained(q: Array, speeds: Array, index: Indices) -> Array:
+        wrong = 2 * resolution / (trajectory.breaks[index + 1] - trajectory.breaks[index])[:, None]
+        rounding = sum(values(q, np.eye(4)[i] * wrong) for i in range(4))
+        return np.maximum(values(q, speeds) - rounding, 0.0)
 
     # the two pieces that meet where the worst was found, if it is at a point
     there = np.array([limit.time])
-    near = np.concatenate([trajectory.piece_of(there, side) for side in ("left", "right")])
-    at = trajectory.sample_pieces(near, limit.time - trajectory.breaks[near]).q
-    found = unexplained(at, trajectory.pieces(near)[:, 1], near)
-    worst, time = float(found.max()), limit.time
-    for first in range(0, len(trajectory.breaks) - 1, BLOCK):
-        block = np.arange(first, min(first + BLOCK, len(trajectory.breaks) - 1))
-        coefficients = trajectory.pieces(slice(first, first + len(block)))
+    pieces = np.concatenate([trajectory.piece_of(there, side) for side in ("left", "right")])
+    q_worst = trajectory.sample_pieces(pieces, limit.time - trajectory.breaks[pieces]).q
+    speeds_left = unexplained(q_worst, trajectory.pieces(pieces)[:, 1], pieces)
+    worst, time = float(speeds_left.max()), limit.time
+    for start in range(0, len(trajectory.breaks) - 1, BLOCK):
+        block = np.arange(start, min(start + BLOCK, len(trajectory.breaks) - 1))
+        coefficients = trajectory.pieces(slice(start, start + len(block)))
         q, speeds = coefficients[:, 0], coefficients[:, 1]
         # what does not count without the rounding needs no second look
-        more = values(q, speeds) > worst
-        if not more.any():
+        faster = values(q, speeds) > worst
+        if not faster.any():
             continue
-        found = unexplained(q[more], speeds[more], block[more])
-        k = int(np.argmax(found))
-        if found[k] > worst:
-            worst, time = float(found[k]), float(trajectory.breaks[block[more][k]])
+        speeds_left = unexplained(q[faster], speeds[faster], block[faster])
+        k = int(np.argmax(speeds_left))
+        if speeds_left[k] > worst:
+            worst, time = float(speeds_left[k]), float(trajectory.breaks[block[faster][k]])
     return _replaced(limit, worst, time)
 
 
-def _replaced(limit: LimitCheck, worst: float, time: float) -> LimitCheck:
-    margin = (limit.limit - worst) / limit.limit
-    return dataclasses.replace(limit, worst=worst, margin=margin, time=time)
+def _replaced(limit: LimitCheck, value: float, time: float) -> LimitCheck:
+    margin = (limit.limit - value) / limit.limit
+    return dataclasses.replace(limit, worst=value, margin=margin, time=time)

@@ -41,12 +41,15 @@ def _extremes(trajectory: Trajectory) -> Iterator[Array]:
     """Return the extreme states (3, n, 4) in the PARTS of each block of pieces."""
     for pieces in pieces_of(trajectory):
         state = np.stack(middle(pieces))
-        chosen = [np.empty(0, dtype=np.intp)]
-        for part in np.array_split(np.arange(state.shape[1]), PARTS):
-            if len(part):
-                values = state[:, part]
-                chosen += [part[values.argmin(axis=1)].ravel(), part[values.argmax(axis=1)].ravel()]
-        yield state[:, np.unique(np.concatenate(chosen))]
+        indices = [np.empty(0, dtype=np.intp)]
+        for block in np.array_split(np.arange(state.shape[1]), PARTS):
+            if len(block):
+                values = state[:, block]
+                indices += [
+                    block[values.argmin(axis=1)].ravel(),
+                    block[values.argmax(axis=1)].ravel(),
+                ]
+        yield state[:, np.unique(np.concatenate(indices))]
 
 
 def _slopes(state: Array, robot: Robot, evaluate: Evaluate) -> Array:
@@ -57,7 +60,7 @@ def _slopes(state: Array, robot: Robot, evaluate: Evaluate) -> Array:
         step = np.zeros((3, 1, 4))
         step[order, 0, i] = STEP * robot.joints[i].velocity
         high, low = (
-            evaluate(tuple(at), direction, breakaway) for at in (state + step, state - step)
+            evaluate(tuple(point), direction, breakaway) for point in (state + step, state - step)
         )
         return np.abs(high - low).max(axis=0) / (2 * step[order, 0, i])
 
@@ -66,7 +69,7 @@ def _slopes(state: Array, robot: Robot, evaluate: Evaluate) -> Array:
 
 def middle(pieces: Pieces) -> State:
     """Return q, qd and qdd, each (m, 4), at s = 1/2."""
-    return pieces.at(slice(None), np.full(len(pieces.start), 0.5))
+    return pieces.evaluate(slice(None), np.full(len(pieces.start), 0.5))
 
 
 def spread(pieces: Pieces, state: State, slopes: Array) -> Array:
@@ -75,8 +78,12 @@ def spread(pieces: Pieces, state: State, slopes: Array) -> Array:
     slopes: (3, 4, k).
     """
     pairs = zip(pieces.bernstein[:3], state, strict=True)
-    moved = [np.abs(coefficients - at[:, None]).max(axis=1) for coefficients, at in pairs]
-    return CAUTION * sum(distance @ slope for distance, slope in zip(moved, slopes, strict=True))
+    distances = [
+        np.abs(coefficients - values[:, None]).max(axis=1) for coefficients, values in pairs
+    ]
+    return CAUTION * sum(
+        distance @ slope for distance, slope in zip(distances, slopes, strict=True)
+    )
 
 
 def starting(pieces: Pieces, robot: Robot) -> Mask:

@@ -103,45 +103,52 @@ class WayKept:
 
 def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[WayKept]:
     """Return how every phase with promises keeps them."""
-    return [_kept(motion, mechanism, way) for way in _ways(motion, mechanism, limits)]
+    return [
+        _compare(motion, mechanism, promise)
+        for promise in _path_promises(motion, mechanism, limits)
+    ]
 
 
 def path_checks(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[LimitCheck]:
     """Return the worst result of every promise over all phases."""
-    checks = (check for kept in promises_kept(motion, mechanism, limits) for check in kept.checks)
-    worst: dict[str, LimitCheck] = {}
+    checks = (
+        check for result in promises_kept(motion, mechanism, limits) for check in result.checks
+    )
+    tightest: dict[str, LimitCheck] = {}
     for check in checks:
-        worst[check.name] = min(worst.get(check.name, check), check, key=lambda item: item.margin)
-    return list(worst.values())
+        tightest[check.name] = min(
+            tightest.get(check.name, check), check, key=lambda item: item.margin
+        )
+    return list(tightest.values())
 
 
-def _ways(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Iterator[Way]:
+def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Iterator[Way]:
     """Return the promises of the motions of a problem with their phases.
 
     Phases have the names of the motions and their order.
     """
-    place, loose = 0, False
+    index, counts_unknown = 0, False
     spans = motion.phases
     for chain in _chains(limits.motion):
-        first, name = chain[0], " + ".join(dict.fromkeys(entry.name for entry in chain))
-        if isinstance(first, Scan) or (isinstance(first, Follow) and first.curve == "samples"):
-            loose = True  # of as many phases as the planner needs
+        head, name = chain[0], " + ".join(dict.fromkeys(entry.name for entry in chain))
+        if isinstance(head, Scan) or (isinstance(head, Follow) and head.curve == "samples"):
+            counts_unknown = True  # of as many phases as the planner needs
             continue
-        if isinstance(first, Follow) and first.curve == "retina" and not loose:
-            place += place < len(spans) and spans[place].name == f"{name}, approach"
-        if loose:
-            place = next((k for k in range(place, len(spans)) if spans[k].name == name), place)
-        span = spans[place] if place < len(spans) else None
-        place, loose = place + 1, False
-        if isinstance(first, Straight) or (isinstance(first, Follow) and first.curve in OF_TIP):
-            begin = motion.breaks[-1] if span is None else span.start
-            found = span is not None and span.name == name
-            yield _way(
+        if isinstance(head, Follow) and head.curve == "retina" and not counts_unknown:
+            index += index < len(spans) and spans[index].name == f"{name}, approach"
+        if counts_unknown:
+            index = next((k for k in range(index, len(spans)) if spans[k].name == name), index)
+        span = spans[index] if index < len(spans) else None
+        index, counts_unknown = index + 1, False
+        if isinstance(head, Straight) or (isinstance(head, Follow) and head.curve in OF_TIP):
+            start = motion.breaks[-1] if span is None else span.start
+            is_phase = span is not None and span.name == name
+            yield _path_promise(
                 motion,
                 mechanism,
                 limits,
                 chain,
-                span if found and span else Span(name, begin, begin),
+                span if is_phase and span else Span(name, start, start),
             )
 
 
@@ -155,14 +162,14 @@ def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
             chain = []
 
 
-def _way(
+def _path_promise(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: list[Motion], span: Span
 ) -> Way:
     """Return the lines of motions that form one phase.
 
     They begin at the position of the tip at the begin of the phase.
     """
-    task, branch = _begun(motion, mechanism, chain, span)
+    task, branch = _initial_task(motion, mechanism, chain, span)
     lines: list[Curve] = []
     over: tuple[Array, float, float] | None = None
     for entry in chain:
@@ -195,42 +202,46 @@ def _way(
     )
 
 
-def _begun(
+def _initial_task(
     motion: Trajectory, mechanism: Mechanism, chain: list[Motion], span: Span
 ) -> tuple[Array, int]:
     """Return the task coordinates (4,) and the branch at the begin of a phase.
 
     The roll is counted in whole turns like that of the motions.
     """
-    named = [
+    rolls_given = [
         entry.to.roll
         for entry in chain
         if isinstance(entry, Straight) and entry.to.roll is not None
     ]
     inner = (
-        motion.breaks[(motion.breaks > span.start) & (motion.breaks < span.end)] if named else ()
+        motion.breaks[(motion.breaks > span.start) & (motion.breaks < span.end)]
+        if rolls_given
+        else ()
     )
     q = motion.positions(np.array([span.start, *inner, span.end]))
     tasks = task_from_joints(mechanism, q)
-    if named:
+    if rolls_given:
         rolls = np.unwrap(tasks[:, 0])
-        tasks[0, 0] += 2 * np.pi * np.round((named[-1] - rolls[-1]) / (2 * np.pi))
+        tasks[0, 0] += 2 * np.pi * np.round((rolls_given[-1] - rolls[-1]) / (2 * np.pi))
     return tasks[0], int(mechanism.branch_of(q[0]))
 
 
-def _task_at(mechanism: Mechanism, point: Point, held: Array, branch: int) -> Array:
+def _task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> Array:
     """Return the task coordinates (4,) of a point.
 
-    Coordinates that the point leaves out are those of `held` (4,).
+    Coordinates that the point leaves out are those of `default` (4,).
     """
     if isinstance(point, Task):
-        return np.array([point.given.get(name, held[k]) for k, name in enumerate(TASK)])
+        return np.array(
+            [point.set_coordinates.get(name, default[k]) for k, name in enumerate(TASK)]
+        )
     if isinstance(point, Joints):
-        return task_from_joints(mechanism, [point.values], near=held)[0]
+        return task_from_joints(mechanism, [point.values], near=default)[0]
     return task_from_joints(
         mechanism,
         inverse_tip(mechanism, [point.position], point.spin).joints[:, 0 if branch > 0 else 1],
-        near=held,
+        near=default,
     )[0]
 
 
@@ -239,9 +250,10 @@ def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -
 
     The tool has the direction of the task coordinates (4,). centre: (3,).
     """
-    along = tip_from_task(mechanism, np.array([[*task[:3], 1.0]]))[0]
+    direction = tip_from_task(mechanism, np.array([[*task[:3], 1.0]]))[0]
     return float(
-        along @ centre + np.sqrt(max((along @ centre) ** 2 - centre @ centre + radius**2, 0.0))
+        direction @ centre
+        + np.sqrt(max((direction @ centre) ** 2 - centre @ centre + radius**2, 0.0))
     )
 
 
@@ -273,13 +285,13 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
 
     It is the shorter arc, or the arc through the tip between them.
     """
-    first, end = tips[0] - centre, tips[-1] - centre
-    normal = np.cross(first, end) if shorter else np.cross(tips[1] - tips[0], tips[-1] - tips[0])
+    radius, end = tips[0] - centre, tips[-1] - centre
+    normal = np.cross(radius, end) if shorter else np.cross(tips[1] - tips[0], tips[-1] - tips[0])
     size = np.linalg.norm(normal)
-    second = np.cross(normal / size, first) if size else first
-    angle = float(np.arctan2(end @ second, end @ first)) % (2 * np.pi) if size else 0.0
+    tangent = np.cross(normal / size, radius) if size else radius
+    angle = float(np.arctan2(end @ tangent, end @ radius)) % (2 * np.pi) if size else 0.0
     return lambda s: np.asarray(
-        centre + np.cos(angle * s)[:, None] * first + np.sin(angle * s)[:, None] * second
+        centre + np.cos(angle * s)[:, None] * radius + np.sin(angle * s)[:, None] * tangent
     )
 
 
@@ -290,92 +302,94 @@ def _off(line: Curve, tips: Array) -> Array:
     s = shares[np.argmin((positions**2).sum(axis=1) - 2 * tips @ positions.T, axis=1)]
     for _ in range(STEPS):
         positions_at, ahead = np.split(line(np.concatenate([s, s + STEP])), 2)
-        along = (ahead - positions_at) / STEP
-        square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
-        s = np.clip(s + ((tips - positions_at) * along).sum(axis=1) / square, 0.0, 1.0)
+        slope = (ahead - positions_at) / STEP
+        square = np.maximum((slope**2).sum(axis=1), np.finfo(float).tiny)
+        s = np.clip(s + ((tips - positions_at) * slope).sum(axis=1) / square, 0.0, 1.0)
     return np.asarray(np.linalg.norm(tips - line(s), axis=1))
 
 
-def _kept(motion: Trajectory, mechanism: Mechanism, way: Way) -> WayKept:
+def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
     """Compare one phase with its promises."""
-    t = _instants(motion, mechanism, way)
+    t = _instants(motion, mechanism, promise)
     blocks = [t[k : k + SOME] for k in range(0, len(t), SOME)]
-    along = [tip_position(mechanism, motion.positions(block)) for block in blocks]
+    block_tips = [tip_position(mechanism, motion.positions(block)) for block in blocks]
     off = np.concatenate(
-        [np.min([_off(line, tips) for line in way.lines], axis=0) for tips in along]
+        [np.min([_off(line, tips) for line in promise.lines], axis=0) for tips in block_tips]
     )
-    tips = np.vstack(along)
-    missed = float(np.linalg.norm(tips[-1] - way.lines[-1](np.ones(1))[0]))
-    checks = _leaving(way, t, tips, np.append(off[:-1], max(off[-1], missed)))
-    if way.over is not None:
-        centre, radius, distance = way.over
-        far = radius - np.linalg.norm(tips - centre, axis=1)
-        checks.append(_farthest_off(RetinaDistance(distance), ON, way, t, far))
+    tips = np.vstack(block_tips)
+    missed = float(np.linalg.norm(tips[-1] - promise.lines[-1](np.ones(1))[0]))
+    checks = _leaving(promise, t, tips, np.append(off[:-1], max(off[-1], missed)))
+    if promise.over is not None:
+        centre, radius, distance = promise.over
+        heights = radius - np.linalg.norm(tips - centre, axis=1)
+        checks.append(_farthest_off(RetinaDistance(distance), ON, promise, t, heights))
     stretch = None
-    if way.speed is not None:
+    if promise.speed is not None:
         samples = map(motion.sample, blocks)
         speeds = np.concatenate(
             [tool_speed(TipSpeed, mechanism, sample.q, sample.qd) for sample in samples]
         )
-        check, stretch = _at_speed(way, way.speed, t, speeds)
+        check, stretch = _at_speed(promise, promise.speed, t, speeds)
         checks.append(check)
-    return WayKept(way, tuple(checks), float(off.max()), stretch)
+    return WayKept(promise, tuple(checks), float(off.max()), stretch)
 
 
-def _instants(motion: Trajectory, mechanism: Mechanism, way: Way) -> Array:
+def _instants(motion: Trajectory, mechanism: Mechanism, promise: Way) -> Array:
     """Return the instants (n,) in every piece of a phase, with more of them near its corners."""
-    start, end = way.span.start, way.span.end
+    start, end = promise.span.start, promise.span.end
     breaks = np.concatenate(
         [[start], motion.breaks[(motion.breaks > start) & (motion.breaks < end)], [end]]
     )
-    looks = LOOKS if way.speed else FEW
+    looks = LOOKS if promise.speed else FEW
     t = np.append(
         (breaks[:-1, None] + np.arange(looks) / looks * np.diff(breaks)[:, None]).ravel(), end
     )
-    if not way.distances:
+    if not promise.distances:
         return t
     away = np.linalg.norm(
-        tip_position(mechanism, motion.positions(t))[:, None] - way.corners, axis=2
+        tip_position(mechanism, motion.positions(t))[:, None] - promise.corners, axis=2
     )
-    about = [t]
-    for near in (away < ABOUT * np.array(way.distances)).T:
-        if near.any():
-            first, last = np.flatnonzero(near)[[0, -1]]
-            about.append(np.linspace(t[max(first - 1, 0)], t[min(last + 1, len(t) - 1)], INSTANTS))
-    return np.unique(np.concatenate(about))
+    instants = [t]
+    for is_near in (away < ABOUT * np.array(promise.distances)).T:
+        if is_near.any():
+            start_index, end_index = np.flatnonzero(is_near)[[0, -1]]
+            instants.append(
+                np.linspace(t[max(start_index - 1, 0)], t[min(end_index + 1, len(t) - 1)], INSTANTS)
+            )
+    return np.unique(np.concatenate(instants))
 
 
-def _leaving(way: Way, t: Array, tips: Array, off: Array) -> list[LimitCheck]:
+def _leaving(promise: Way, t: Array, tips: Array, off: Array) -> list[LimitCheck]:
     """Return how far the tips (n, 3) leave the lines.
 
     The first result is the largest distance from the lines away from corners. The second tells
     where the tips leave the lines near corners. off: distances (n,) from the lines.
     """
-    shares = np.linalg.norm(tips[:, None] - way.corners, axis=2) / np.array(way.distances)
-    outside = np.all(shares * way.distances > np.array(way.distances) + SLACK, axis=1)
+    shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(promise.distances)
+    outside = np.all(shares * promise.distances > np.array(promise.distances) + SLACK, axis=1)
     away = np.where(outside, off, 0.0)
     k = int(np.argmax(away))
-    checks = [_check(PathDeparture(ON), way, float(away[k]), float(t[k]))]
-    if way.distances:
-        nearest = np.argmin(shares, axis=1)
+    checks = [_check(PathDeparture(ON), promise, float(away[k]), float(t[k]))]
+    if promise.distances:
+        nearest_corner = np.argmin(shares, axis=1)
         k = int(np.argmax(np.where(off > OFF, shares.min(axis=1), 0.0)))
-        allowed = way.distances[int(nearest[k])]
+        allowed = promise.distances[int(nearest_corner[k])]
         reach = allowed * float(shares[k].min()) if off[k] > OFF else 0.0
-        checks.append(_check(CornerRounding(allowed), way, reach, float(t[k])))
+        checks.append(_check(CornerRounding(allowed), promise, reach, float(t[k])))
     return checks
 
 
-def _check(limit: OfPath, way: Way, worst: float, time: float) -> LimitCheck:
-    return replace(LimitCheck.of(limit, worst, time), case=way.span.name)
+def _check(limit: OfPath, promise: Way, value: float, time: float) -> LimitCheck:
+    return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
 
-def _farthest_off(limit: OfPath, by: float, way: Way, t: Array, values: Array) -> LimitCheck:
+def _farthest_off(limit: OfPath, by: float, promise: Way, t: Array, values: Array) -> LimitCheck:
     """Judge values (n,) that must equal one value up to a tolerance."""
     error = values - limit.largest
     k = int(np.argmax(np.abs(error)))
     bound = limit.largest + by * float(np.sign(error[k]) or 1.0)
     margin = 1 - float(abs(error[k])) / by
-    found = LimitCheck(
+    result = LimitCheck(
         limit.name,
         None,
         float(values[k]),
@@ -384,11 +398,11 @@ def _farthest_off(limit: OfPath, by: float, way: Way, t: Array, values: Array) -
         time=float(t[k]),
         unit=limit.unit,
     )
-    return replace(found, case=way.span.name)
+    return replace(result, case=promise.span.name)
 
 
 def _at_speed(
-    way: Way, speed: float, t: Array, speeds: Array
+    promise: Way, speed: float, t: Array, speeds: Array
 ) -> tuple[LimitCheck, tuple[float, float, float]]:
     """Judge the tip speeds (n,).
 
@@ -402,5 +416,5 @@ def _at_speed(
         ends = float(t[start] - t[0]), float(t[end] - t[0])
         checked = np.maximum(speeds, speed)
         checked[start : end + 1] = speeds[start : end + 1]
-    check = _farthest_off(ConstantSpeed(speed), CONSTANT * speed, way, t, checked)
+    check = _farthest_off(ConstantSpeed(speed), CONSTANT * speed, promise, t, checked)
     return check, (*ends, float(np.abs(checked / speed - 1).max()))

@@ -102,7 +102,7 @@ class SampledExtremes:
         self,
         trajectory: Trajectory,
         robot: Robot,
-        worst: Sequence[Worst],
+        extremes: Sequence[Worst],
         *,
         rate: float,
         eye: Eye | None,
@@ -113,12 +113,12 @@ class SampledExtremes:
         second pass, Hz.
         """
         self.robot, self.rate, self.eye = robot, rate, eye
-        self.worst = [each for each in worst if each.quantity.order is None]
-        self.quantities = tuple(each.quantity for each in self.worst)
-        wanted = tuple(
-            (type(each.limit), each.limit.name, each.index, each.case) for each in self.quantities
+        self.worst = [item for item in extremes if item.quantity.order is None]
+        self.quantities = tuple(item.quantity for item in self.worst)
+        keys = tuple(
+            (type(item.limit), item.limit.name, item.index, item.case) for item in self.quantities
         )
-        self._law = _law(_without_limits(robot), eye, wanted) if wanted else None
+        self._law = _law(_without_limits(robot), eye, keys) if keys else None
         self.kinked = np.array([quantity.kinked for quantity in self.quantities])
         self.rms = RmsTorques(self.quantities)
         self.instants = 0
@@ -133,15 +133,15 @@ class SampledExtremes:
         """Update the worst values with these pieces."""
         if not self.quantities:
             return
-        piece, begin, end = pieces.segments(self.robot)
+        piece_index, start, end = pieces.segments(self.robot)
         if self.slopes is not None:
             certain = pieces.length > self.longest
-            certain[piece[end - begin < 1.0]] = True
-            wanted = (certain | self._suspicious(pieces, self.slopes, certain))[piece]
-            piece, begin, end = piece[wanted], begin[wanted], end[wanted]
-        rate, most = self.rate / PARTS, -(-self.most // PARTS)
+            certain[piece_index[end - start < 1.0]] = True
+            searched = (certain | self._suspicious(pieces, self.slopes, certain))[piece_index]
+            piece_index, start, end = piece_index[searched], start[searched], end[searched]
+        rate, most_intervals = self.rate / PARTS, -(-self.most // PARTS)
         intervals = Intervals.of_segments(
-            pieces, self.robot, piece, begin, end, rate=rate, most=most
+            pieces, self.robot, piece_index, start, end, rate=rate, most=most_intervals
         )
         for look in range(HALVINGS + 1):
             if not len(intervals.piece):
@@ -159,7 +159,7 @@ class SampledExtremes:
                 open_ = open_[np.argsort(gain[open_])[-MOST:]] if len(open_) > MOST else open_
             if look < 2:  # later intervals are parts of those of the second look
                 self.rms.add_intervals(values, intervals.starting, duration)
-            intervals = intervals.parts(open_, 2 if look else PARTS)
+            intervals = intervals.split(open_, 2 if look else PARTS)
 
     def evaluate(self, state: State, direction: Array, breakaway: Array) -> Array:
         """Return the quantities (n, k) for n states.
@@ -182,30 +182,33 @@ class SampledExtremes:
     def _sample(self, pieces: Pieces, intervals: Intervals) -> Array:
         """Return the values (4, n, k) at the instants of n intervals, and store the worst ones."""
         values = np.empty((len(self.quantities), 4, len(intervals.piece))).transpose(1, 2, 0)
-        for first in range(0, len(intervals.piece), BLOCK):
-            block = slice(first, first + BLOCK)
-            self._sample_block(pieces, intervals.chosen(block), values[:, block])
+        for start in range(0, len(intervals.piece), BLOCK):
+            block = slice(start, start + BLOCK)
+            self._sample_block(pieces, intervals.subset(block), values[:, block])
         return values
 
-    def _sample_block(self, pieces: Pieces, at: Intervals, values: Array) -> None:
+    def _sample_block(self, pieces: Pieces, intervals: Intervals, values: Array) -> None:
         """Write the values of a block into `values` (4, n, k)."""
-        final = np.flatnonzero(~at.joined)
+        final = np.flatnonzero(~intervals.joined)
         s, end = (
-            at.begin + INSTANTS[:3] * at.width,
-            np.minimum(at.begin[final] + at.width[final], 1.0),
+            intervals.begin + INSTANTS[:3] * intervals.width,
+            np.minimum(intervals.begin[final] + intervals.width[final], 1.0),
         )
         states = np.empty((3, 4, s.size + len(final)))
-        pieces.at(at.piece, s, states[..., : s.size])
-        pieces.at(at.piece[final], end, states[..., s.size :])
+        pieces.evaluate(intervals.piece, s, states[..., : s.size])
+        pieces.evaluate(intervals.piece[final], end, states[..., s.size :])
         q, qd, qdd = (state.T for state in states)
-        direction = np.concatenate([at.direction.T] * 3 + [at.direction[final].T], axis=1).T
+        direction = np.concatenate(
+            [intervals.direction.T] * 3 + [intervals.direction[final].T], axis=1
+        ).T
         static = np.zeros_like(direction)
-        static[: len(at.piece)] = at.starting
+        static[: len(intervals.piece)] = intervals.starting
         results = self.evaluate((q, qd, qdd), direction, static)
         self._keep_worst(
-            results, np.append(pieces.time(at.piece, s), pieces.time(at.piece[final], end))
+            results,
+            np.append(pieces.time(intervals.piece, s), pieces.time(intervals.piece[final], end)),
         )
-        values[:3] = results[: s.size].reshape(3, len(at.piece), -1)
+        values[:3] = results[: s.size].reshape(3, len(intervals.piece), -1)
         values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
     def _suspicious(self, pieces: Pieces, slopes: Array, certain: Mask) -> Mask:
@@ -220,11 +223,11 @@ class SampledExtremes:
             values, pieces.time(np.arange(len(pieces.start)), np.full(len(pieces.start), 0.5))
         )
         around = prefilter.spread(pieces, state, slopes)
-        found = (self._gain(values - around, values + around) > 0) | prefilter.starting(
+        suspicious = (self._gain(values - around, values + around) > 0) | prefilter.starting(
             pieces, self.robot
         )
-        self.rms.add_middles(values, np.where(found | certain, 0.0, pieces.length))
-        return np.asarray(found)
+        self.rms.add_middles(values, np.where(suspicious | certain, 0.0, pieces.length))
+        return np.asarray(suspicious)
 
     def _keep_worst(self, values: Array, time: Array) -> None:
         """Offer the values (n, k) at times (n,) to the worst known ones."""
@@ -290,7 +293,7 @@ class Intervals:
         pieces: Pieces,
         robot: Robot,
         piece: Indices,
-        begin: Array,
+        start: Array,
         end: Array,
         *,
         rate: float,
@@ -302,28 +305,28 @@ class Intervals:
         `most` intervals.
         """
         # within a segment no joint turns back, so that its direction is that at the middle
-        at_begin, middle, at_end = pieces.speeds(piece, np.stack([begin, (begin + end) / 2, end]))
+        at_begin, middle, at_end = pieces.speeds(piece, np.stack([start, (start + end) / 2, end]))
         direction = np.sign(middle) * pieces.moving(robot)[piece]
         starting, stopping = (
             (np.abs(qd) <= still(robot)) & (direction != 0) for qd in (at_begin, at_end)
         )
         counts = np.maximum(
-            np.ceil((end - begin) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
+            np.ceil((end - start) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
         )
         counts = np.minimum(counts, most)
         segment = np.repeat(np.arange(len(piece)), counts)
-        part = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        offset = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         width, is_first, is_last = (
-            ((end - begin) / counts)[segment],
-            part == 0,
-            part == counts[segment] - 1,
+            ((end - start) / counts)[segment],
+            offset == 0,
+            offset == counts[segment] - 1,
         )
         slow = (is_first & starting.any(axis=1)[segment]) | (
             is_last & stopping.any(axis=1)[segment]
         )
         return cls(
             piece[segment],
-            begin[segment] + part * width,
+            start[segment] + offset * width,
             width,
             direction[segment],
             starting=starting[segment] & is_first[:, None],
@@ -331,37 +334,37 @@ class Intervals:
             slow=slow,
         )
 
-    def chosen(self, some: slice) -> Intervals:
+    def subset(self, selection: slice) -> Intervals:
         """Return a slice of the intervals."""
-        joined = self.joined[some].copy()
+        joined = self.joined[selection].copy()
         joined[-1:] = False
-        piece, begin, width, slow = (
-            self.piece[some],
-            self.begin[some],
-            self.width[some],
-            self.slow[some],
+        piece, start, width, slow = (
+            self.piece[selection],
+            self.begin[selection],
+            self.width[selection],
+            self.slow[selection],
         )
         return Intervals(
             piece,
-            begin,
+            start,
             width,
-            self.direction[some],
-            starting=self.starting[some],
+            self.direction[selection],
+            starting=self.starting[selection],
             joined=joined,
             slow=slow,
         )
 
-    def parts(self, chosen: Indices, count: int) -> Intervals:
+    def split(self, indices: Indices, count: int) -> Intervals:
         """Cut each of the chosen intervals into `count` equal parts."""
-        parent, part = np.repeat(chosen, count), np.tile(np.arange(count), len(chosen))
-        width, first = self.width[parent] / count, part == 0
+        parent, offset = np.repeat(indices, count), np.tile(np.arange(count), len(indices))
+        width, is_first = self.width[parent] / count, offset == 0
         return Intervals(
             self.piece[parent],
-            self.begin[parent] + part * width,
+            self.begin[parent] + offset * width,
             width,
             self.direction[parent],
-            starting=self.starting[parent] & first[:, None],
-            joined=part < count - 1,
+            starting=self.starting[parent] & is_first[:, None],
+            joined=offset < count - 1,
             slow=self.slow[parent],
         )
 
@@ -417,7 +420,10 @@ class RmsTorques:
                 float(trajectory.breaks[-1]),
             )
             checks.append(
-                replace(LimitCheck.of(limit, rms, end), case=None if case is None else case.words)
+                replace(
+                    LimitCheck.from_extreme(limit, rms, end),
+                    case=None if case is None else case.words,
+                )
             )
         return checks
 
@@ -427,7 +433,7 @@ def _without_limits(robot: Robot) -> Robot:
 
     Robots that differ only in limits and motors share one function.
     """
-    first, second, third, fourth = (
+    joint_1, joint_2, joint_3, joint_4 = (
         unchecked(
             joint,
             position=(0.0, 0.0),
@@ -439,12 +445,12 @@ def _without_limits(robot: Robot) -> Robot:
         )
         for joint in robot.joints
     )
-    return unchecked(robot, joints=(first, second, third, fourth), limits=())
+    return unchecked(robot, joints=(joint_1, joint_2, joint_3, joint_4), limits=())
 
 
 @lru_cache(maxsize=8)
 def _law(
-    robot: Robot, eye: Eye | None, wanted: tuple[tuple[type[Limit], str, int, Case | None], ...]
+    robot: Robot, eye: Eye | None, keys: tuple[tuple[type[Limit], str, int, Case | None], ...]
 ) -> Vectorised:
     """Return the quantities as a function of (q, qd, qdd, direction, breakaway).
 
@@ -463,24 +469,24 @@ def _law(
     about_eye = {} if eye is None else eye_limits(casadi_namespace(), eye, (tip[0], tip[1], tip[2]))
     rows = []
     loads = {0.0: tau}
-    for kind, name, i, case in wanted:
+    for limit_type, name, i, case in keys:
         if case is not None:
             if case.payload not in loads:
                 loads[case.payload] = RigidBody.from_robot(
                     with_payload(robot, case.payload)
                 ).symbolic(q, qd, qdd)
             motion = loads[case.payload][i], qd[i], qdd[i], direction[i]
-            taken: ca.SX = drive_torque(case.drive, *motion, breakaway=breakaway[i])[0]
-            rows.append(taken)
-        elif issubclass(kind, MotorTorque):
+            drive_side: ca.SX = drive_torque(case.drive, *motion, breakaway=breakaway[i])[0]
+            rows.append(drive_side)
+        elif issubclass(limit_type, MotorTorque):
             rows.append(torque[i])
-        elif issubclass(kind, NutContact):
+        elif issubclass(limit_type, NutContact):
             rows.append(effort[i])
-        elif issubclass(kind, SpeedLimit):
-            rows.append(ca.norm_2(JACOBIANS[kind](mechanism, q) @ qd))
-        elif issubclass(kind, TaskRate):
+        elif issubclass(limit_type, SpeedLimit):
+            rows.append(ca.norm_2(JACOBIANS[limit_type](mechanism, q) @ qd))
+        elif issubclass(limit_type, TaskRate):
             rows.append(rates[i])
-        elif issubclass(kind, TaskRange):
+        elif issubclass(limit_type, TaskRange):
             rows.append(task[i])
         else:
             rows.append(about_eye[name][0])

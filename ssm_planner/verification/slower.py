@@ -58,8 +58,8 @@ class SpeedRange(ShortRepr):
 
     def to_dict(self) -> dict[str, Any]:
         """Return `speeds` in the output of `check --json`, in SI units."""
-        worst = [{"speed": item.speed, **item.found.to_dict()} for item in self.worst]
-        return {"slowest": self.slowest, "passed": self.passed, "worst": worst}
+        checks = [{"speed": item.speed, **item.found.to_dict()} for item in self.worst]
+        return {"slowest": self.slowest, "passed": self.passed, "worst": checks}
 
 
 def check_slower(
@@ -96,41 +96,43 @@ def check_speeds(
         for i, joint in enumerate(robot.joints)
         if joint.drive is not None and joint.motor is not None
     ]
-    names = [(kind, i) for kind in (MotorTorque.name, ContinuousTorque.name) for i in driven]
+    names = [
+        (limit_name, i) for limit_name in (MotorTorque.name, ContinuousTorque.name) for i in driven
+    ]
     factors = np.geomspace(slowest, 1.0, FACTORS)
     pause = limits.duty or 0.0
     torques = _torques(motion, robot, factors, pause)
     speeds = [
-        _worst(
+        _worst_speed(
             motion,
             robot,
             factors,
-            torques[kind == ContinuousTorque.name][:, i],
-            (kind == ContinuousTorque.name, i),
+            torques[limit_name == ContinuousTorque.name][:, i],
+            (limit_name == ContinuousTorque.name, i),
             pause=pause,
         )
-        for kind, i in names
+        for limit_name, i in names
     ]
     tested = sorted({slowest, 1.0, *speeds})
     certificates = {speed: check_slower(motion, robot, limits, speed) for speed in tested}
-    worst = []
-    for (kind, i), speed in zip(names, speeds, strict=True):
+    worst_speeds = []
+    for (limit_name, i), speed in zip(names, speeds, strict=True):
         checks = certificates[speed].limits
         name = robot.joints[i].name
-        worst += [
+        worst_speeds += [
             WorstSpeed(speed, check)
             for check in checks
-            if check.name == kind and check.joint == name
+            if check.name == limit_name and check.joint == name
         ]
-    return SpeedRange(slowest, tuple(worst), tuple(certificates.items()))
+    return SpeedRange(slowest, tuple(worst_speeds), tuple(certificates.items()))
 
 
-def _worst(
+def _worst_speed(
     motion: Trajectory,
     robot: Robot,
     factors: Array,
     values: Array,
-    at: tuple[bool, int],
+    column: tuple[bool, int],
     pause: float,
 ) -> float:
     """Return the factor with the largest value.
@@ -141,7 +143,7 @@ def _worst(
         k = int(np.argmax(values))
         low, high = factors[max(k - 1, 0)], factors[min(k + 1, len(factors) - 1)]
         factors = np.geomspace(low, high, 13)
-        values = _torques(motion, robot, factors, pause)[int(at[0])][:, at[1]]
+        values = _torques(motion, robot, factors, pause)[int(column[0])][:, column[1]]
     return float(np.clip(factors[int(np.argmax(values))], 0.0, 1.0))
 
 
@@ -151,14 +153,14 @@ def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> 
     factors: (m,).
     """
     ends = np.linspace(motion.breaks[0], motion.breaks[-1], INSTANTS + 1)
-    parts = [
+    samples_by_side = [
         (motion.sample(ends), 1),
         (motion.sample(motion.breaks[:-1]), 1),
         (motion.sample(motion.breaks[1:], "left"), -1),
     ]
     body = RigidBody.from_robot(robot)
     peak, rms = np.zeros((len(factors), 4)), np.zeros((len(factors), 4))
-    for samples, side in parts:
+    for samples, side in samples_by_side:
         k = factors[:, None, None]
         many = [
             (k**order * getattr(samples, name)[None]).reshape(-1, 4)
@@ -168,6 +170,6 @@ def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> 
         sign, away = directions(robot, slow, side)
         torque = motor_motion(robot, body, slow, sign, away).torque.reshape(len(factors), -1, 4)
         peak = np.fmax(peak, np.nanmax(np.abs(np.nan_to_num(torque)), axis=1))
-        if samples is parts[0][0]:
+        if samples is samples_by_side[0][0]:
             rms = np.sqrt(np.mean(np.nan_to_num(torque) ** 2, axis=1))
     return peak, rms * np.sqrt(motion.duration / (motion.duration + factors * pause))[:, None]

@@ -72,8 +72,8 @@ class StopMotions:
         """One trajectory for each instant. None if all joints already rest."""
         lengths, coefficients = self.pieces
         return tuple(
-            None if first == end else _motion(lengths[first:end], coefficients[first:end].copy())
-            for first, end in pairwise(self.edges.tolist())
+            None if start == end else _motion(lengths[start:end], coefficients[start:end].copy())
+            for start, end in pairwise(self.edges.tolist())
         )
 
     @property
@@ -105,19 +105,19 @@ class _Path:
     """True if all joints rest in the motion, (m + 1,)."""
 
     @classmethod
-    def of(cls, motion: Trajectory, robot: Robot, instants: Array) -> _Path:
+    def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> _Path:
         breaks = motion.breaks - motion.breaks[0]
         behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
-        near = (
+        is_near = (
             np.minimum(np.abs(breaks[behind] - instants), np.abs(breaks[behind - 1] - instants))
             < NEAR
         )
-        nodes = np.union1d(breaks, instants[~near])
-        ways = np.diff(nodes)
-        steps = np.clip(np.ceil(ways / STEP - 1e-9), 1, MOST_STEPS).astype(int)
-        of = np.repeat(np.arange(len(ways)), steps)
-        part = np.arange(len(of)) - (np.cumsum(steps) - steps)[of]
-        s = np.append(part * (ways / steps)[of] + nodes[of], nodes[-1])
+        nodes = np.union1d(breaks, instants[~is_near])
+        distances = np.diff(nodes)
+        steps = np.clip(np.ceil(distances / STEP - 1e-9), 1, MOST_STEPS).astype(int)
+        interval = np.repeat(np.arange(len(distances)), steps)
+        offset = np.arange(len(interval)) - (np.cumsum(steps) - steps)[interval]
+        s = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
         ends = [
             motion.sample(motion.breaks[0] + s[:-1], "right"),
             motion.sample(motion.breaks[0] + s[1:], "left"),
@@ -125,8 +125,8 @@ class _Path:
         q, dq, ddq = (np.stack([getattr(end, name) for end in ends]) for name in ("q", "qd", "qdd"))
         body = RigidBody.from_robot(robot)
         load = tuple(
-            each.reshape(q.shape)
-            for each in body.path_load(*(x.reshape(-1, 4) for x in (q, dq, ddq)))
+            coefficients.reshape(q.shape)
+            for coefficients in body.path_load(*(x.reshape(-1, 4) for x in (q, dq, ddq)))
         )
         slow = RESTS * np.array([joint.velocity for joint in robot.joints])
         rests = np.append(np.all(np.abs(dq[0]) <= slow, axis=1), np.all(np.abs(dq[1, -1]) <= slow))
@@ -142,15 +142,17 @@ def quickest_stops(
         if isinstance(instants, int)
         else np.asarray(instants, float)
     )
-    path = _Path.of(motion, robot, times)
-    first = np.clip(np.searchsorted((path.s[1:] + path.s[:-1]) / 2, times), 0, len(path.s) - 1)
+    path = _Path.from_motion(motion, robot, times)
+    start_nodes = np.clip(
+        np.searchsorted((path.s[1:] + path.s[:-1]) / 2, times), 0, len(path.s) - 1
+    )
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a bound is none
-        lengths, coefficients, edges = _stops(path, robot, first)
+        lengths, coefficients, edges = _stops(path, robot, start_nodes)
     duration, travel = np.zeros(len(times)), np.zeros(len(times))
     moving = np.flatnonzero(np.diff(edges))
     if len(moving):
-        begins, last = edges[:-1][moving], edges[1:][moving] - 1
-        ends = _at(coefficients[last].transpose(1, 2, 0), lengths[last])
+        begins, last_pieces = edges[:-1][moving], edges[1:][moving] - 1
+        ends = _evaluate(coefficients[last_pieces].transpose(1, 2, 0), lengths[last_pieces])
         mechanism = Mechanism.from_geometry(robot.geometry)
         positions, final = (
             tip_position(mechanism, coefficients[:, 0]),
@@ -165,7 +167,7 @@ def quickest_stops(
             np.maximum.reduceat(distances, begins), np.linalg.norm(final - from_where, axis=1)
         )
     return StopMotions(
-        path.s[first],
+        path.s[start_nodes],
         duration,
         travel,
         (lengths, coefficients),
@@ -174,27 +176,27 @@ def quickest_stops(
     )
 
 
-def _stops(path: _Path, robot: Robot, first: Indices) -> tuple[Array, Array, Indices]:
-    """Return the pieces of the stops from the nodes `first` (n,), see `StopMotions`.
+def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Array, Indices]:
+    """Return the pieces of the stops from the nodes `start_nodes` (n,), see `StopMotions`.
 
     All stops advance together, node by node. A stop for which the path is too short continues to
     the end of the path and still moves there.
     """
-    last = len(path.s) - 1
-    stop, k = np.arange(len(first)), first.copy()
-    x: Array = np.ones(len(first))
-    bounds, lengths = _Bounds.of(path, robot), np.diff(path.s)
+    last_node = len(path.s) - 1
+    stop, k = np.arange(len(start_nodes)), start_nodes.copy()
+    x: Array = np.ones(len(start_nodes))
+    bounds, lengths = _Bounds.from_path(path, robot), np.diff(path.s)
     rows: list[tuple[Any, ...]] = []
     while True:
-        going = ~path.rests[k] & (k < last) & (x > 0)
+        going = ~path.rests[k] & (k < last_node) & (x > 0)
         stop, k, x = stop[going], k[going], x[going]
         if not len(stop):
             break
         length = lengths[k]
-        u = bounds.least(k, x, ends=False)
+        u = bounds.minimum(k, x, ends=False)
         ends = np.flatnonzero(x + 2 * u * length <= 0)
         if len(ends):
-            u[ends] = np.maximum(u[ends], bounds.least(k[ends], x[ends], ends=True))
+            u[ends] = np.maximum(u[ends], bounds.minimum(k[ends], x[ends], ends=True))
         next_x = x + 2 * u * length
         ended = next_x <= 0
         next_x = np.where(ended, 0.0, next_x)
@@ -202,8 +204,10 @@ def _stops(path: _Path, robot: Robot, first: Indices) -> tuple[Array, Array, Ind
         rows.append((stop, k, x, u, next_x, travel))
         k, x = k + 1, next_x
     if not rows:
-        return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(len(first) + 1, dtype=int)
-    return _pieces(path, len(first), [np.concatenate(column) for column in zip(*rows, strict=True)])
+        return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(len(start_nodes) + 1, dtype=int)
+    return _pieces(
+        path, len(start_nodes), [np.concatenate(column) for column in zip(*rows, strict=True)]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +237,7 @@ class _Bounds:
     """Joints whose friction depends on the speed. Their torques have no rows."""
 
     @classmethod
-    def of(cls, path: _Path, robot: Robot) -> _Bounds:
+    def from_path(cls, path: _Path, robot: Robot) -> _Bounds:
         lengths = np.diff(path.s)
         m = len(lengths)
         end, interval = np.repeat([0, 1, 1], m), np.tile(np.arange(m), 3)
@@ -241,10 +245,14 @@ class _Bounds:
         dq, ddq = path.dq[end, interval], path.ddq[end, interval]
         a = dq + grows[:, None] * ddq
         limit = np.array([joint.acceleration * (1 - BACKOFF) for joint in robot.joints])
-        moves, none = a != 0, np.zeros_like(a)
+        moves, zeros = a != 0, np.zeros_like(a)
         alone = [
             np.stack(
-                [np.where(moves, -limit / np.abs(a), -np.inf), np.where(moves, -ddq / a, 0.0), none]
+                [
+                    np.where(moves, -limit / np.abs(a), -np.inf),
+                    np.where(moves, -ddq / a, 0.0),
+                    zeros,
+                ]
             )
         ]
         halves: tuple[list[Array], list[Array]] = ([], [])
@@ -253,30 +261,32 @@ class _Bounds:
             if friction_of(drive).stribeck_speed is not None:
                 varying.append(i)
                 continue
-            motor = _MotorAlong.of(path, robot.joints[i], (end, interval, i), grows)
-            zero, one = np.zeros(3 * m), np.ones(3 * m)
+            motor = _MotorAlong.from_joint(path, robot.joints[i], (end, interval, i), grows)
+            null, ones = np.zeros(3 * m), np.ones(3 * m)
             begins, squared, rooted, risen = (
-                motor.torques(*at)
-                for at in (
-                    (zero, zero, zero),
-                    (zero, one, zero),
-                    (zero, zero, one),
-                    (one, zero, zero),
+                motor.torques(*unit)
+                for unit in (
+                    (null, null, null),
+                    (null, ones, null),
+                    (null, null, ones),
+                    (ones, null, null),
                 )
             )
             for row in (0, 1):
-                own = np.stack([begins[row], squared[row] - begins[row], rooted[row] - begins[row]])
+                constants = np.stack(
+                    [begins[row], squared[row] - begins[row], rooted[row] - begins[row]]
+                )
                 rises = risen[row] - begins[row]
-                driving, braking = (motor.bound(side * rises, side * own) for side in (1, -1))
+                driving, braking = (motor.bound(side * rises, side * constants) for side in (1, -1))
                 alone.append(driving[:, :, None])
                 halves[row].append(braking[:, :, None])
         terms = np.concatenate([*alone, *halves[0], *halves[1]], axis=2).transpose(0, 2, 1)
-        count = sum(each.shape[2] for each in alone)
+        count = sum(term.shape[2] for term in alone)
         return cls(
             path, robot, lengths, np.ascontiguousarray(terms), alone=count, varying=tuple(varying)
         )
 
-    def least(self, k: Indices, x: Array, *, ends: bool) -> Array:
+    def minimum(self, k: Indices, x: Array, *, ends: bool) -> Array:
         """Return the smallest s̈ (n,) ≤ 0 on the intervals k (n,) that begin at ṡ² = x.
 
         ends: ṡ is 0 at the end of the interval.
@@ -284,10 +294,10 @@ class _Bounds:
         n, m = len(k), len(self.lengths)
         still = np.zeros(n)
         # which place of `terms`, and ṡ² there
-        places = [(0, x), (2, still), (0, still)] if ends else [(0, x), (1, x)]
-        square = np.concatenate([each for _, each in places])
-        at = np.concatenate([place * m + k for place, _ in places])
-        c0, c1, c2 = self.terms[:, :, at]
+        positions = [(0, x), (2, still), (0, still)] if ends else [(0, x), (1, x)]
+        square = np.concatenate([speed_squared for _, speed_squared in positions])
+        columns = np.concatenate([position * m + k for position, _ in positions])
+        c0, c1, c2 = self.terms[:, :, columns]
         values = c0 + c1 * square + c2 * np.sqrt(square)
         bound = values[: self.alone].max(axis=0)
         half = (len(values) - self.alone) // 2
@@ -295,16 +305,16 @@ class _Bounds:
             pairs = np.minimum(values[self.alone : self.alone + half], values[self.alone + half :])
             bound = np.maximum(bound, pairs.max(axis=0))
         end, interval = (
-            np.repeat([min(place, 1) for place, _ in places], n),
-            np.tile(k, len(places)),
+            np.repeat([min(position, 1) for position, _ in positions], n),
+            np.tile(k, len(positions)),
         )
         for i in self.varying:
-            grows = np.where(at // m == 1, 2 * self.lengths[interval], 0.0)
-            motor = _MotorAlong.of(
+            grows = np.where(columns // m == 1, 2 * self.lengths[interval], 0.0)
+            motor = _MotorAlong.from_joint(
                 self.path, self.robot.joints[i], (end, interval, i), grows, square
             )
-            bound = np.maximum(bound, motor.least(square))
-        return np.minimum(bound.reshape(len(places), n).max(axis=0), 0.0)
+            bound = np.maximum(bound, motor.minimum(square))
+        return np.minimum(bound.reshape(len(positions), n).max(axis=0), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,11 +334,11 @@ class _MotorAlong:
     """Factor with which s̈ increases ṡ²."""
 
     @classmethod
-    def of(
+    def from_joint(
         cls,
         path: _Path,
         joint: Joint,
-        at: tuple[Indices, Indices, int],
+        index: tuple[Indices, Indices, int],
         grows: Array,
         square: Array | float = 0.0,
     ) -> _MotorAlong:
@@ -337,7 +347,7 @@ class _MotorAlong:
         Its friction is that at ṡ² = square (n,).
         """
         assert joint.drive is not None
-        dq, inertia, velocity, gravity = (each[at] for each in (path.dq, *path.load))
+        dq, inertia, velocity, gravity = (values[index] for values in (path.dq, *path.load))
         sigma = np.sign(dq)
         mu = friction_coefficient(
             friction_of(joint.drive), joint.drive.ratio * dq * np.sqrt(square)
@@ -348,7 +358,7 @@ class _MotorAlong:
             rows,
             sigma,
             dq=dq,
-            ddq=path.ddq[at],
+            ddq=path.ddq[index],
             load=(inertia, velocity, gravity),
             grows=grows,
         )
@@ -376,21 +386,21 @@ class _MotorAlong:
         limit = np.zeros((len(offset), 1))
         limit[0] = self.joint.motor.max_torque * (1 - BACKOFF)
         bounds = (slope < 0) & (self.sigma != 0)
-        none = np.zeros_like(limit)
-        none[0] = -np.inf
-        return np.where(bounds, (limit - offset) / slope, none)
+        unbounded = np.zeros_like(limit)
+        unbounded[0] = -np.inf
+        return np.where(bounds, (limit - offset) / slope, unbounded)
 
-    def least(self, square: Array) -> Array:
+    def minimum(self, square: Array) -> Array:
         """Return the smallest s̈ (n,) that keeps the torque limit in both directions.
 
         square: ṡ², (n,).
         """
-        root, zero, one = np.sqrt(square), np.zeros(len(square)), np.ones(len(square))
+        root, null, ones = np.sqrt(square), np.zeros(len(square)), np.ones(len(square))
         driving, braking = np.full(len(square), -np.inf), np.full(len(square), np.inf)
-        for begins, after in zip(
-            self.torques(zero, square, root), self.torques(one, square, root), strict=True
+        for begins, raised in zip(
+            self.torques(null, square, root), self.torques(ones, square, root), strict=True
         ):
-            rises = after - begins
+            rises = raised - begins
             driving = np.maximum(driving, self.bound(rises, begins[None])[0])
             # either row is a lower bound of the torque in the direction of motion
             braking = np.minimum(braking, self.bound(-rises, -begins[None])[0])
@@ -398,9 +408,9 @@ class _MotorAlong:
 
 
 def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array, Indices]:
-    """Build the pieces of `StopMotions` from rows (stop, interval, ṡ² before, s̈, ṡ² after, length).
+    """Build the pieces of `StopMotions` from rows.
 
-    Each column is (m,).
+    The columns are stop, interval, ṡ² before, s̈, ṡ² after and length, each (m,).
     """
     order = np.argsort(columns[0], kind="stable")
     stop, k, x, u, end_x, travel = (column[order] for column in columns)
@@ -416,17 +426,17 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
         (q[within], dq[within], ddq[within]),
         (q_end[within], dq_end[within], ddq_end[within]),
     )
-    between = quintics(h[within], begins, ends).transpose(1, 2, 0)
-    q_end[within] = _at(between, travel[within])
-    dq_end[within] = _at(between[1:] * np.arange(1, DEGREE + 1)[:, None, None], travel[within])
+    inner = quintics(h[within], begins, ends).transpose(1, 2, 0)
+    q_end[within] = _evaluate(inner, travel[within])
+    dq_end[within] = _evaluate(inner[1:] * np.arange(1, DEGREE + 1)[:, None, None], travel[within])
     root, root_after, u = np.sqrt(x)[:, None], np.sqrt(end_x)[:, None], u[:, None]
     dt = 2 * travel / (root + root_after)[:, 0]
-    begin = q, dq * root, dq * u + ddq * x[:, None]
+    start = q, dq * root, dq * u + ddq * x[:, None]
     finish = q_end, dq_end * root_after, dq_end * u + ddq_end * end_x[:, None]
-    return dt, quintics(dt, begin, finish), np.searchsorted(stop, np.arange(count + 1))
+    return dt, quintics(dt, start, finish), np.searchsorted(stop, np.arange(count + 1))
 
 
-def _at(coefficients: Array, t: Array) -> Array:
+def _evaluate(coefficients: Array, t: Array) -> Array:
     """Evaluate polynomials (k, 4, n) at t (n,). The result is (n, 4)."""
     value = coefficients[-1]
     for coefficient in coefficients[-2::-1]:

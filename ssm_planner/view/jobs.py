@@ -81,7 +81,9 @@ class Jobs:
 
         Raises ProblemError.
         """
-        problem = self._relaxed(request) if "relaxed" in request else self.wanted(request)
+        problem = (
+            self._relaxed(request) if "relaxed" in request else self.requested_problem(request)
+        )
         with self._lock:
             if any(job.outcome is None for job in self._jobs.values()):
                 raise ProblemError("a plan is being made; one at a time")
@@ -124,7 +126,7 @@ class Jobs:
             self._end()
         self._folder.cleanup()
 
-    def wanted(self, request: Mapping[str, Any]) -> Problem:
+    def requested_problem(self, request: Mapping[str, Any]) -> Problem:
         """Return the problem of a request.
 
         The request is {alpha, beta, start, tilt_range, target or motion: [{pose} or {dwell}, …]} or

@@ -23,7 +23,7 @@ from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render
 from ssm_planner.reporting.html.scene import link_sides, mechanism_scene
 from ssm_planner.typing import Range
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 
 PUBLISHED = math.radians(30.0), math.radians(109.778)
 """α and β of the paper's robot, for a page without a problem."""
@@ -91,7 +91,7 @@ class Study:
         low, high = tilt_interval(mechanism)
         ranges = {} if self.problem is None else dict(self.problem.ranges)
         start = None if self.problem is None else self.problem.start
-        coordinates = start.given if isinstance(start, Task) else {}
+        coordinates = start.set_coordinates if isinstance(start, Task) else {}
         pose = [
             coordinates.get(name, mechanism.home_tilt if name == "tilt" else 0.0) for name in TASK
         ]
@@ -259,7 +259,7 @@ def _number_within(value: object, key: str, low: float, high: float, si: str) ->
 
     Raises ProblemError.
     """
-    unit, scale = shown(si, "°")
+    unit, scale = display_unit(si, "°")
     allowed = f"{scale * low:.6g} to {scale * high:.6g} {unit}"
     if not isinstance(value, (int, float)) or isinstance(value, bool):
         raise ProblemError("not a number", key=key, value=value, allowed=allowed)

@@ -119,6 +119,6 @@ def limits_of(robot: Robot) -> Array:
 
 def task_ends(problem: Problem) -> tuple[Array, Array]:
     """Task coordinates (4,) at both ends of a problem with one motion in task coordinates."""
-    start = np.array([(problem.start.given or {}).get(name, 0.0) for name in TASK])
-    asked = problem.motion[0].to.given
+    start = np.array([(problem.start.set_coordinates or {}).get(name, 0.0) for name in TASK])
+    asked = problem.motion[0].to.set_coordinates
     return start, np.array([asked.get(name, start[k]) for k, name in enumerate(TASK)])

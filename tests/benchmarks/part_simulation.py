@@ -101,7 +101,7 @@ def _comparison(section: Section, plan: Plan, seeds: int, healthy: int) -> None:
             except RecordingError:
                 continue
             rightly += found.verdict == verdict and finding in kinds(found)
-            held += found.held and verdict != "held"
+            held += found.followed and verdict != "held"
         right += rightly
         rows.append((kind, FAULTS[kind][1], f"{rightly} of {seeds}"))
     section.say("Seeded faults of the shipped motion, and how many `compare` calls what they are:")
@@ -110,7 +110,7 @@ def _comparison(section: Section, plan: Plan, seeds: int, healthy: int) -> None:
     section.asked("faults called rightly", "≥ 98 %", f"{100 * share:.1f} %", share >= 0.98)
     section.asked("faults called held", "0", str(held), held == 0)
     alarms = sum(
-        not compare(plan.motion, plan.robot, plan.certificate, executions.healthy(seed)).held
+        not compare(plan.motion, plan.robot, plan.certificate, executions.healthy(seed)).followed
         for seed in range(healthy)
     )
     section.asked(

@@ -104,7 +104,7 @@ def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
     assert found.differences["speed"].nrmsd < 0.01
     assert found.differences["torque"].nrmsd < 0.05
     assert found.differences["position"].nrmsd < 0.002
-    assert found.held
+    assert found.followed
     planned = {limit.name: limit.margin for limit in plan.certificate.limits if limit.joint == name}
     for limit in found.limits:
         assert limit.planned_margin == planned[limit.name]
@@ -394,7 +394,7 @@ def test_a_healthy_run_raises_no_alarm(shipped: Executions) -> None:
         found = compare(
             shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, shipped.healthy(seed)
         )
-        assert found.held, kinds(found)
+        assert found.followed, kinds(found)
         assert abs(found.clock.rate - 1) == 0.0
 
 

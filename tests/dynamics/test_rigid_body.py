@@ -11,7 +11,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody, static_loads
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
-from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
+from ssm_planner.problem.robot import Body, Geometry, Robot, read_only_array
 from tests.support.pinocchio_model import build
 
 RNG = np.random.default_rng(7)
@@ -43,13 +43,15 @@ def random_robot(robot: Robot, rng: np.random.Generator) -> Robot:
             Body(
                 "b",
                 masses.sum(),
-                frozen(com, (3,)),
-                frozen(inertia, (3, 3)),
-                frozen(frame(axis), (3, 3)),
+                read_only_array(com, (3,)),
+                read_only_array(inertia, (3, 3)),
+                read_only_array(frame(axis), (3, 3)),
             )
         )
-    geometry = Geometry(*(frozen(axis, (3,)) for axis in axes), frozen(tool, (3, 3)))
-    gravity = frozen(9.81 * unit(rng), (3,))
+    geometry = Geometry(
+        *(read_only_array(axis, (3,)) for axis in axes), read_only_array(tool, (3, 3))
+    )
+    gravity = read_only_array(9.81 * unit(rng), (3,))
     return dataclasses.replace(robot, geometry=geometry, bodies=tuple(bodies), gravity=gravity)
 
 

@@ -189,7 +189,7 @@ def test_moments_add_up_and_turn():
         shapes.point(0.1, rng.normal(size=3)),
     )
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    both = (one + other).turned(turn)
+    both = (one + other).rotated(turn)
     assert np.allclose(both.com, turn @ (one.first + other.first) / 0.3)
     assert np.allclose(both.inertia, turn @ (one.inertia + other.inertia) @ turn.T)
 

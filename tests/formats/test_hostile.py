@@ -57,7 +57,7 @@ def test_a_plan_changed_in_python_has_no_certificate(made: Plan, robot: Robot) -
     assert made.passed
     other = dataclasses.replace(made, trajectory=smooth(robot))
     assert not other.passed
-    assert other.doubt
+    assert other.uncertified_reason
     assert certified(other).passed
 
 
@@ -68,7 +68,7 @@ def test_a_certificate_without_limits_is_none(robot: Robot, tmp_path: Path) -> N
     path.write_text(json.dumps(document), encoding="utf-8")
     plan = load_plan(path)
     assert not plan.passed
-    assert "no limits" in str(plan.doubt)
+    assert "no limits" in str(plan.uncertified_reason)
     assert verdict(plan)[1][1] == "Not certified"
 
 

@@ -16,7 +16,7 @@ from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import Body, Geometry, Robot, frozen
+from ssm_planner.problem.robot import Body, Geometry, Robot, read_only_array
 
 RNG = np.random.default_rng(11)
 AGREEMENT = 1e-9
@@ -35,10 +35,10 @@ def another_robot(robot: Robot, seed: int) -> Robot:
     tool = turned()
     axes = [vector / np.linalg.norm(vector) for vector in rng.normal(size=(2, 3))]
     geometry = Geometry(
-        frozen(axes[0], (3,)),
-        frozen(axes[1], (3,)),
-        frozen(tool[:, 2], (3,)),
-        frozen(tool, (3, 3)),
+        read_only_array(axes[0], (3,)),
+        read_only_array(axes[1], (3,)),
+        read_only_array(tool[:, 2], (3,)),
+        read_only_array(tool, (3, 3)),
         1,
     )
     bodies = []
@@ -51,9 +51,9 @@ def another_robot(robot: Robot, seed: int) -> Robot:
             Body(
                 f"body {k}",
                 mass,
-                frozen(com, (3,)),
-                frozen(inertia, (3, 3)),
-                frozen(turned(), (3, 3)),
+                read_only_array(com, (3,)),
+                read_only_array(inertia, (3, 3)),
+                read_only_array(turned(), (3, 3)),
             )
         )
     return dataclasses.replace(robot, geometry=geometry, bodies=tuple(bodies))

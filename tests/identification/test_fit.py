@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.errors import ProblemError, RecordingError
 from ssm_planner.identification import fit as fit_module
 from ssm_planner.identification.fit import POSSIBLE, fit_map
@@ -208,7 +208,7 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
     w = RPM * np.array([-199.0, -20.0, -1.0, 0.0, 1.0, 5.0, 50.0, 199.0])
     sets = {name: column for name, column in posterior.values().items() if name != LOAD_OFFSET}
     torque = map_torque(
-        drawn(fit.drive, {name: column[:, None] for name, column in sets.items()}), w, load
+        drive_with(fit.drive, {name: column[:, None] for name, column in sets.items()}), w, load
     )
     for k in range(0, 1000, 25):
         one = {name: float(column[k]) for name, column in sets.items()}
@@ -216,7 +216,9 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
         apart = map_torque(with_parameters(fit.drive, law, one), w, load)
         np.testing.assert_allclose(torque[k], apart, rtol=1e-12)
         np.testing.assert_allclose(
-            map_torque(drawn(fit.drive, {**one, LAW: LAWS.index(law)}), w, load), apart, rtol=1e-12
+            map_torque(drive_with(fit.drive, {**one, LAW: LAWS.index(law)}), w, load),
+            apart,
+            rtol=1e-12,
         )
     # a range of friction that drives bound, whatever their laws
     most = 1.2 * float(np.abs(torque).max())
@@ -224,7 +226,7 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
     inside = spread_of(fit.drive).within(0.95)
     assert len(np.unique(inside[LAW])) == 3
     taken = np.sign(w) * map_torque(
-        drawn(fit.drive, {name: column[:, None] for name, column in inside.items()}), w, load
+        drive_with(fit.drive, {name: column[:, None] for name, column in inside.items()}), w, load
     )
     bound = np.max([np.sign(w) * map_torque(each, w, load) for each in upper], axis=0)
     assert np.all(taken.max(axis=0) <= bound + 1e-6 * most)

@@ -70,7 +70,7 @@ def test_without_angles_amplitudes_are_found_and_the_phase_from_the_beginning():
     other = simulated(1, 5.1, False, turns=20.0)
     angle = travelled(other)
     first = angle <= 2 * TURN
-    wave = found.turned(start_in(found, angle[first], other.tau[first])).torque(angle[~first])
+    wave = found.rotated(start_in(found, angle[first], other.tau[first])).torque(angle[~first])
     assert np.std(other.tau[~first] - wave) < 1.1e-4
 
 
@@ -160,7 +160,7 @@ def test_the_first_two_turns_of_a_file_tell_the_ripple_of_the_rest(rig, most):
         others = [r for r in steady if r is not recording]
         found = fit_harmonics(others, int(np.sign(recording.w.mean())))
         first = np.abs(angle) <= 2 * TURN
-        wave = found.turned(start_in(found, angle[first], recording.tau[first])).torque(
+        wave = found.rotated(start_in(found, angle[first], recording.tau[first])).torque(
             angle[~first]
         )
         mean, span = recording.tau.mean(), np.ptp(recording.tau) / np.ptp(recording.tau[~first])

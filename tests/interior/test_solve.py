@@ -286,6 +286,6 @@ def test_what_a_function_raises_is_raised(monkeypatch: pytest.MonkeyPatch) -> No
     fractions = pieces(1.0, 1.0)
     group = rows_of(lambda x: [x[0] - 3.0], fractions)
     program = replace(chain(fractions, 2.0, acceleration=1.0), groups=(group,))
-    monkeypatch.setattr(Mapped, "at", lambda *_: 1 / 0)
+    monkeypatch.setattr(Mapped, "evaluate_at_addresses", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         fastest(program, 2.0, 5.0)

@@ -24,7 +24,7 @@ from ssm_planner.kinematics.task import pose_from_task
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.problem import Eye, Lens
-from ssm_planner.problem.robot import frozen
+from ssm_planner.problem.robot import read_only_array
 from ssm_planner.problem.value import unchecked
 from tests.support.paths import PROBLEMS
 
@@ -44,9 +44,13 @@ def random_eye(rng: np.random.Generator) -> Eye:
         centre = turned @ [0.0, 0.0, -0.012 * rng.uniform(0.9, 1.1)]
         semi_axes = rng.uniform(0.001, 0.005, 3)
         lens_centre = centre + random_rotation(rng)[:, 0] * rng.uniform(0.002, 0.008)
-        lens = Lens(frozen(lens_centre, (3,)), frozen(semi_axes, (3,)), frozen(frame, (3, 3)))
+        lens = Lens(
+            read_only_array(lens_centre, (3,)),
+            read_only_array(semi_axes, (3,)),
+            read_only_array(frame, (3, 3)),
+        )
         eye = Eye(
-            frozen(centre, (3,)),
+            read_only_array(centre, (3,)),
             0.012,
             rng.uniform(0.0, 0.0015),
             0.003,
@@ -119,7 +123,9 @@ def test_a_shaft_at_the_limit_keeps_its_radius_from_the_lens() -> None:
         size = ratio - eye.shaft_radius / eye.lens.semi_axes.min()
         if size <= 0.05:
             continue
-        grown = dataclasses.replace(eye.lens, semi_axes=frozen(eye.lens.semi_axes * size, (3,)))
+        grown = dataclasses.replace(
+            eye.lens, semi_axes=read_only_array(eye.lens.semi_axes * size, (3,))
+        )
         at_limit = unchecked(
             eye, lens=grown
         )  # a lens of any size, also one that the eye has no room for
@@ -137,11 +143,11 @@ def test_everything_turns_with_the_eye() -> None:
     tips = tips_in(rng, eye)
     turned = random_rotation(rng)
     lens = Lens(
-        frozen(turned @ eye.lens.centre, (3,)),
+        read_only_array(turned @ eye.lens.centre, (3,)),
         eye.lens.semi_axes,
-        frozen(turned @ eye.lens.frame, (3, 3)),
+        read_only_array(turned @ eye.lens.frame, (3, 3)),
     )
-    other = dataclasses.replace(eye, centre=frozen(turned @ eye.centre, (3,)), lens=lens)
+    other = dataclasses.replace(eye, centre=read_only_array(turned @ eye.centre, (3,)), lens=lens)
     for evaluate in (
         lambda e, p: [v for v, _ in eye_limits(NUMPY, e, p).values()],
         lambda e, p: list(eye_rows(NUMPY, e, p).values()),

@@ -59,7 +59,7 @@ def test_motions_of_another_problem_with_names_of_its_own(tmp_path: Path) -> Non
     )
     whole = load_problem(tmp_path / "whole.yaml")
     assert [entry.name for entry in whole.motion] == ["free", "free", "tilt"]
-    assert whole.motion[1].to.given == {"depth": 0.002}
+    assert whole.motion[1].to.set_coordinates == {"depth": 0.002}
 
 
 def test_the_robot_of_one_problem() -> None:

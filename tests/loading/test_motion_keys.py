@@ -37,7 +37,7 @@ def test_points_on_the_way(files: Any) -> None:
     free, insert = files.load(NAME).motion
     assert (free.kind, insert.kind) == ("free", "straight")
     first, second, third = free.through
-    assert first.given == pytest.approx({"tilt": D(-100), "depth": 0.005})
+    assert first.set_coordinates == pytest.approx({"tilt": D(-100), "depth": 0.005})
     assert second.values == pytest.approx((0, D(10), D(20), -0.005))
     assert (third.position, third.spin) == (
         pytest.approx((0.001, 0.002, -0.01)),
@@ -45,7 +45,7 @@ def test_points_on_the_way(files: Any) -> None:
     )
     lines = (files.root / NAME).read_text(encoding="utf-8").splitlines()
     assert "{tilt: -100 deg" in lines[first.line - 1]
-    assert free.to.given == pytest.approx({"tilt": D(-135)})
+    assert free.to.set_coordinates == pytest.approx({"tilt": D(-135)})
 
 
 def test_corners_on_the_way_are_motions_of_their_own(files: Any) -> None:
@@ -57,7 +57,7 @@ def test_corners_on_the_way_are_motions_of_their_own(files: Any) -> None:
   - line: {to: {tip: [2 mm, 0 mm, -12 mm], spin: 0 deg}, duration: 2 s}"""
     files.edit(NAME, TILT, motion)
     first, second, third, line, _ = files.load(NAME).motion
-    assert [each.to.given for each in (first, second, third)] == [
+    assert [each.to.set_coordinates for each in (first, second, third)] == [
         pytest.approx({"roll": D(5)}), pytest.approx({"tilt": D(-100), "depth": 0.005}), pytest.approx({"tilt": D(-110)})
     ]  # fmt: skip
     assert [each.blend for each in (first, second, third, line)] == [
@@ -136,7 +136,7 @@ def test_every_pattern_of_a_scan(files: Any, pattern: str, expected: tuple[Any, 
     )
     assert scan.diameters == pytest.approx(expected[1])
     assert (scan.spacing, scan.distance, scan.dwell) == pytest.approx((0.001, 0.0015, 0.05))
-    assert motion.at.given == pytest.approx({"roll": 0, "tilt": D(-115.3)})
+    assert motion.at.set_coordinates == pytest.approx({"roll": 0, "tilt": D(-115.3)})
 
 
 def test_a_scan_without_dwell_and_spacing_has_defaults(files: Any) -> None:
@@ -266,7 +266,7 @@ def test_along_the_retina(files: Any) -> None:
     files.edit(SCAN, "  - insert: {to: 12 mm}", text)
     motion = files.load(SCAN).motion[1]
     assert (motion.curve, motion.distance, motion.constant_speed) == ("retina", 0.0015, 0.002)
-    assert motion.to.given == pytest.approx({"roll": D(4), "tilt": D(-118)})
+    assert motion.to.set_coordinates == pytest.approx({"roll": D(4), "tilt": D(-118)})
     for old, new, parts in (
         ("distance: 1.5 mm, const", "distance: 0.5 mm, const", ("retina.distance = 0.5 mm", "smaller than the clearance")),
         ("distance: 0.5 mm, const", "const", ("motion[1].retina.distance", "missing")),

@@ -31,7 +31,7 @@ def test_forms_of_a_table(tmp_path: Path) -> None:
     (path,) = problem(tmp_path).motion
     assert (path.kind, path.curve, path.name, path.line) == ("path", "samples", "path", 4)
     assert [point.line for point in (*path.through, path.to)] == [2, 3, 4]
-    assert path.to.given == pytest.approx({"tilt": D(-97), "depth": 0.007})
+    assert path.to.set_coordinates == pytest.approx({"tilt": D(-97), "depth": 0.007})
     joints = "time_s,q1_rad,q2_rad,q3_rad,q4_m,qd1_rad_per_s,motor1_torque_Nm\n0,0,0.5,0,-5e-3,1,1\n1,0,0.6,0,-6e-3,1,1\n"
     assert problem(tmp_path, joints).motion[0].to.values == pytest.approx((0, 0.6, 0, -0.006))
     tips = "tip_x_m,tip_y_m,tip_z_m,spin (deg)\n0,0,-0.005,0\n0.001,0,-0.005,90\n"

@@ -19,12 +19,14 @@ def test_shipped(files: Any) -> None:
     assert problem.name == "tilt_insert"
     assert problem.objective == "time"
     assert problem.tip_speed is None
-    assert problem.start.given == pytest.approx({"roll": 0, "tilt": D(-85), "spin": 0, "depth": 0})
+    assert problem.start.set_coordinates == pytest.approx(
+        {"roll": 0, "tilt": D(-85), "spin": 0, "depth": 0}
+    )
     tilt, insert = problem.motion
     assert (tilt.kind, tilt.name, tilt.line) == ("straight", "tilt", 5)
-    assert tilt.to.given == pytest.approx({"tilt": D(-135)})
+    assert tilt.to.set_coordinates == pytest.approx({"tilt": D(-135)})
     assert (insert.kind, insert.name) == ("straight", "insert")
-    assert insert.to.given == pytest.approx({"depth": 0.02})
+    assert insert.to.set_coordinates == pytest.approx({"depth": 0.02})
     assert problem.ranges["tilt"] == pytest.approx((D(-139), D(-81)))
     assert problem.ranges["roll"] == pytest.approx((D(-30), D(30)))
     assert problem.ranges["depth"] == pytest.approx((0, 0.03))

@@ -23,7 +23,7 @@ from ssm_planner.problem.limits import (
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from tests.support.paths import PROBLEMS
 from tests.support.random_problems import random_problem
@@ -59,8 +59,8 @@ def test_an_exceeded_limit_is_moved_so_that_what_was_found_is_allowed(limit: Lim
         return
     moved = limit.relaxed(found.needed)
     assert moved is not None
-    assert moved.allows(worst)
-    assert not limit.allows(worst)
+    assert moved.contains(worst)
+    assert not limit.contains(worst)
 
 
 def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
@@ -86,7 +86,7 @@ def test_a_value_is_tried_as_it_is_printed(limit: Limit, beyond: float) -> None:
     printed = limit.described(value).split(" instead")[0]
     number = float(next(word for word in reversed(printed.split()) if word[-1].isdecimal()))
     if not isinstance(limit, (LensClearance, SelfLocking)):
-        assert number == pytest.approx(shown(limit.unit)[1] * value, rel=1e-14)
+        assert number == pytest.approx(display_unit(limit.unit)[1] * value, rel=1e-14)
 
 
 def typed_in(text: str) -> float:

@@ -12,7 +12,7 @@ import pytest
 
 from ssm_planner.dynamics.motors import drive_torque
 from ssm_planner.dynamics.rigid_body import with_payload
-from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.dynamics.transmission import self_locking_margin
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_problem
@@ -111,7 +111,7 @@ def largest_excess(made: Plan, robot: Robot, payload: tuple[float, ...]) -> floa
             sets = draws(load.drive, rng)
             for first in range(0, len(sets["mu"]), 50):
                 part = {name: column[first : first + 50, None] for name, column in sets.items()}
-                drawn_load = replace(load, drive=drawn(load.drive, part))
+                drawn_load = replace(load, drive=drive_with(load.drive, part))
                 torque = np.abs(drawn_load.torque()).max()
                 worst = max(worst, float(torque) / load.motor.max_torque - 1)
     return worst
@@ -137,7 +137,7 @@ def test_few_drives_bound_all_within_a_range(robot: Robot, kind: str) -> None:
             def taken(of: Drive, motion: tuple[Array, ...] = motion, start: bool = start) -> Array:
                 return motion[3] * drive_torque(of, *motion, breakaway=np.full(300, start))[0]
 
-            inside = taken(drawn(drive, sets))
+            inside = taken(drive_with(drive, sets))
             bound = np.max([taken(each) for each in upper], axis=0)
             # as far as the motor goes
             assert np.all(np.minimum(inside.max(axis=0), torque) <= bound + 1e-6 * torque)

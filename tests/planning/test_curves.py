@@ -220,7 +220,7 @@ def test_a_spline_by_optimal_control_keeps_jerk_limits_and_durations(base: Probl
             mechanism, found.motion.sample(np.linspace(0, durations[-1], 20_001)).q
         )
         for point in BENT:
-            assert np.abs(tasks - list(point.given.values())).max(axis=1).min() < 1e-4
+            assert np.abs(tasks - list(point.set_coordinates.values())).max(axis=1).min() < 1e-4
     # as the limit grows the time becomes TOPP-RA's
     assert 1.0 <= durations[0] / fastest.motion.duration < 1.005
     assert durations[1] > 1.02 * durations[0]

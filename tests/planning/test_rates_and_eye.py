@@ -26,7 +26,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
-from ssm_planner.problem.robot import frozen
+from ssm_planner.problem.robot import read_only_array
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.check import check
 
@@ -154,7 +154,9 @@ def in_the_way(problem: Problem) -> Eye:
     place = depth * np.array([-np.cos(tilt), 0.0, np.sin(tilt)])
     assert problem.eye is not None
     lens = Lens(
-        frozen(place, (3,)), frozen([1.2e-3, 1.2e-3, 1.2e-3], (3,)), frozen(np.eye(3), (3, 3))
+        read_only_array(place, (3,)),
+        read_only_array([1.2e-3, 1.2e-3, 1.2e-3], (3,)),
+        read_only_array(np.eye(3), (3, 3)),
     )
     return dataclasses.replace(problem.eye, lens=lens, clearance=0.5e-3)
 
@@ -222,7 +224,11 @@ def ball_at(problem: Problem, roll: float, tilt: float, depth: float, radius: fl
         mechanism, inverse_task(mechanism, [[roll, tilt, 0.0, depth]]).joints[0, :1]
     )[0]
     assert problem.eye is not None
-    lens = Lens(frozen(place, (3,)), frozen([radius] * 3, (3,)), frozen(np.eye(3), (3, 3)))
+    lens = Lens(
+        read_only_array(place, (3,)),
+        read_only_array([radius] * 3, (3,)),
+        read_only_array(np.eye(3), (3, 3)),
+    )
     return dataclasses.replace(problem.eye, lens=lens, clearance=0.5e-3)
 
 

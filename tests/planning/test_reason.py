@@ -24,7 +24,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import MotorTorque, TaskRange
 from ssm_planner.problem.motion import Free, Joints, Motion, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
-from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.problem.robot import Robot, read_only_array
 from ssm_planner.problem.value import unchecked
 
 Weaker = Callable[[Robot, float], Robot]
@@ -74,7 +74,11 @@ def beside_lens(problem: Problem, eye: Eye | None) -> Problem:
     tilt, depth = START["tilt"], 0.0075
     aside = tilt - np.arcsin(1.1 * 1.2e-3 / depth)
     place = depth * np.array([-np.cos(aside), 0.0, np.sin(aside)])
-    lens = Lens(frozen(place, (3,)), frozen([1.2e-3] * 3, (3,)), frozen(np.eye(3), (3, 3)))
+    lens = Lens(
+        read_only_array(place, (3,)),
+        read_only_array([1.2e-3] * 3, (3,)),
+        read_only_array(np.eye(3), (3, 3)),
+    )
     return insertion(
         problem,
         0.012,

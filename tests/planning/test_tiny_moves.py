@@ -21,7 +21,7 @@ START = {"roll": -0.2, "tilt": -1.7, "spin": 0.0, "depth": 0.004}
 
 def inserting(problem: Problem, kind: Any, depth: float) -> Problem:
     goal = Task(depth=START["depth"] + depth)
-    motion = (Free(goal) if kind == "free" else Straight(**goal.given),)
+    motion = (Free(goal) if kind == "free" else Straight(**goal.set_coordinates),)
     return dataclasses.replace(problem, start=Task(**START), motion=motion, objective="time")
 
 

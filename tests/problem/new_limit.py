@@ -37,7 +37,7 @@ def main(problem_file: str, kind: str, largest: float, folder: str) -> None:
 
     problem = ssm_planner.load_problem(problem_file)
     end = problem.motion[0].to
-    motion = Free(end) if kind == "free" else Straight(**end.given)
+    motion = Free(end) if kind == "free" else Straight(**end.set_coordinates)
     problem = dataclasses.replace(problem, objective="time", motion=(motion,))
     limited = AxisSpeed(largest).on(problem)
     free, result = ssm_planner.plan(problem), ssm_planner.plan(limited)

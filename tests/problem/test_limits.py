@@ -69,19 +69,19 @@ values = st.floats(-2e3, 2e3)
 def test_tightened_never_allows_what_the_limit_forbids(
     limit: Limit, worst: float, others: list[float]
 ) -> None:
-    if limit.allows(worst):
+    if limit.contains(worst):
         return
     stricter = limit.tightened(worst, limit.bound(worst))
     if stricter is None:
         return
     assert type(stricter) is type(limit)
     assert stricter.key == limit.key
-    assert not stricter.allows(worst)
+    assert not stricter.contains(worst)
     for value in (*others, stricter.low, stricter.high):
-        if stricter.allows(value) and math.isfinite(value):
-            assert limit.allows(value)
+        if stricter.contains(value) and math.isfinite(value):
+            assert limit.contains(value)
     # of what exceeds the limit by as much again, nothing is left
-    assert not stricter.allows(limit.bound(worst))
+    assert not stricter.contains(limit.bound(worst))
 
 
 @given(limits, values, values)
@@ -92,8 +92,8 @@ def test_relaxed_allows_the_value_and_all_that_the_limit_allows(
     if looser is None:
         assert isinstance(limit, (RetinaClearance, LensClearance))
         return
-    assert looser.allows(value) or looser.bound(value) == pytest.approx(value, rel=1e-12)
-    assert looser.allows(other) or not limit.allows(other)
+    assert looser.contains(value) or looser.bound(value) == pytest.approx(value, rel=1e-12)
+    assert looser.contains(other) or not limit.contains(other)
     assert looser.key == limit.key
     again = looser.relaxed(value)
     assert again is not None

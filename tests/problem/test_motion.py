@@ -66,8 +66,8 @@ def test_the_ranges_of_the_robot_hold_whatever_the_problem_says() -> None:
         problem, limits=(TaskRange("tilt", low - 1, high + 1), TaskRange("depth", -1.0, 1.0))
     )
     assert wider.ranges == robots
-    assert dict(wider.wider) == {"tilt": (low - 1, high + 1), "depth": (-1.0, 1.0)}
-    assert not problem.wider
+    assert dict(wider.excess_ranges) == {"tilt": (low - 1, high + 1), "depth": (-1.0, 1.0)}
+    assert not problem.excess_ranges
     narrower = dataclasses.replace(problem, limits=(TaskRange("tilt", low + 0.01, high + 1),))
     assert narrower.ranges["tilt"] == (low + 0.01, high)
     assert dataclasses.replace(narrower) == narrower

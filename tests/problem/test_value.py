@@ -273,7 +273,7 @@ def test_no_point_outside_its_range_gets_past(seed: int) -> None:
     if place == 1:
         return assert_refused(problem, motion=(Free(inside, (inside, point)),))
     if isinstance(point, Task) and rng.random() < 0.5:
-        return assert_refused(problem, motion=(Dwell(0.1), Straight(**point.given)))
+        return assert_refused(problem, motion=(Dwell(0.1), Straight(**point.set_coordinates)))
     return assert_refused(problem, motion=(Free(point),))
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.spread import drawn, spread_of
+from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.demand import DEMANDS, demands, linear_band, monte_carlo, thinned
@@ -29,8 +29,8 @@ def test_linear_band_agrees_with_monte_carlo(loads: tuple[JointLoad, ...], relat
         for name in JUDGED:
             assert linear.high(name, 0.99) == pytest.approx(drawn_band.high(name, 0.99), rel=0.03)
             assert linear.low(name, 0.99) == pytest.approx(drawn_band.low(name, 0.99), rel=0.03)
-            assert drawn_band.low(name, 0.99) <= drawn_band.at(name) * (1 + 1e-4)
-            assert drawn_band.at(name) <= drawn_band.high(name, 0.99) * (1 + 1e-4)
+            assert drawn_band.low(name, 0.99) <= drawn_band.nominal_value(name) * (1 + 1e-4)
+            assert drawn_band.nominal_value(name) <= drawn_band.high(name, 0.99) * (1 + 1e-4)
 
 
 def test_a_draw_is_the_exact_law(loads: tuple[JointLoad, ...]) -> None:
@@ -38,7 +38,7 @@ def test_a_draw_is_the_exact_law(loads: tuple[JointLoad, ...]) -> None:
     load = loads[1]
     spread = spread_of(with_covariance(load.drive))
     values = spread.values(spread.deviations(7))
-    many = drawn(load.drive, {name: value[:, None] for name, value in values.items()})
+    many = drive_with(load.drive, {name: value[:, None] for name, value in values.items()})
     together = demands(replace(load, drive=many, motor=COMPLETE))
     for n in range(7):
         alone = replace(
@@ -80,7 +80,7 @@ def test_ranges_are_mastered_at_every_corner(loads: tuple[JointLoad, ...]) -> No
         rng = np.random.default_rng(5)
         for _ in range(20):
             values = {name: float(rng.uniform(*ends)) for name, ends in ranges.items()}
-            inside = demands(replace(load, drive=drawn(drive, values))).array()[0]
+            inside = demands(replace(load, drive=drive_with(drive, values))).array()[0]
             for name, value in zip(DEMANDS, inside, strict=True):
                 if name != "peak_voltage":
                     assert (
@@ -111,20 +111,20 @@ def test_a_stated_range_replaces_the_covariance_of_that_parameter(
 def test_the_static_coefficient_moves_with_the_kinetic_one(loads: tuple[JointLoad, ...]) -> None:
     drive = loads[0].drive
     f = drive.friction
-    twice = drawn(drive, {"mu": 2 * f.mu}).friction
+    twice = drive_with(drive, {"mu": 2 * f.mu}).friction
     assert twice.mu_static == pytest.approx(2 * f.mu_static)
-    assert drawn(drive, {"mu": 0.2, "mu_static": 0.3}).friction.mu_static == 0.3
+    assert drive_with(drive, {"mu": 0.2, "mu_static": 0.3}).friction.mu_static == 0.3
 
 
 def test_nothing_known_is_no_band(loads: tuple[JointLoad, ...]) -> None:
     load = loads[0]
     spread = spread_of(load.drive)
-    assert not spread.known
+    assert not spread.is_stated
     for band in (linear_band(load, spread), monte_carlo(load, spread, 1000)):
         assert not band.known
         assert (
             band.high("peak_torque", 0.99)
-            == band.at("peak_torque")
+            == band.nominal_value("peak_torque")
             == band.low("peak_torque", 0.99)
         )
 

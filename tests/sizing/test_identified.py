@@ -128,7 +128,11 @@ def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
             np.quantile(expected, confidence), rel=0.1
         )
     assert np.isfinite(expected).all()
-    assert band.at("peak_torque") < band.high("peak_torque", 0.99) < 20 * band.at("peak_torque")
+    assert (
+        band.nominal_value("peak_torque")
+        < band.high("peak_torque", 0.99)
+        < 20 * band.nominal_value("peak_torque")
+    )
     # every draw is a set of the posterior as it stands: none is clipped
     spread = spread_of(drive)
     taken = spread.values(spread.deviations(len(posterior.draws)))

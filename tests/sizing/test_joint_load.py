@@ -109,7 +109,7 @@ def test_energy_balance(robot: Robot, trajectory: Trajectory) -> None:
         w = load.speed()
         work = {
             name: load.weight @ (part * w) * load.duration
-            for name, part in requirement.split.parts()
+            for name, part in requirement.split.components()
         }
         total = requirement.energy - requirement.returned_energy
         assert sum(work.values()) == pytest.approx(total, rel=1e-9)

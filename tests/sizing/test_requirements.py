@@ -36,8 +36,8 @@ def test_parts_sum_with_two_nuts(loads: tuple[JointLoad, ...]) -> None:
 def _assert_sum(load: JointLoad, drive: Drive) -> None:
     driven = replace(load, drive=drive)
     split, torque = torque_split(driven), driven.torque()
-    total = sum(part for _, part in split.parts())
-    size = sum(np.abs(part) for _, part in split.parts())
+    total = sum(part for _, part in split.components())
+    size = sum(np.abs(part) for _, part in split.components())
     assert np.abs(total - torque).max() <= 1e-12 * np.abs(torque).max()
     assert np.all(np.abs(total - torque) <= 1e-12 * size)
     assert set(split.to_dict()) == set(PARTS)
@@ -91,5 +91,5 @@ def test_at_peak_is_the_peak(loads: tuple[JointLoad, ...]) -> None:
         assert abs(sum(split.at_peak.values())) == pytest.approx(
             np.abs(load.torque()).max(), rel=1e-12
         )
-        for name, part in split.parts():
+        for name, part in split.components():
             assert split.rms[name] == pytest.approx(np.sqrt(load.weight @ part**2), rel=1e-12)

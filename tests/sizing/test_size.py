@@ -319,7 +319,7 @@ def test_monte_carlo_and_linear_verdicts_agree(complete: DutyCycle) -> None:
     )
     for a, b in zip(linear.checks, drawn.checks, strict=True):
         assert a.margin == pytest.approx(b.margin, abs=0.01)
-    assert spread_of(load.drive).known
+    assert spread_of(load.drive).is_stated
 
 
 def test_extrapolation_and_placeholders_are_said(complete: DutyCycle) -> None:

@@ -18,7 +18,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
-from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, frozen
+from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, read_only_array
 from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
@@ -136,9 +136,18 @@ def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
         across /= np.linalg.norm(across)
         frame = np.column_stack([across, np.cross(to_front, across), to_front])
         place = centre + 0.5 * radius * to_front
-        lens = Lens(frozen(place, (3,)), frozen([3e-3, 3e-3, 1.5e-3], (3,)), frozen(frame, (3, 3)))
+        lens = Lens(
+            read_only_array(place, (3,)),
+            read_only_array([3e-3, 3e-3, 1.5e-3], (3,)),
+            read_only_array(frame, (3, 3)),
+        )
     return Eye(
-        frozen(centre, (3,)), radius, clearance=5e-4, port=3e-3, shaft_radius=2.5e-4, lens=lens
+        read_only_array(centre, (3,)),
+        radius,
+        clearance=5e-4,
+        port=3e-3,
+        shaft_radius=2.5e-4,
+        lens=lens,
     )
 
 
@@ -146,7 +155,10 @@ def _with_end_rates(problem: Problem, rng: np.random.Generator) -> Problem:
     """Boundary rates along the motion at either end, in one problem of ten."""
     first, last = problem.motion[0], problem.motion[-1]
     if rng.random() < 0.1 and isinstance(first, Straight):
-        way = {name: value - problem.start.given[name] for name, value in first.to.given.items()}
+        way = {
+            name: value - problem.start.set_coordinates[name]
+            for name, value in first.to.set_coordinates.items()
+        }
         problem = dataclasses.replace(
             problem, start_rate={name: 0.3 * x for name, x in way.items()}
         )
@@ -171,7 +183,7 @@ def _robot(base: Robot, mechanism: Mechanism, rng: np.random.Generator) -> Robot
         ),
         bodies=(bodies[0], bodies[1], bodies[2], bodies[3]),
         joints=(joints[0], joints[1], joints[2], joints[3]),
-        gravity=frozen(gravity, (3,)),
+        gravity=read_only_array(gravity, (3,)),
         limits=(),
     )
 
@@ -180,7 +192,7 @@ def _body(body: Body, axis: Array, rng: np.random.Generator) -> Body:
     x = np.cross(axis, rng.normal(size=3))
     x /= np.linalg.norm(x)
     scale = rng.uniform(0.3, 1.5)
-    frame = frozen(np.column_stack([x, np.cross(axis, x), axis]), (3, 3))
+    frame = read_only_array(np.column_stack([x, np.cross(axis, x), axis]), (3, 3))
     return dataclasses.replace(
         body, mass=scale * body.mass, inertia=scale * body.inertia, frame=frame
     )
@@ -242,12 +254,12 @@ def _faults_of_ends(problem: Problem, result: Plan) -> list[str]:
     last = trajectory.sample(trajectory.breaks[-1:], side="left")
     found = []
     start = task_from_joints(mechanism, first.q)[0]
-    for name, value in problem.start.given.items():
+    for name, value in problem.start.set_coordinates.items():
         if abs(np.sin((start[TASK.index(name)] - value) / 2)) > 1e-9:
             found.append(f"begins at another {name}")
     end = task_from_joints(mechanism, last.q)[0]
     last_motion = problem.motion[-1]
-    goal = last_motion.to.given if isinstance(last_motion, (Straight, Free)) else {}
+    goal = last_motion.to.set_coordinates if isinstance(last_motion, (Straight, Free)) else {}
     for name, value in goal.items():
         if abs(np.sin((end[TASK.index(name)] - value) / 2)) > 1e-9:
             found.append(f"ends at another {name}")

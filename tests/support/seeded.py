@@ -16,7 +16,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_rates
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.problem import Eye, Lens, TaskLimits
-from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.problem.robot import Robot, read_only_array
 from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Samples, Trajectory, hermite
 from tests.support.plans import of_task
@@ -116,11 +116,15 @@ def _eye(kind: str, high: float) -> Eye:
     # no eye that a tool could enter, but one whose limits are met in the middle of an interval
     clearance = 1e-3
     any_eye = Eye(
-        frozen(CENTRE, (3,)), float(np.linalg.norm(CENTRE)), clearance, port=2 * clearance
+        read_only_array(CENTRE, (3,)), float(np.linalg.norm(CENTRE)), clearance, port=2 * clearance
     )
     if kind == "retina clearance":
         return unchecked(any_eye, radius=high + clearance, port=1e-9)
-    lens = Lens(frozen(PLACE, (3,)), frozen(SEMI_AXES / high, (3,)), frozen(np.eye(3), (3, 3)))
+    lens = Lens(
+        read_only_array(PLACE, (3,)),
+        read_only_array(SEMI_AXES / high, (3,)),
+        read_only_array(np.eye(3), (3, 3)),
+    )
     return unchecked(any_eye, radius=LOOSE, port=1e-9, lens=lens)
 
 
@@ -259,7 +263,11 @@ def _values(trajectory: Trajectory, robot: Robot, kind: str, joint: int) -> np.n
 def _about_eye(tip: np.ndarray, kind: str) -> np.ndarray:
     if kind == "retina clearance":
         return np.linalg.norm(tip - CENTRE, axis=1)
-    lens = Lens(frozen(PLACE, (3,)), frozen(SEMI_AXES, (3,)), frozen(np.eye(3), (3, 3)))
+    lens = Lens(
+        read_only_array(PLACE, (3,)),
+        read_only_array(SEMI_AXES, (3,)),
+        read_only_array(np.eye(3), (3, 3)),
+    )
     return 1 / lens_ratio(NUMPY, lens, tip.T)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from ssm_planner.dynamics.motors import drive_torque
 from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
-from ssm_planner.dynamics.spread import drawn
+from ssm_planner.dynamics.spread import drive_with
 from ssm_planner.problem.posterior import LAW, LAWS
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -134,7 +134,7 @@ def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
         chosen = [torque(q.case.drive, q.case.payload) for q in found if q.index == i and q.case]
         ends = [sorted({float(column.min()), float(column.max())}) for column in sets.values()]
         for corner, mass in product(product(*ends), masses):
-            one = torque(drawn(drive, dict(zip(sets, corner, strict=True))), mass)
+            one = torque(drive_with(drive, dict(zip(sets, corner, strict=True))), mass)
             assert one.max() <= max(each.max() for each in chosen) + 1e-12
             assert one.min() >= min(each.min() for each in chosen) - 1e-12
             square = np.mean(one**2)

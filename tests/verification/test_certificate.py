@@ -34,10 +34,10 @@ def motion(last: float = 1.0) -> Trajectory:
 
 def test_margins_are_shares_of_the_limit(robot: Robot) -> None:
     limit = robot.joints[0].limit(JointVelocity)
-    found = LimitCheck.of(limit, 0.25 * limit.high, 1.5)
+    found = LimitCheck.from_extreme(limit, 0.25 * limit.high, 1.5)
     assert found.margin == pytest.approx(0.75)
     assert (found.worst, found.limit, found.time) == (0.25 * limit.high, limit.high, 1.5)
-    assert LimitCheck.of(limit, 1.5 * limit.high, 0.0).margin == pytest.approx(-0.5)
+    assert LimitCheck.from_extreme(limit, 1.5 * limit.high, 0.0).margin == pytest.approx(-0.5)
 
 
 def test_a_limit_is_kept_up_to_rounding() -> None:

@@ -17,7 +17,7 @@ from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.problem import Eye, Lens
-from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.problem.robot import Robot, read_only_array
 from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.trajectory import Samples, Span, Trajectory, hermite
 from ssm_planner.verification import prefilter, sampled_extremes
@@ -103,11 +103,11 @@ def dense(
 RANGES = {"tilt": (-2.4, -1.4), "roll": (-0.5, 0.5), "spin": (-1.0, 1.0), "depth": (0.0, 0.03)}
 RATES = {"roll": 0.5, "tilt": 0.6, "spin": 0.7, "depth": 0.01}
 LENS = Lens(
-    frozen([0.006, 0.001, -0.004], (3,)),
-    frozen([0.004, 0.003, 0.0015], (3,)),
-    frozen(rotation([0.6, 0.0, 0.8], 0.7), (3, 3)),
+    read_only_array([0.006, 0.001, -0.004], (3,)),
+    read_only_array([0.004, 0.003, 0.0015], (3,)),
+    read_only_array(rotation([0.6, 0.0, 0.8], 0.7), (3, 3)),
 )
-EYE = Eye(frozen([0.006, 0.0, -0.010], (3,)), 0.0115, 0.001, 0.003, 0.0002, LENS)
+EYE = Eye(read_only_array([0.006, 0.0, -0.010], (3,)), 0.0115, 0.001, 0.003, 0.0002, LENS)
 LIMITS = of_task(RANGES, 0.02, RATES, EYE)
 LOW = ("nut contact", "retina clearance", "lens clearance")
 """Limits that are lowest values."""

@@ -29,7 +29,7 @@ def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) 
     powers = np.array([row + [0.0] * (degree - len(row)) for row in rows])
     groups = bernstein.from_powers(powers).T[None]
     value, index, s = (
-        found[0] for found in bernstein.largest(groups, np.array([1e-12]), np.array([-np.inf]))
+        found[0] for found in bernstein.maxima(groups, np.array([1e-12]), np.array([-np.inf]))
     )
     grid = np.linspace(0, 1, 2001)
     assert value >= max(float(np.polyval(row[::-1], grid).max()) for row in powers) - 1e-9

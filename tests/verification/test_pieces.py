@@ -42,27 +42,27 @@ def test_values_and_times_are_those_of_the_trajectory(motion: Trajectory, whole:
     s = np.array([[0.0, 0.3, 1.0, 0.7], [0.5, 0.1, 0.2, 0.9]])
     for row in s:
         expected = motion.sample_pieces(piece, row * np.diff(motion.breaks)[piece])
-        found = whole.at(piece, row)
+        found = whole.evaluate(piece, row)
         for values, name in zip(found, ("q", "qd", "qdd"), strict=True):
             assert values == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9)
         assert whole.speeds(piece, row) == pytest.approx(expected.qd, rel=1e-9, abs=1e-9)
-    both = whole.at(piece, s)[0]
+    both = whole.evaluate(piece, s)[0]
     assert both.shape == (2, 4, 4)
-    assert both[1] == pytest.approx(whole.at(piece, s[1])[0])
+    assert both[1] == pytest.approx(whole.evaluate(piece, s[1])[0])
     expected_time = motion.breaks[piece] + s[0] * np.diff(motion.breaks)[piece]
     assert whole.time(piece, s[0]) == pytest.approx(expected_time)
     out = np.empty((3, 4, 4))
-    whole.at(piece, s[0], out)
+    whole.evaluate(piece, s[0], out)
     assert whole.speeds(piece, s[0]) == pytest.approx(out[1].T)
 
 
 def test_ends_and_middles_are_values_there(whole: Pieces) -> None:
     every = np.arange(COUNT)
     for ends, s in zip(whole.ends, (0.0, 1.0), strict=True):
-        for order, values in enumerate(whole.at(every, np.full(COUNT, s))):
+        for order, values in enumerate(whole.evaluate(every, np.full(COUNT, s))):
             assert ends[:, order] == pytest.approx(values, rel=1e-9, abs=1e-9)
     for values, expected in zip(
-        prefilter.middle(whole), whole.at(every, np.full(COUNT, 0.5)), strict=True
+        prefilter.middle(whole), whole.evaluate(every, np.full(COUNT, 0.5)), strict=True
     ):
         assert values == pytest.approx(expected)
 
@@ -70,7 +70,7 @@ def test_ends_and_middles_are_values_there(whole: Pieces) -> None:
 def test_bounds_hold_every_value(whole: Pieces) -> None:
     lowest, highest = whole.bounds
     for order in range(3):
-        values = whole.at(np.arange(COUNT), np.tile(GRID[:, None], COUNT))[order]
+        values = whole.evaluate(np.arange(COUNT), np.tile(GRID[:, None], COUNT))[order]
         assert np.all(values.min(axis=(0, 1)) >= lowest[order] - 1e-9)
         assert np.all(values.max(axis=(0, 1)) <= highest[order] + 1e-9)
 
@@ -193,7 +193,7 @@ def test_sensitivities_of_linear_quantities_are_their_coefficients(
     centre = evaluate(middle, np.sign(middle[1]), np.zeros((COUNT, 4)))
     largest = np.zeros_like(centre)
     for s in GRID:
-        state = pieces.at(np.arange(COUNT), np.full(COUNT, s))
+        state = pieces.evaluate(np.arange(COUNT), np.full(COUNT, s))
         largest = np.maximum(
             largest, np.abs(evaluate(state, np.sign(state[1]), 0 * state[1]) - centre)
         )

@@ -223,15 +223,15 @@ def test_a_phase_begins_on_the_branch_and_turn_of_its_motion(robot: Robot) -> No
     span = Span("way", 0.0, 2.0)
     for turns in (-1, 0, 1):
         roll = float(task[1, 0] + 2 * np.pi * turns)
-        found, branch = promises._begun(motion, mechanism, [Straight(roll=roll)], span)
+        found, branch = promises._initial_task(motion, mechanism, [Straight(roll=roll)], span)
         assert found[0] == pytest.approx(roll - 1.0)
         assert found[1:] == pytest.approx(task[0, 1:])
         assert branch == mechanism.branch_of(start)
-    assert promises._begun(motion, mechanism, [Straight(tilt=-1.8)], span)[0] == pytest.approx(
-        task[0]
-    )
+    assert promises._initial_task(motion, mechanism, [Straight(tilt=-1.8)], span)[
+        0
+    ] == pytest.approx(task[0])
     coefficients = coefficients.copy()
     coefficients[0, 1, 1] = 2 * (mechanism.delta - start[1]) / 2.0  # across, to the other branch
     across = Trajectory(np.array([0.0, 2.0]), coefficients, ())
-    _, branch = promises._begun(across, mechanism, [Straight(tilt=-1.8)], span)
+    _, branch = promises._initial_task(across, mechanism, [Straight(tilt=-1.8)], span)
     assert branch == mechanism.branch_of(start)

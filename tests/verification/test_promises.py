@@ -87,7 +87,7 @@ def test_healthy_plans_hold_their_promises(planned: Callable[..., Plan]) -> None
         assert certificate.limits == made.certificate.limits  # type: ignore[union-attr]
         assert [found.name for found in certificate.limits if found.name in PROMISES] == names
         again = Plan.from_json(made.to_json().encode(), Path("plan.json"))
-        assert (again.certificate, again.doubt) == (made.certificate, None)
+        assert (again.certificate, again.uncertified_reason) == (made.certificate, None)
 
 
 def test_a_motion_that_departs_further_is_refused(planned: Callable[..., Plan]) -> None:
@@ -165,7 +165,7 @@ def test_check_refuses_changed_plans_and_passes_others(
         else:
             changed["trajectory"] = planned(*cornered(6e-4)).motion.to_dict()
         file.write_text(json.dumps(changed), encoding="utf-8")
-        assert load_plan(file).doubt is not None
+        assert load_plan(file).uncertified_reason is not None
         assert main(["check", str(file), "--json"]) == 1
         found = json.loads(capsys.readouterr().out)["limits"]
         assert min(found, key=lambda each: each["margin"])["name"] in PROMISES

@@ -92,7 +92,7 @@ def test_parts_are_equal_and_some_in_a_row_end_by_themselves(
     _, cut = intervals
     begins = np.flatnonzero(cut.starting.any(axis=1))
     chosen = np.array([0, begins[-1], 3])
-    parts = cut.parts(chosen, 4)
+    parts = cut.split(chosen, 4)
     assert np.array_equal(parts.piece, np.repeat(cut.piece[chosen], 4))
     shares = np.tile(np.arange(4) / 4, 3)
     assert parts.begin == pytest.approx(
@@ -104,7 +104,7 @@ def test_parts_are_equal_and_some_in_a_row_end_by_themselves(
     assert np.array_equal(parts.starting[::4], cut.starting[chosen])
     assert not parts.starting.reshape(3, 4, 4)[:, 1:].any()
     assert np.array_equal(parts.slow, np.repeat(cut.slow[chosen], 4))
-    row = cut.chosen(slice(2, 5))
+    row = cut.subset(slice(2, 5))
     assert not row.joined[-1]
     assert np.array_equal(row.joined[:-1], cut.joined[2:4])
     for name in ("piece", "begin", "width", "direction", "starting", "slow"):

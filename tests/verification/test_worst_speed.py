@@ -124,5 +124,5 @@ def test_the_worst_speed_is_found_on_either_side_of_the_grid(
 
         monkeypatch.setattr(slower, "_torques", torques)
         values = torques(None, None, grid, 0.0)[0][:, 0]  # type: ignore[index]
-        found = slower._worst(None, robot, grid, values, (False, 0), pause=0.0)  # type: ignore[arg-type]
+        found = slower._worst_speed(None, robot, grid, values, (False, 0), pause=0.0)  # type: ignore[arg-type]
         assert found == pytest.approx(place, rel=1e-3)

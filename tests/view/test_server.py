@@ -310,7 +310,7 @@ def test_waypoints_and_dwells_are_planned_and_saved(
     }
     path = tmp_path / "saved.yaml"
     path.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
-    saved, made = load_problem(path), server.jobs.wanted(request)
+    saved, made = load_problem(path), server.jobs.requested_problem(request)
     assert saved.start == made.start
     assert [step.kind for step in saved.motion] == ["straight", "dwell", "straight"]
     ends = [

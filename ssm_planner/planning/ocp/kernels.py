@@ -315,7 +315,7 @@ def _states(writer: _Writer) -> None:
     share = _symbols("share", 1)
     hull = _symbols("hull", 1)
     cubic = Cubic(*ca.vertsplit(z))
-    position, velocity, acceleration = cubic.at(share)
+    position, velocity, acceleration = cubic.evaluate(share)
     writer.add_part(
         "state", {"share": share}, ("z", z), [position, velocity, acceleration], "by bend"
     )

@@ -186,7 +186,9 @@ class Mesh:
         times = np.append(0.0, np.cumsum(elements[:, 4]))
         k = np.clip(np.searchsorted(times, self.instants, side="right") - 1, 0, len(elements) - 1)
         share = (self.instants - times[k]) / elements[k, 4]
-        s, speed, acceleration = (value[:, 0] for value in cubics(elements[k]).at(share[:, None]))
+        s, speed, acceleration = (
+            value[:, 0] for value in cubics(elements[k]).evaluate(share[:, None])
+        )
         columns = s[:-1], speed[:-1], acceleration[:-1], acceleration[1:], np.diff(self.instants)
         return np.stack(columns, axis=1)
 

@@ -101,7 +101,7 @@ class StraightElement(ElementModel):
     def state(self, z: ca.SX, c: float) -> ca.SX:
         """Return s, ṡ, s̈, s⃛ and ṡ at the share c of an element."""
         cubic = self.cubic(z)
-        s, speed, acceleration = cubic.at(c)
+        s, speed, acceleration = cubic.evaluate(c)
         return ca.vertcat(s, speed, acceleration, cubic.jerk, speed)
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
@@ -297,7 +297,7 @@ class FreeElement(ElementModel):
     def state(self, z: ca.SX, c: float) -> ca.SX:
         """Return u, u̇ and ü of all joints at the share c of an element."""
         x = ca.SX.zeros(12)
-        for order, values in enumerate(self.cubic(z).at(c)):
+        for order, values in enumerate(self.cubic(z).evaluate(c)):
             x[[4 * order + joint for joint in self.moving]] = values
         return x
 

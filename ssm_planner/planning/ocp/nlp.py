@@ -439,7 +439,7 @@ def split(elements: Array, counts: Indices) -> Array:
     share = 1.0 / np.repeat(counts, counts)[:, None]
     index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     start = index[:, None] * share
-    return np.hstack([*cubic.at(start), cubic.at(start + share)[2], cubic.h * share])
+    return np.hstack([*cubic.evaluate(start), cubic.evaluate(start + share)[2], cubic.h * share])
 
 
 def blocks_of(arcs: Sequence[int]) -> tuple[int, ...]:

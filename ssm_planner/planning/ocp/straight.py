@@ -337,7 +337,7 @@ def _joint_state(
     path: JointPath, elements: Array, share: Array, end_speed: float
 ) -> tuple[Array, Array, Array]:
     """Return q, q̇ and q̈ at the given shares of every element, (n · shares, 4) each."""
-    s, speed, acceleration = (value.ravel() for value in cubics(elements).at(share))
+    s, speed, acceleration = (value.ravel() for value in cubics(elements).evaluate(share))
     s = np.clip(s, 0.0, 1.0)
     if share[-1] == 1.0:  # Removes the rounding of the solver.
         s[-1], speed[-1] = 1.0, end_speed

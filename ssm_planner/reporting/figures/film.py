@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.of_robot import fk
@@ -48,6 +49,7 @@ LINES: tuple[dict[str, Any], ...] = (
 WORDS: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": 7}
 
 
+@checked
 def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[str, Path]:
     """Write the motion of a plan as film.gif, film.mp4, strip.png and single pictures.
 

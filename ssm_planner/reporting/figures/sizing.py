@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.display import words
+from ssm_planner.display import plain_words
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.reporting.figures.style import (
     COLOURS,
@@ -89,10 +89,15 @@ def torque_split_figure(sizing: Sizing) -> Figure:
     for axes, joint in zip(panels, sizing.joints, strict=True):
         t = joint.load.t - joint.load.t[0]
         axes.plot(t, 1e3 * joint.requirement.torque, color="black", linewidth=1.6, label="torque")
-        parts = dict(joint.requirement.split.parts())
+        parts = dict(joint.requirement.split.components())
         for name, colour, dash in zip(PARTS, PART_COLOURS, PART_DASHES, strict=True):
             axes.plot(
-                t, 1e3 * parts[name], linestyle=dash, color=colour, linewidth=1.2, label=words(name)
+                t,
+                1e3 * parts[name],
+                linestyle=dash,
+                color=colour,
+                linewidth=1.2,
+                label=plain_words(name),
             )
         finish(
             axes, "time (s)" if axes is panels[-1] else "", f"{_label(joint)}\nmotor torque (mN·m)"
@@ -221,7 +226,7 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
         axes.plot(
             RPM * data.w[apart], 1e3 * data.tau[apart], **OUTLIER, label="outlier (lower weight)"
         )
-    label = f"{words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
+    label = f"{plain_words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
     for w, named in zip(speeds_of_map(data.w), (None, label), strict=True):
         _bands(axes, fit.drive, w, load, named is not None)
         axes.plot(RPM * w, 1e3 * map_torque(fit.drive, w, load), **MODEL, label=named)

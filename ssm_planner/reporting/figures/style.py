@@ -15,7 +15,7 @@ from zlib import compress, crc32
 import numpy as np
 
 from ssm_planner.atomic import replacing
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ PNG_HEADER = 33
 
 def unit_of(unit: str) -> tuple[str, float]:
     """Return `units.shown` with the degree sign of pages and figures: rad/s → (°/s, 180/π)."""
-    return shown(unit, "°")
+    return display_unit(unit, "°")
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -108,7 +108,7 @@ def _split_channels(loads: Sequence[JointLoad], t: Array) -> dict[str, Array]:
     return {
         f"split{JOINTS.index(load.joint)}_{name}": np.interp(t, load.t - load.t[0], part)
         for load in loads
-        for name, part in torque_split(load).parts()
+        for name, part in torque_split(load).components()
     }
 
 

@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.display import environment, filled
+from ssm_planner.display import environment, render_template
 from ssm_planner.publishing import replacing_result
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def render(template: str, data: Any, **content: Any) -> str:
     """
     from markupsafe import Markup
 
-    return filled(templates(), template, data=Markup(safe_json(data)), **content)
+    return render_template(templates(), template, data=Markup(safe_json(data)), **content)
 
 
 @cache

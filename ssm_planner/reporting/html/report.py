@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.display import NOTHING, fixed, number
+from ssm_planner.display import NOTHING, format_fixed, number
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import (
     JUMPS,
@@ -52,7 +52,7 @@ from ssm_planner.reporting.text import (
     rate_words,
 )
 from ssm_planner.typing import Array
-from ssm_planner.units import shown
+from ssm_planner.units import display_unit
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 
 SHOWN_STOPS = 12
@@ -284,7 +284,7 @@ def _feasible(plan: Plan) -> Mark:
 def _certified(plan: Plan) -> Mark:
     certificate = plan.certificate
     if certificate is None:
-        return "bad", "Not certified", plan.doubt or "the plan has no certificate"
+        return "bad", "Not certified", plan.uncertified_reason or "the plan has no certificate"
     if not certificate.passed:
         worst = certificate.worst
         joint = f" of joint {worst.joint}" if worst.joint else ""
@@ -297,7 +297,7 @@ def _certified(plan: Plan) -> Mark:
 
 
 def _seconds(value: float | None, decimals: int = 4) -> str:
-    return NOTHING if value is None else f"{fixed(value, decimals)} s"
+    return NOTHING if value is None else f"{format_fixed(value, decimals)} s"
 
 
 def _stops(plan: Plan) -> dict[str, Any] | None:
@@ -317,9 +317,9 @@ def _stops(plan: Plan) -> dict[str, Any] | None:
     )
     rows = [
         (
-            fixed(stops.time[k], 3),
-            fixed(1e3 * stops.duration[k], 1),
-            fixed(1e3 * stops.travel[k], 3),
+            format_fixed(stops.time[k], 3),
+            format_fixed(1e3 * stops.duration[k], 1),
+            format_fixed(1e3 * stops.travel[k], 3),
             marks.get(k, ""),
         )
         for k in sorted({*shown.tolist(), *marks})
@@ -356,13 +356,13 @@ def _target(motion: Mapping[str, Any]) -> str:
             return f"{name} " + ", ".join(number(value, 6) for value in target[name]) + " (rad, m)"
     words = []
     for name, value in (target.get("task") or {}).items():
-        unit, scale = shown("m" if name == "depth" else "rad", "°")
+        unit, scale = display_unit("m" if name == "depth" else "rad", "°")
         words.append(f"{name} {number(scale * value, 6)} {unit}")
     return ", ".join(words)
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:
-    unit, scale = shown("rad" if joint.kind == "revolute" else "m", "°")
+    unit, scale = display_unit("rad" if joint.kind == "revolute" else "m", "°")
     low, high = (number(scale * end, 6) for end in joint.position)
     derivatives = ((joint.velocity, "/s"), (joint.acceleration, "/s²"), (joint.jerk, "/s³"))
     largest = (

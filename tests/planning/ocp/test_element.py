@@ -18,16 +18,18 @@ from ssm_planner.planning.ocp.element import SIMPSON, element_functions
 from ssm_planner.planning.ocp.models import FreeElement, StraightElement, fit
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Eye, Lens, Problem
-from ssm_planner.problem.robot import Robot, frozen
+from ssm_planner.problem.robot import Robot, read_only_array
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 
 WithJerk = Callable[[Robot, float, float], Robot]
 AIMS = ("time", "heat", "effort")
 LENS = Lens(
-    frozen([9e-3, 0, -2e-3], (3,)), frozen([4.8e-3, 4e-3, 2e-3], (3,)), frozen(np.eye(3), (3, 3))
+    read_only_array([9e-3, 0, -2e-3], (3,)),
+    read_only_array([4.8e-3, 4e-3, 2e-3], (3,)),
+    read_only_array(np.eye(3), (3, 3)),
 )
-EYE = Eye(frozen([9e-3, 0, -8e-3], (3,)), 11.5e-3, 1e-3, 2.5e-3, 2.5e-4, LENS)
+EYE = Eye(read_only_array([9e-3, 0, -8e-3], (3,)), 11.5e-3, 1e-3, 2.5e-3, 2.5e-4, LENS)
 ROWS = frozenset(
     [(f"{name} range", None) for name in ("roll", "spin")]
     + [(f"{name} rate", None) for name in ("roll", "tilt", "spin")]

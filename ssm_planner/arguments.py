@@ -1,0 +1,80 @@
+"""Check of the arguments of public functions."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import types
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, wraps
+from numbers import Integral, Real
+from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from ssm_planner.errors import GeometryError, ProblemError
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class _Numbers:
+    """Stands for ArrayLike, which has no instances."""
+
+
+def checked(function: Callable[P, T]) -> Callable[P, T]:
+    """Return a function that checks its arguments against their annotations.
+
+    Numbers must be finite. The error names the argument, its value and the allowed types. It is a
+    GeometryError for arrays, otherwise a ProblemError.
+    """
+    signature = inspect.signature(function)
+    hints = cache(lambda: get_type_hints(function, localns={"ArrayLike": _Numbers}))
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        for name, value in signature.bind(*args, **kwargs).arguments.items():
+            parameter = signature.parameters[name]
+            if value is parameter.default or parameter.kind is parameter.VAR_KEYWORD:
+                continue
+            if name in hints() and not _fits(hints()[name], value):
+                error = ProblemError(
+                    f"no argument for {function.__name__}()",
+                    key=name,
+                    value="None" if value is None else value,
+                    allowed=str(parameter.annotation)
+                    .replace("ArrayLike", "array of numbers")
+                    .replace(" | ", " or "),
+                )
+                raise GeometryError(str(error)) if "array" in str(error.allowed) else error
+        return function(*args, **kwargs)
+
+    return call
+
+
+def _fits(hint: Any, value: Any) -> bool:
+    """Return whether a value has the type of an annotation."""
+    kind, arguments = get_origin(hint) or hint, get_args(hint)
+    if kind is Any:
+        return True
+    if kind in (Union, types.UnionType):
+        return any(_fits(member, value) for member in arguments)
+    if kind is _Numbers:
+        return _numeric(value)
+    if kind in (float, int):
+        number = isinstance(value, Real if kind is float else Integral)
+        return number and type(value) is not bool and math.isfinite(value)
+    if not isinstance(value, kind):
+        return False
+    if kind is Mapping:
+        return all(_fits(arguments[1], item) for item in value.values())
+    texts = isinstance(value, (str, bytes))
+    return kind is not Sequence or (not texts and all(_fits(arguments[0], x) for x in value))
+
+
+def _numeric(value: Any) -> bool:
+    """Return whether a value can be an array of numbers."""
+    import numpy as np
+
+    try:
+        return np.asarray(value).dtype.kind in "fiu"
+    except ValueError:
+        return False

@@ -1,0 +1,20 @@
+"""Old public names that work for one more release."""
+
+from __future__ import annotations
+
+from typing import Any
+from warnings import warn
+
+
+class Renamed:
+    """Old name of an attribute. Access returns the new attribute with a DeprecationWarning."""
+
+    def __init__(self, new: str) -> None:
+        self.new = new
+
+    def __set_name__(self, owner: type, old: str) -> None:
+        self.old = old
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        warn(f"{owner.__name__}.{self.old} is now {self.new}", DeprecationWarning, stacklevel=2)
+        return getattr(owner if instance is None else instance, self.new)
