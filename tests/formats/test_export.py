@@ -384,3 +384,17 @@ def test_bad_words_on_the_command_line(
 def test_bad_counts_on_the_command_line(plan: Plan, tmp_path: Path, counts: list[str]) -> None:
     with pytest.raises(ExportError, match="--counts-per-turn"):
         run("export", plan.path, "--to", "epos4", "-o", tmp_path, "--counts-per-turn", *counts)
+
+
+def test_an_export_at_a_lower_speed_is_the_slower_motion(plan: Plan, tmp_path: Path) -> None:
+    _, manifest = export(plan, "csv", tmp_path / "slow", speed=0.5)
+    assert manifest["speed"] == 0.5
+    _, normal = export(plan, "csv", tmp_path / "normal")
+    assert "speed" not in normal
+    slow, fast = (
+        read_trajectory(tmp_path / name, plan.robot).trajectory for name in ("slow", "normal")
+    )
+    assert slow.duration == pytest.approx(2 * fast.duration)
+    t = np.linspace(0.0, fast.duration, 50)
+    assert slow.sample(2 * t).q == pytest.approx(fast.sample(t).q, abs=1e-9)
+    assert slow.sample(2 * t).qd == pytest.approx(fast.sample(t).qd / 2, abs=1e-6)

@@ -152,6 +152,7 @@ def test_tables_that_were_changed(plan: Plan, robot: Robot, tmp_path: Path) -> N
         (3, 0, "0", "an integer from 1 to 255"),
         (3, 0, "256", "an integer from 1 to 255"),
         (3, 0, "1.5", "an integer from 1 to 255"),
+        (3, 0, "254", "the tables of the axes have different times"),
         (1, 0, "7", "0 in the first row"),
         (3, 1, "nan", "not finite"),
         (0, 1, "place", "no column position_inc"),
