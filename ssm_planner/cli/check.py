@@ -145,22 +145,13 @@ def _check_speeds(
 
 def speed_lines(speeds: SpeedRange) -> list[str]:
     """Return text with the worst speed of every limit that a slower motion may violate."""
-    from ssm_planner.display import number, percent
-    from ssm_planner.reporting.text import Table, unit_of_limit
+    from ssm_planner.display import number
+    from ssm_planner.reporting.text import Table, limit_cells
 
     rows = []
     for each in speeds.worst:
-        unit, scale = unit_of_limit(each.found)
-        values = number(scale * each.found.worst, 5), number(scale * each.found.limit, 5), unit
-        rows.append(
-            (
-                each.found.name,
-                each.found.joint or "",
-                number(100 * each.speed, 4),
-                *values,
-                percent(each.found.margin, 2),
-            )
-        )
+        cells = limit_cells(each.found)
+        rows.append((*cells[:2], number(100 * each.speed, 4), *cells[2:]))
     header = ("limit", "joint", "worst at % of the speed", "worst", "limit", "unit", "margin")
     return [
         f"every speed from {100 * speeds.slowest:.4g} % to 100 %",

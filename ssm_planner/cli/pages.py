@@ -38,24 +38,17 @@ def report_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_report(options: argparse.Namespace) -> int:
+    from ssm_planner.api import report
     from ssm_planner.plans import load_plan
-    from ssm_planner.reporting.html.compare import write_comparison
-    from ssm_planner.reporting.html.report import write_report
 
     if options.width is not None and options.figures is None:
         raise ProblemError(
             "--width requires a folder for the figures", key="--width", allowed="--figures DIR"
         )
     plan = load_plan(options.plan)
-    if options.other is None:
-        files = {
-            "report": write_report(
-                plan, output_file(options.output, ".html", plan.path.with_name("report.html"))
-            )
-        }
-    else:
-        out = output_file(options.output, ".html", plan.path.with_name("comparison.html"))
-        files = {"comparison": write_comparison(plan, load_plan(options.other), out)}
+    name = "report" if options.other is None else "comparison"
+    out = output_file(options.output, ".html", plan.path.with_name(f"{name}.html"))
+    files = {name: report(plan, out, options.other)}
     if options.figures is not None:
         from ssm_planner.reporting.figures.plan import WIDE, WIDTHS
         from ssm_planner.reporting.figures.process import write_figures_of_file
@@ -84,11 +77,9 @@ def run_film(options: argparse.Namespace) -> int:
     from ssm_planner.plans import load_plan
     from ssm_planner.reporting.figures.film import film
 
-    plan, speed = load_plan(options.plan), share(options.speed)
-    if not speed > 0:
-        raise ProblemError("invalid speed", key="--speed", value=options.speed, allowed="above 0 %")
+    plan = load_plan(options.plan)
     out = options.output or plan.path.with_name("film")
-    files = {name: str(path) for name, path in film(plan, out, speed).items()}
+    files = {name: str(path) for name, path in film(plan, out, share(options.speed)).items()}
     lines = [f"{name}: {path}" for name, path in files.items()]
     if out.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
         lines.append("mp4: not written, because the program ffmpeg is not on the PATH")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, show
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
 from ssm_planner.display import number
 from ssm_planner.errors import ProblemError
 
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 
 SHOWN = 12
 """Largest number of rows of the front and of reasons in the terminal."""
-REPORT_EVERY = 1.0
-"""Interval in s between reports of the progress."""
 
 
 def study_arguments(parser: argparse.ArgumentParser) -> None:
@@ -161,27 +158,12 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
 
 
 def _progress() -> Callable[[int, int, dict[str, int]], None]:
-    """Return a function that reports count, rate and remaining time on stderr once a second."""
-    begin = last = time.monotonic()
-    first: int | None = None
+    """Return a function that reports the candidates and the remaining time on stderr."""
+    progress = progress_reporter()
 
     def report(done: int, count: int, states: dict[str, int]) -> None:
-        nonlocal last, first
-        now = time.monotonic()
-        first = (
-            done if first is None else first
-        )  # candidates of an earlier run do not count for the rate
-        if now - last < REPORT_EVERY and done < count:
-            return
-        last = now
-        rate = (done - first) / max(now - begin, 1e-9)
-        left = f", {(count - done) / rate:.0f} s left" if rate > 0 else ""
         listed = ", ".join(f"{number} {name}" for name, number in sorted(states.items()))
-        print(
-            f"[{now - begin:6.1f} s] {done}/{count}: {listed}; {rate:.1f}/s{left}",
-            file=sys.stderr,
-            flush=True,
-        )
+        progress(f"{done} of {count}: {listed}")
 
     return report
 
@@ -214,16 +196,12 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
 
 
 def _compared_lines(document: dict[str, Any]) -> list[str]:
+    from ssm_planner.reporting.text import Table
     from ssm_planner.studies.page import title_of, unit_of
 
-    a, b = document["numbers"]
-    lines = [f"{'':36}{a:>20}{b:>20}"]
+    rows = []
     for name, pair in {**document["design"], **document["figures"]}.items():
-        cells = [
-            number(value * unit_of(name)[1], 5) if isinstance(value, float) else str(value)
-            for value in pair
-        ]
-        lines.append(
-            f"{title_of(name) if name in document['figures'] else name:36}{cells[0]:>20}{cells[1]:>20}"
-        )
-    return lines
+        scale = unit_of(name)[1]
+        cells = (number(scale * x, 5) if isinstance(x, float) else str(x) for x in pair)
+        rows.append((title_of(name) if name in document["figures"] else name, *cells))
+    return Table(("", *map(str, document["numbers"])), rows, (1, 2)).lines()

@@ -23,8 +23,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.motion import Free
 from ssm_planner.problem.robot import JOINTS
-from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict
-from ssm_planner.sizing.checks import Check
+from ssm_planner.sizing.assess import MotorVerdict
 from ssm_planner.sizing.requirements import PARTS, MotorRequirement
 from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
 from ssm_planner.units import RPM, display_unit
@@ -577,7 +576,11 @@ def sizing_lines(sizing: Sizing) -> list[str]:
         if has_bands
         else "at the stated friction"
     )
-    unknowns = [*_not_checked(sizing), *_notes(sizing)]
+    unknowns = [
+        f"joint {joint}, {part}: {checks} not checked: needs {figures}"
+        for joint, part, checks, figures in missing_figures(sizing.to_dict())
+    ]
+    unknowns += _notes(sizing)
     lines = ["What is not known", *(f"  {line}" for line in unknowns), ""] if unknowns else []
     lines += ["Required of the motors", *_requirements(sizing).lines(), ""]
     lines += [
@@ -756,35 +759,6 @@ def _gears(sizing: Sizing) -> Table:
             (joint.load.joint, joint.load.drive.name, ", ".join(margins) or "no check was possible")
         )
     return Table(("joint", "drive", "margins"), rows)
-
-
-def _not_checked(sizing: Sizing) -> list[str]:
-    """Return one line per motor, gear and joint with its skipped or undecided checks.
-
-    Each line names the missing values.
-    """
-    groups: dict[tuple[str, str], tuple[dict[str, None], dict[str, None]]] = {}
-    assessed = (*sizing.verdicts, *sizing.alternatives)
-    pairs = [(_subject(verdict, check), check) for verdict in assessed for check in verdict.checks]
-    pairs += [(joint.load.drive.name, check) for joint in sizing.joints for check in joint.gear]
-    for subject, check in pairs:
-        if check.needs is not None:
-            state = "not checked" if check.margin is None else "not decided"
-            names, needs = groups.setdefault((subject, state), ({}, {}))
-            names[plain_words(check.name)] = None
-            needs.update(dict.fromkeys(check.needs.split(" and ")))
-    return [
-        f"{subject}: {', '.join(names)} {state}: needs {'; '.join(needs)}"
-        for (subject, state), (names, needs) in groups.items()
-    ]
-
-
-def _subject(verdict: MotorVerdict, check: Check) -> str:
-    return (
-        f"joint {verdict.joint}, friction"
-        if check.name == CONFIDENCE
-        else f"joint {verdict.joint}, {verdict.motor.name}"
-    )
 
 
 def _notes(sizing: Sizing) -> list[str]:

@@ -622,3 +622,16 @@ def test_no_label_stands_behind_the_legend_or_the_buttons(visit: Open, report: P
         for box in before:
             apart = label["right"] <= box["left"] or label["left"] >= box["right"]
             assert apart or label["bottom"] <= box["top"] or label["top"] >= box["bottom"]
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_pages_of_other_commands_fit_and_read(visit: Open, width: int) -> None:
+    for name in ("tilt_insert_sizing/sizing", "workspace/workspace", "workspace/design_region"):
+        opened = visit((ROOT / f"results/{name}.html").as_uri(), width=width, ready="true")
+        page = opened.page
+        assert page.evaluate(OVERFLOW) == []
+        assert page.evaluate(CONTRAST) == []
+        assert page.evaluate(UNNAMED) == []
+        assert serious(page) == []
+        assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 0)")
+        assert opened.said == []

@@ -22,6 +22,7 @@ from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot
 from ssm_planner.publishing import publishing_results, replacing_result
 from ssm_planner.reporting.figures.style import new_panels
+from ssm_planner.reporting.figures.workspace import great_arc
 from ssm_planner.reporting.html.scene import link_sides
 from ssm_planner.typing import Array
 
@@ -111,9 +112,7 @@ def _write(gif: bytes, path: Path) -> None:
     except FileNotFoundError:
         raise ExportError(f"{path}: needs the program ffmpeg, which is not on the PATH") from None
     except subprocess.CalledProcessError as error:
-        raise ExportError(
-            f"{path}: ffmpeg failed: {error.stderr.decode('utf-8', 'replace')}"
-        ) from None
+        raise ExportError(f"{path}: ffmpeg failed: {error.stderr!r}") from None
 
 
 def _write_stills(pictures: list[Image], folder: Path) -> None:
@@ -128,7 +127,7 @@ def _write_stills(pictures: list[Image], folder: Path) -> None:
 
 
 def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
-    """Return the lines of links 1 and 2 (n, 40, 2) and of the tool (n, 2, 2) in the picture, m.
+    """Return the lines of links 1 and 2 (n, 61, 2) and of the tool (n, 2, 2) in the picture, m.
 
     q: joint positions (n, 4), rad and m.
     """
@@ -141,34 +140,21 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     axis2 = rotation(mechanism.omega1, q[:, 0]) @ (sides[1] * mechanism.omega2)
     length = TAIL + np.linalg.norm(tip, axis=1).max()
     tool = np.stack([tip, tip + length * outward], axis=1)
-    return _arc(axis1, axis2) @ VIEW.T, _arc(axis2, outward) @ VIEW.T, tool @ VIEW.T
+    arcs = [LINK * great_arc(*ends) @ VIEW.T for ends in ((axis1, axis2), (axis2, outward))]
+    return arcs[0], arcs[1], tool @ VIEW.T
 
 
 def still(plan: Plan) -> dict[str, Any]:
     """Return lines of the mechanism at the start, halfway and at the end for an SVG, in mm."""
     t = plan.motion.duration * np.array([0.0, 0.5, 1.0])
     flip, eye = np.array([1e3, -1e3]), plan.limits.eye
-    lines = [
-        flip * line
-        for line in mechanism_lines(plan.robot, plan.motion.sample(plan.motion.breaks[0] + t).q)
-    ]
-    points = [
-        [" ".join(f"{x:.2f},{y:.2f}" for x, y in line[k]) for line in lines] for k in range(3)
-    ]
+    q = plan.motion.sample(plan.motion.breaks[0] + t).q
+    lines = [(flip * line).round(2).reshape(3, -1) for line in mechanism_lines(plan.robot, q)]
     return {
         "reach": 1.05 * max(np.abs(line).max() for line in lines),
-        "instants": [*zip(t.tolist(), points, strict=True)],
+        "instants": [*zip(t.tolist(), zip(*lines, strict=True), strict=True)],
         "eye": None if eye is None else [*flip * (VIEW @ eye.centre), 1e3 * eye.radius],
     }
-
-
-def _arc(first: Array, second: Array) -> Array:
-    """Return arcs (n, 40, 3) with the radius LINK between directions (n, 3)."""
-    angle = np.arccos(np.clip(np.sum(first * second, axis=1), -1.0, 1.0))[:, None]
-    share = np.linspace(0.0, 1.0, 40)
-    arc: Array = np.sin((1 - share) * angle)[..., None] * first[:, None]
-    arc += np.sin(share * angle)[..., None] * second[:, None]
-    return LINK * arc / np.maximum(np.linalg.norm(arc, axis=2, keepdims=True), 1e-9)
 
 
 def _pictures(plan: Plan, speed: float) -> Iterator[Image]:

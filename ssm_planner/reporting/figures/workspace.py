@@ -79,7 +79,7 @@ def axes_figure(mechanism: Mechanism) -> Figure:
     tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
     angles = ((0, 1, 0.8, f"α = {alpha:.2f}°"), (1, 2, 0.7, f"β = {beta:.2f}°"), (0, 2, 0.25, tilt))
     for first, second, radius, name in angles:
-        arc = radius * _between(directions[first], directions[second])
+        arc = radius * great_arc(directions[first], directions[second]).T
         axes.plot(*arc, color="black", linewidth=1.0)
         middle = arc[:, arc.shape[1] // 2]
         axes.text(*(middle * (1 + 0.08 / radius)), name, ha="left", va="center", fontsize=SIZE - 1)
@@ -107,14 +107,12 @@ def axes_figure(mechanism: Mechanism) -> Figure:
     return figure
 
 
-def _between(start: Array, end: Array, count: int = 61) -> Array:
-    """Return unit directions (3, count) on the shortest arc between two directions."""
-    angle = np.arccos(np.clip(start @ end, -1.0, 1.0))
-    share = np.linspace(0.0, 1.0, count)
-    return np.asarray(
-        (np.outer(start, np.sin((1.0 - share) * angle)) + np.outer(end, np.sin(share * angle)))
-        / np.sin(angle)
-    )
+def great_arc(start: Array, end: Array) -> Array:
+    """Return directions (..., 61, 3) on the shortest arcs between directions (..., 3)."""
+    angle = np.arccos(np.clip(np.sum(start * end, axis=-1), -1.0, 1.0))[..., None, None]
+    share = np.linspace(0.0, 1.0, 61)[:, None]
+    first, last = np.sin((1.0 - share) * angle), np.sin(share * angle)
+    return np.asarray((first * start[..., None, :] + last * end[..., None, :]) / np.sin(angle))
 
 
 def reachable_set_figure(mechanism: Mechanism) -> Figure:

@@ -55,7 +55,6 @@ from ssm_planner.typing import Array
 from ssm_planner.units import display_unit
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 
-SHOWN_STOPS = 12
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
 TIGHTEST = 10
 """Number of limits that the certificate always shows."""
@@ -301,39 +300,18 @@ def _seconds(value: float | None, decimals: int = 4) -> str:
 
 
 def _stops(plan: Plan) -> dict[str, Any] | None:
-    """Return the table of controlled stops from selected instants and the two extreme stops.
-
-    The extreme stops have the longest duration and the longest travel.
-    """
+    """Return the longest of the controlled stops and the one with the longest travel."""
     stops = plan.stops
     if stops is None:
         return None
-    shown = np.linspace(0, len(stops.time) - 1, SHOWN_STOPS).astype(int)
+    broken = {f"{each.name} {each.joint or ''}".strip() for each in stops.certificate.violations}
     longest, farthest = int(np.argmax(stops.duration)), int(np.argmax(stops.travel))
-    marks = (
-        {longest: "longest", farthest: "farthest"}
-        if longest != farthest
-        else {longest: "longest and farthest"}
-    )
-    rows = [
-        (
-            format_fixed(stops.time[k], 3),
-            format_fixed(1e3 * stops.duration[k], 1),
-            format_fixed(1e3 * stops.travel[k], 3),
-            marks.get(k, ""),
-        )
-        for k in sorted({*shown.tolist(), *marks})
-    ]
     return {
         "count": len(stops.time),
         "passed": stops.passed,
-        "broken": sorted(
-            {
-                f"{violation.name} {violation.joint or ''}".strip()
-                for violation in stops.certificate.violations
-            }
-        ),
-        "table": Table(("from s", "stop duration ms", "tip travel mm", ""), rows, (0, 1, 2)),
+        "broken": sorted(broken),
+        "longest": (stops.time[longest], 1e3 * stops.duration[longest]),
+        "farthest": (stops.time[farthest], 1e3 * stops.travel[farthest]),
     }
 
 

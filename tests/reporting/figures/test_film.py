@@ -12,7 +12,8 @@ from PIL import Image, ImageSequence
 from ssm_planner import film, fk, load_plan
 from ssm_planner.cli import main
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.reporting.figures.film import LINK, VIEW, _arc, mechanism_lines
+from ssm_planner.reporting.figures.film import VIEW, mechanism_lines
+from ssm_planner.reporting.figures.workspace import great_arc
 from tests.support.paths import ROOT
 
 PLAN = ROOT / "results/eye_approach"
@@ -45,9 +46,9 @@ def test_the_lines_are_where_the_kinematics_says() -> None:
         across = np.cross(np.c_[tool[:, 1] - tool[:, 0], 0 * q[:, 0]], np.c_[line, 0 * q[:, 0]])
         assert np.abs(across).max() < 1e-12
     assert np.linalg.norm(VIEW @ VIEW.T - np.eye(2)) < 1e-12
-    arc = _arc(mechanism.omega1[None], mechanism.omega2[None])[0]
+    arc = great_arc(mechanism.omega1, mechanism.omega2)
     length = np.linalg.norm(np.diff(arc, axis=0), axis=1).sum()
-    assert length == pytest.approx(LINK * mechanism.alpha, rel=1e-3)
+    assert length == pytest.approx(mechanism.alpha, rel=1e-3)
 
 
 def test_a_missing_encoder_is_said(
@@ -61,7 +62,7 @@ def test_a_missing_encoder_is_said(
     assert "ffmpeg is not on the PATH" in capsys.readouterr().out
     assert main(["film", str(PLAN), "-o", str(tmp_path / "film.mp4")]) == 2
     assert "ffmpeg" in capsys.readouterr().err
-    assert main(["film", str(PLAN), "--speed", "0%"]) == 2
+    assert main(["film", str(PLAN), "--speed", "fast"]) == 2
 
 
 def test_the_encoder_gets_the_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
