@@ -299,6 +299,9 @@ def test_a_joint_without_drive_is_named(plan: Plan, tmp_path: Path) -> None:
     _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     assert any("joint spin has no drive and no stream" in note for note in manifest["notes"])
     assert any("placeholder" in note for note in manifest["notes"])
+    # The notes on the joints behind it are not left out.
+    for name in ("roll", "tilt", "insertion"):
+        assert any(f"joint {name}: " in note and "rounding" in note for note in manifest["notes"])
 
 
 # --- played back to simulated drives --------------------------------------------------------------------------------

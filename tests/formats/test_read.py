@@ -178,7 +178,16 @@ def swapped(a: int, b: int):
             nothing,
             "the column is a velocity, but 'rad' is a unit of position",
         ),
-        (renamed("time_s", "time"), nothing, r"column 'time': the unit is missing \(allowed: s"),
+        (
+            [name if name == "time_s" else f"note {name}" for name in OWN],
+            nothing,
+            r"t\.csv:1: no position of joint roll, tilt, spin, insertion",
+        ),
+        (
+            renamed("time_s", "time"),
+            nothing,
+            r"t\.csv:1: column 'time': the unit is missing \(allowed: s",
+        ),
         (renamed("time_s", "t [h]"), nothing, "unit 'h' is not allowed"),
         (renamed("time_s", "index"), nothing, "no time column"),
     ],

@@ -11,7 +11,7 @@ import pytest
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.formats.export import export
-from ssm_planner.formats.urdf import LINKS, SMALLEST_MASS, effort_limit, rpy, urdf
+from ssm_planner.formats.urdf import LINKS, SMALLEST_MASS, _links, effort_limit, rpy, urdf
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
@@ -219,7 +219,7 @@ def test_what_urdf_cannot_carry_is_said(plan: Plan, tmp_path: Path) -> None:
 
 def test_names_that_xml_does_not_like(robot: Robot) -> None:
     odd = dataclasses.replace(robot, name='a "robot" <1> -- & more')
-    assert ElementTree.fromstring(urdf(odd)).attrib["name"]
+    assert ElementTree.fromstring(urdf(odd)).attrib["name"] == "a__robot___1_______more"
 
 
 def test_the_effort_limit_is_what_the_motor_brings_through_its_drive(robot: Robot) -> None:
@@ -230,3 +230,23 @@ def test_the_effort_limit_is_what_the_motor_brings_through_its_drive(robot: Robo
         effort = output_effort(joint.drive, load, 0.0, 0.0, 1.0)
         torque = motor_torque(joint.drive, effort, 0.0, 0.0, direction=1.0)
         assert float(torque) == pytest.approx(joint.motor.max_torque, rel=1e-12)
+
+
+def test_a_motor_weaker_than_its_friction_provides_no_effort(robot: Robot) -> None:
+    joint = robot.joints[0]
+    assert joint.motor is not None
+    motor = dataclasses.replace(joint.motor, nominal_torque=1e-9, max_torque=1e-9)
+    weak = dataclasses.replace(joint, motor=motor)
+    assert effort_limit(weak) == 0.0
+
+
+def test_links_are_drawn_by_their_kind_and_without_mass_have_no_inertia(robot: Robot) -> None:
+    bodies = (
+        dataclasses.replace(robot.bodies[0], mass=0.0, inertia=np.zeros((3, 3))),
+        *robot.bodies[1:],
+    )
+    links = list(_links(dataclasses.replace(robot, bodies=bodies)))
+    assert [link["inertia"] is None for link in links] == [True, False, False, False]
+    sizes = {joint.slides: link["size"] for joint, link in zip(robot.joints, links, strict=True)}
+    assert sizes[True][1] < sizes[False][1]
+    assert len({link["size"] for link in links}) == 2
