@@ -246,7 +246,8 @@ def test_links_are_drawn_by_their_kind_and_without_mass_have_no_inertia(robot: R
         *robot.bodies[1:],
     )
     links = list(_links(dataclasses.replace(robot, bodies=bodies)))
-    assert [link["inertia"] is None for link in links] == [True, False, False, False]
+    assert [link["inertia"] is None for link in links] == [body.mass == 0.0 for body in bodies]
+    assert links[0]["inertia"] is None is not links[1]["inertia"]
     sizes = {joint.slides: link["size"] for joint, link in zip(robot.joints, links, strict=True)}
     assert sizes[True][1] < sizes[False][1]
     assert len({link["size"] for link in links}) == 2
