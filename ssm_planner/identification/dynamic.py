@@ -1,4 +1,4 @@
-"""Breakaway, growth of friction at rest and frictional memory from start–stop recordings."""
+"""Fit breakaway, growth of friction at rest and frictional memory to start–stop recordings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ssm_planner.typing import Array
 PARAMETERS = ("mu_static", "dwell_constant", "memory")
 
 UPPER = np.array([0.3, 20.0, 0.5])
-"""Largest rise of mu_static above mu, dwell constant in s, memory in s."""
+"""Upper bounds of θ: rise of mu_static above mu, dwell constant in s, memory in s."""
 
 _GRID = (
     (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15),
@@ -38,66 +38,69 @@ class DynamicFit(ShortRepr):
 
     drive: Drive
     estimates: dict[str, Estimate]
-    """Those that the recordings support; the others keep the map's values and are marked fixed."""
+    """Estimates by name. Those that the recordings do not determine are fixed as in the map."""
     before: tuple[float, ...]
-    """NRMSD of each recording with the map's friction alone."""
+    """NRMSD of each recording with the friction of the map."""
     after: tuple[float, ...]
+    """NRMSD of each recording with the fitted friction."""
     notes: tuple[str, ...] = ()
 
 
 class _Problem:
-    """Residuals of recordings over θ = (mu_static − mu, dwell constant, memory), each in units of its torque range."""
+    """Residuals of recordings as functions of θ, in units of the torque range of each recording.
+
+    θ = (mu_static − mu, dwell constant, memory).
+    """
 
     def __init__(
         self, drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float
     ) -> None:
-        self.drive, self.recordings, self.load, self.load_inertia = (
-            drive,
-            recordings,
-            load,
-            load_inertia,
-        )
-        self.motions = [Motion.of(r.time, r.w) for r in recordings]
+        self.drive, self.recordings = drive, recordings
+        self.load, self.load_inertia = load, load_inertia
+        self.motions = [Motion.from_speed(r.time, r.w) for r in recordings]
         self.measured = [
             r.tau - departure(drive, m, load) for r, m in zip(recordings, self.motions, strict=True)
         ]
-        """What is left for the law, N·m."""
+        """Torque that the friction law must explain, N·m."""
         base = friction_of(drive)
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
 
     def model(self, theta: Array) -> Drive:
         base = friction_of(self.drive)
-        rise, dwell, memory = (float(v) for v in theta)
+        rise, dwell, memory = theta.tolist()
         friction = replace(
             base, mu_static=base.mu + rise, dwell_constant=dwell or None, memory=memory
         )
         return replace(self.drive, friction=friction)
 
-    def residual(self, theta: Array) -> Array:
+    def residuals(self, theta: Array) -> list[Array]:
         drive = self.model(theta)
-        pairs = zip(self.motions, self.measured, self.recordings, strict=True)
-        return np.concatenate(
-            [
-                (predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau)
-                for m, tau, r in pairs
-            ]
-        )
+        return [
+            (predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau)
+            for m, tau, r in zip(self.motions, self.measured, self.recordings, strict=True)
+        ]
+
+    def residual(self, theta: Array) -> Array:
+        return np.concatenate(self.residuals(theta))
 
     def cost(self, theta: Array) -> float:
         return float(np.sum(self.residual(theta) ** 2))
 
     def nrmsd(self, theta: Array) -> tuple[float, ...]:
-        parts = np.split(self.residual(theta), np.cumsum([len(tau) for tau in self.measured])[:-1])
-        return tuple(float(np.sqrt(np.mean(part**2))) for part in parts)
+        return tuple(float(np.sqrt(np.mean(part**2))) for part in self.residuals(theta))
 
 
 def fit_dynamic(
     drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float = 0.0
 ) -> DynamicFit:
-    """Fit mu_static, dwell_constant (s) and memory (s) to start–stop recordings, the map's parameters kept.
+    """Fit mu_static, dwell_constant (s) and memory (s) to start–stop recordings.
 
-    Of the subsets of the three, the one with the lowest Akaike criterion is taken, counting as samples only what the
-    autocorrelation of the residuals leaves independent. 95 % intervals are asymptotic.
+    The parameters of the map do not change. load: constant effort on the output, N·m or N.
+    load_inertia: inertia of the payload at the output, kg·m² or kg.
+
+    The fit takes the subset of the three parameters with the lowest Akaike criterion. The criterion
+    counts the samples that are independent by the autocorrelation of the residuals. The 95 %
+    intervals are asymptotic.
     """
     problem = _Problem(drive, recordings, load, load_inertia)
     starts = {subset: _best_of_grid(problem, subset) for subset in _SUBSETS}
@@ -106,21 +109,20 @@ def fit_dynamic(
         s: independent * math.log(problem.cost(theta)) + 2 * len(s) for s, theta in starts.items()
     }
     subset = min(criterion, key=lambda s: criterion[s])
-    theta = _polished(problem, starts[subset], subset)
-    left = [PARAMETERS[k] for k in range(3) if k not in subset]
+    theta = _polished(problem, starts[subset], list(subset))
+    others = [PARAMETERS[k] for k in range(3) if k not in subset]
     gain = criterion[()] - criterion[subset]
-    notes = [
-        f"start–stop recordings: {' and '.join(PARAMETERS[k] for k in subset)} identified (Akaike gain {gain:.1f})"
-    ]
-    if not subset:
-        notes = []
-    if left:
+    notes = []
+    if subset:
+        fitted = " and ".join(PARAMETERS[k] for k in subset)
+        notes.append(f"start–stop recordings: {fitted} identified (Akaike gain {gain:.1f})")
+    if others:
         notes.append(
-            f"start–stop recordings show no more of {' and '.join(left)} than chance: kept as the map gives them"
+            f"start–stop recordings do not determine {' and '.join(others)}: kept as in the map"
         )
     return DynamicFit(
         drive=problem.model(theta),
-        estimates=_estimates(problem, theta, subset, independent),
+        estimates=_estimates(problem, theta, list(subset), independent),
         before=problem.nrmsd(problem.default),
         after=problem.nrmsd(theta),
         notes=tuple(notes),
@@ -128,38 +130,39 @@ def fit_dynamic(
 
 
 def _best_of_grid(problem: _Problem, subset: tuple[int, ...]) -> Array:
+    """Return the best θ (3,) of a grid over a subset of the parameters."""
     axes = [values if k in subset else (problem.default[k],) for k, values in enumerate(_GRID)]
     points = [problem.default, *(np.array(point) for point in itertools.product(*axes))]
     return min(points, key=problem.cost)
 
 
-def _polished(problem: _Problem, theta: Array, subset: tuple[int, ...]) -> Array:
+def _polished(problem: _Problem, theta: Array, free: list[int]) -> Array:
+    """Minimise the cost over the free parameters from θ (3,)."""
     from scipy.optimize import least_squares
 
-    if not subset:
+    if not free:
         return theta
-    free = list(subset)
 
-    def full(part: Array) -> Array:
-        whole = theta.copy()
-        whole[free] = part
-        return whole
+    def completed(part: Array) -> Array:
+        values = theta.copy()
+        values[free] = part
+        return values
 
     def misfit(part: Array) -> Array:
-        return problem.residual(full(part))
+        return problem.residual(completed(part))
 
-    found = least_squares(
+    solution = least_squares(
         misfit,
         np.clip(theta[free], 1e-6, UPPER[free] - 1e-6),
         bounds=(0.0, UPPER[free]),
         x_scale=(0.1 * UPPER)[free],
         diff_step=np.full(len(free), 1e-3),
     )
-    return min((theta, full(found.x)), key=problem.cost)
+    return min((theta, completed(solution.x)), key=problem.cost)
 
 
 def _independent(residual: Array) -> float:
-    """Number of independent samples among residuals with their lag-one autocorrelation."""
+    """Return the number of independent samples by the lag-one autocorrelation of residuals."""
     centred = residual - residual.mean()
     rho = float(np.sum(centred[1:] * centred[:-1]) / max(float(np.sum(centred**2)), 1e-300))
     rho = min(max(rho, 0.0), 0.99)
@@ -167,39 +170,38 @@ def _independent(residual: Array) -> float:
 
 
 def _estimates(
-    problem: _Problem, theta: Array, subset: tuple[int, ...], independent: float
+    problem: _Problem, theta: Array, free: list[int], independent: float
 ) -> dict[str, Estimate]:
-    from scipy.stats import norm
+    """Return the estimates at θ (3,) with asymptotic intervals of the free parameters."""
+    from scipy.special import ndtri
 
-    mu = friction_of(problem.drive).mu
-    offset = np.array([mu, 0.0, 0.0])
     half = np.zeros(3)
-    if subset:
+    if free:
         value = problem.residual(theta)
         columns = []
-        for k in subset:
+        for k in free:
             low, high = theta.copy(), theta.copy()
             low[k], high[k] = max(theta[k] - _STEPS[k], 0.0), theta[k] + _STEPS[k]
             columns.append((problem.residual(high) - problem.residual(low)) / (high[k] - low[k]))
         jacobian = np.stack(columns, axis=1)
-        variance = float(value @ value) / max(independent - len(subset), 1.0)
+        variance = float(value @ value) / max(independent - len(free), 1.0)
         information = jacobian.T @ jacobian / variance * (independent / len(value))
-        cov = np.linalg.pinv(information + np.diag(1e-9 / UPPER[list(subset)] ** 2))
-        half[list(subset)] = float(norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(
-            np.maximum(np.diag(cov), 0.0)
-        )
-    estimates = {}
-    for k, name in enumerate(PARAMETERS):
-        low, high = (
-            np.clip([theta[k] - half[k], theta[k] + half[k]], 0.0, max(UPPER[k], theta[k]))
-            + offset[k]
-        )
-        estimates[name] = Estimate(
+        covariance = np.linalg.pinv(information + np.diag(1e-9 / UPPER[free] ** 2))
+        quantile = float(ndtri(0.5 + CONFIDENCE / 2))
+        half[free] = quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    offset = np.array([friction_of(problem.drive).mu, 0.0, 0.0])
+    low, high = (
+        np.clip(end, 0.0, np.maximum(UPPER, theta)) + offset for end in (theta - half, theta + half)
+    )
+    to_bound = np.minimum(theta, UPPER - theta)
+    return {
+        name: Estimate(
             value=float(theta[k] + offset[k]),
-            low=float(low),
-            high=float(high),
-            fixed=k not in subset,
+            low=float(low[k]),
+            high=float(high[k]),
+            fixed=k not in free,
             separable=bool(half[k] < 0.5 * UPPER[k]),
-            at_bound=bool(k in subset and min(theta[k], UPPER[k] - theta[k]) < 1e-5 * UPPER[k]),
+            at_bound=bool(k in free and to_bound[k] < 1e-5 * UPPER[k]),
         )
-    return estimates
+        for k, name in enumerate(PARAMETERS)
+    }

@@ -1,4 +1,8 @@
-"""Friction from a torque–velocity map: outliers, choice of law and load by blind error, posterior, 95 % intervals."""
+"""Fit friction to a torque–velocity map.
+
+The fit handles outliers, chooses the law and the load offset by errors on recordings left out, and
+states 95 % intervals of the posterior.
+"""
 
 from __future__ import annotations
 
@@ -19,76 +23,82 @@ from ssm_planner.identification.parameters import (
     with_parameters,
 )
 from ssm_planner.identification.posterior import (
-    DRAWS,
     SEED,
     MapModel,
     blind_errors,
     data_correlation,
-    log_evidence,
     most_likely,
     prior_pull,
-    sample,
     simplest,
 )
+from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, weighted_interval
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior, interval_of
+from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array
 
+DRAWS = 1000
+"""Number of equally likely parameter sets in a posterior."""
 SEPARABLE = 0.2
-"""A parameter is given by the data where what was expected pulls it by less than this many standard deviations by every law
-that the data leave possible:"""
+"""Prior pull below which the data determine a parameter, in standard deviations.
+
+Every possible law must have a pull below this value.
+"""
 POSSIBLE = 0.01
-"""one that is at least so likely."""
-_FOR_PULLS = 250
-"""Sets of a law, at least, from which it is told what the data alone decide."""
+"""Probability from which a law is possible."""
+FOREIGN = 2.5
+"""Ratio to the expected bearing friction that indicates another drive."""
+BAD = 0.2
+"""Error, as a share of the mean torque, that indicates another drive."""
+WEIGHT = "weight"
+_WAYS = ("forwards", "backwards")
 _STRIBECK = ("mu_stribeck", "stribeck_speed")
 _QUIET = 0.1
-"""Expected scatter of a mean torque from one recording to the next, as a share of its deviation within a recording."""
+"""Guess of the scatter between recordings, as a share of the deviation within a recording."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter: value and 95 % interval; low = high = value where it was given instead of fitted."""
+    """One parameter with its 95 % interval; low = high = value if it was given, not fitted."""
 
     value: float
     low: float
     high: float
     fixed: bool = False
     separable: bool = True
-    """False: the data alone do not determine it; the interval is also what is expected of drives of this kind."""
+    """False if the data alone do not determine it, so that the interval depends on the prior."""
     at_bound: bool = False
-    """The value, not the interval, is the least with which the drive locks itself."""
+    """True if the value is the smallest with which the drive locks itself."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapFit(ShortRepr):
-    """Result of `fit_map`: numbers of one law on one map."""
+    """Result of `fit_map`: the chosen law on one map."""
 
     law: str
     drive: Drive
-    """The drive with the identified friction and its posterior; its rig with the load offset found."""
+    """The drive with the identified friction, its posterior, and the load offset of its rig."""
     load: float
-    """Constant effort on the output, load offset included, N·m or N."""
+    """Constant effort on the output including the load offset, N·m or N."""
     estimates: dict[str, Estimate]
     correlation_names: tuple[str, ...]
     correlation: Array
-    """(parameters, parameters) of their logarithms, as the data alone would leave them."""
+    """Correlation (parameters, parameters) of their logarithms, given the data alone."""
     inseparable: tuple[tuple[str, ...], ...]
-    """Groups of parameters that the data give only together."""
+    """Groups of parameters that the data determine only together."""
     combinations: dict[str, Estimate]
-    """What the data do give of them: the torque of slow motion in either direction, N·m."""
+    """The torque of slow motion in each direction, N·m, which the data determine."""
     predicted: Array
     """(points,) N·m."""
     nrmsd: float
-    """Over all points, outliers included."""
+    """NRMSD over all points including outliers."""
     outliers: tuple[tuple[str, float, float], ...]
-    """(recording, distance from its neighbours in N·m, weight in the fit) of points that stand apart."""
+    """(recording, distance from its neighbours in N·m, weight in the fit) of each outlier."""
     criterion: dict[str, float]
     """RMS error of every law on recordings left out, N·m."""
     law_shares: dict[str, float]
-    """How likely the data leave every law, as the share of the posterior's sets."""
+    """Probability of every law, as a share of the parameter sets."""
     notes: tuple[str, ...] = ()
 
 
@@ -105,27 +115,19 @@ def fit_map(
 ) -> MapFit:
     """Fit friction parameters to a torque–velocity map.
 
-    load: constant effort that the drive exerts on the payload, N·m or N (negative: the payload drives forwards); a
-    constant offset of it is fitted where it pays. law: one of LAWS, or `auto`: the simplest law that predicts recordings
-    left out about as well as the best. fixed: known values by name. reference: values about which parameters are
-    expected. free: parameters fitted beyond the law's own (`b_ov`, `preload`).
-    progress: is told each law.
-    Raises RecordingError where the map cannot support the fit: one direction only, or fewer points than parameters.
+    load: constant effort that the drive exerts on the payload, N·m or N. It is negative if the
+    payload drives forwards. A constant offset is fitted if it reduces the error on recordings left
+    out. law: one of LAWS, or `auto` for the simplest law that predicts recordings left out about as
+    well as the best. fixed: known values by name. reference: prior centres by name. free:
+    parameters that are fitted in addition to those of the law (`b_ov`, `preload`). progress: called
+    with a text for each law.
+
+    Raises RecordingError if the map has one direction only, or too few points for the parameters.
     """
     fixed = {"b_ov": 0.0} | dict(fixed or {})
     for name in free:
         fixed.pop(name, None)
-    for name, value in fixed.items():
-        if (
-            name not in (*ALL, LOAD_OFFSET)
-            or not math.isfinite(value)
-            or (value < 0.0 and name != LOAD_OFFSET)
-        ):
-            raise RecordingError(
-                f"cannot fix {name!r} at {value!r}; parameters: {', '.join((*ALL, LOAD_OFFSET))}"
-            )
-    offsets = ((),) if LOAD_OFFSET in fixed else ((), (LOAD_OFFSET,))
-    load += fixed.get(LOAD_OFFSET, 0.0)
+    _check_fixed(fixed)
     _check_directions(data)
     outliers = find_outliers(data.w, data.tau)
     weight = np.ones(len(data.w))
@@ -142,254 +144,264 @@ def fit_map(
             w=data.w,
             tau=data.tau,
             weight=weight,
-            load=load,
+            load=load + fixed.get(LOAD_OFFSET, 0.0),
             scatter=scatter,
         )
         for name in (LAWS if law == "auto" else (law,))
-        for offset in offsets
+        for offset in (((),) if LOAD_OFFSET in fixed else ((), (LOAD_OFFSET,)))
     ]
-    every = []
+    fitted = []
     for k, model in enumerate(models, 1):
         progress(f"fitting the {model.law.replace('_', ' ')} law ({k} of {len(models) + 1})")
-        every.append((model, most_likely(model)))
-    enough = _with_enough_points(every)
-    errors = [blind_errors(model, z) for model, z in enough]
-    chosen = simplest([model for model, _ in enough], errors)
+        fitted.append((model, most_likely(model)))
+    determined = _determined(fitted)
+    errors = [blind_errors(model, z) for model, z in determined]
+    chosen = simplest([model for model, _ in determined], errors)
     blind = [float(np.sqrt(np.mean(error**2))) for error in errors]
     criterion: dict[str, float] = {}
-    for (model, _), error in zip(enough, blind, strict=True):
-        criterion[model.law] = min(error, criterion.get(model.law, math.inf))
-    criterion[enough[chosen][0].law] = blind[chosen]
-    progress(f"drawing the confidence of the parameters ({len(models) + 1} of {len(models) + 1})")
-    fit = _report(*enough[chosen], data, _possible(every, enough[chosen][0].law))
-    apart = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
-    return replace(fit, outliers=apart, criterion=criterion)
+    for (model, _), rms in zip(determined, blind, strict=True):
+        criterion[model.law] = min(rms, criterion.get(model.law, math.inf))
+    model, z = determined[chosen]
+    criterion[model.law] = blind[chosen]
+    progress(f"computing the confidence intervals ({len(models) + 1} of {len(models) + 1})")
+    fit = _report(model, z, data, _possible(fitted, model.law))
+    listed = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
+    return replace(fit, outliers=listed, criterion=criterion)
+
+
+def _check_fixed(fixed: Mapping[str, float]) -> None:
+    names = (*ALL, LOAD_OFFSET)
+    for name, value in fixed.items():
+        allowed = name in names and math.isfinite(value)
+        if not allowed or (value < 0.0 and name != LOAD_OFFSET):
+            raise RecordingError(
+                f"cannot fix {name!r} at {value!r}; parameters: {', '.join(names)}"
+            )
 
 
 def _check_directions(data: TorqueMap) -> None:
     if not (np.any(data.w > 0) and np.any(data.w < 0)):
         side = "positive" if np.any(data.w > 0) else "negative"
         raise RecordingError(
-            f"all {len(data.w)} recordings move in the {side} direction; friction and load can be told apart only with "
-            "recordings of both directions"
+            f"all {len(data.w)} recordings move in the {side} direction; friction and load can be "
+            "told apart only with recordings of both directions"
         )
 
 
-def _with_enough_points(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Array]]:
-    """Those of the models, each with its most likely z (k,), that the data alone can determine. Raises RecordingError."""
+def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Array]]:
+    """Return the models that have fewer parameters than points, each with its z (k,).
+
+    Raises RecordingError if there are none.
+    """
     points = len(fitted[0][0].w)
-    enough = [each for each in fitted if points > len(each[0].names)]
-    if not enough:
+    determined = [(model, z) for model, z in fitted if points > len(model.names)]
+    if not determined:
         need = min(len(model.names) for model, _ in fitted) + 1
         raise RecordingError(
-            f"{points} points cannot determine {need - 1} parameters: record at least {need} speeds, "
-            "or fix known parameters"
+            f"{points} points cannot determine {need - 1} parameters: record at least {need} "
+            "speeds, or fix known parameters"
         )
-    return enough
+    return determined
 
 
-@dataclass(frozen=True, eq=False)
-class _Sets:
-    """Equally likely sets of one law: z and values by name (sets,), scatters and shares c (sets,)."""
+def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[Sample, float]]:
+    """Return samples of the possible laws with their probabilities. The chosen law is among them.
 
-    model: MapModel
-    z: Array
-    scatters: Array
-    shares: Array
-    pulls: dict[str, float]
-    """By name, see `prior_pull`."""
-
-    @staticmethod
-    def of(model: MapModel, z: Array, count: int) -> _Sets:
-        """Drawn about the most likely z (k,)."""
-        sets, scatters, shares = sample(model, z, max(count, _FOR_PULLS))
-        pulls = dict(
-            zip(model.names, prior_pull(np.atleast_2d(np.cov(sets.T))).tolist(), strict=True)
-        )
-        return _Sets(model, sets[:count], scatters[:count], shares[:count], pulls)
-
-    @property
-    def values(self) -> dict[str, Array]:
-        return {name: column[:, 0] for name, column in self.model.parameters(self.z).items()}
-
-
-def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[_Sets]:
-    """Sets of every law that the data leave possible, as many as it is likely by its evidence; of the chosen one always.
-
-    fitted: models with most likely z (k,) each, the load offset open in the last of a law: where it did not pay it is 0 in
-    the fit, but not known to be. Laws with more parameters than there are points count too: they are expected to be of
-    some size.
+    fitted: models with the most likely z (k,), the one with a free load offset last for each law.
+    An offset that does not reduce the blind error is 0 in the fit, but it remains uncertain. Laws
+    with more parameters than points count too, because the prior bounds their parameters.
     """
-    by_law = {model.law: (model, z) for model, z in fitted}
-    evidence = np.array([log_evidence(model, z) for model, z in by_law.values()])
-    weight = np.exp(evidence - evidence.max())
-    least = POSSIBLE * weight.sum()
-    weight = np.where(weight < least, [least if law == chosen else 0.0 for law in by_law], weight)
-    counts = np.diff(np.rint(DRAWS * np.cumsum([0.0, *weight]) / weight.sum()).astype(int))
-    return [
-        _Sets.of(model, z, count)
-        for (model, z), count in zip(by_law.values(), counts.tolist(), strict=True)
-        if count
-    ]
+    models = {model.law: (model, z) for model, z in fitted}
+    samples = [sample(model, z) for model, z in models.values()]
+    evidence = np.array([law_sample.log_evidence for law_sample in samples])
+    probability = np.exp(evidence - np.logaddexp.reduce(evidence))
+    least = [POSSIBLE if law == chosen else 0.0 for law in models]
+    probability = np.where(probability < POSSIBLE, least, probability)
+    pairs = zip(samples, (probability / probability.sum()).tolist(), strict=True)
+    return [(law_sample, share) for law_sample, share in pairs if share]
 
 
-def _columns(possible: list[_Sets], order: Indices) -> dict[str, Array]:
-    """Values by name (sets,) over all laws, in an order (sets,); LAW among them where there are several.
+def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> dict[str, Array]:
+    """Return the parameter sets of all possible laws as columns (sets,) by name.
 
-    A law without a Stribeck term has none of its height; its speed, which does not count, is that of the others.
+    There are columns for each parameter, for the torque at the slow speeds (2,) in rad/s, for the
+    WEIGHT, and for the LAW if several laws are possible. Values that a law does not have are NaN,
+    except that the Coulomb law has no Stribeck friction.
     """
-    if len(possible) == 1:
-        return {name: column[order] for name, column in possible[0].values.items()}
-    each = [
-        {
-            **{n: np.full(len(s.z), v) for n, v in s.model.fixed.items() if n in _STRIBECK},
-            **s.values,
-        }
-        for s in possible
-    ]
-    names = [*dict.fromkeys(name for values in each for name in values if name != LOAD_OFFSET)]
-    names += [LOAD_OFFSET] if any(LOAD_OFFSET in values for values in each) else []
-    columns = {}
-    for name in names:
-        known = np.concatenate([values[name] for values in each if name in values])
-        parts = [
-            values.get(
-                name, np.zeros(len(s.z)) if name == "mu_stribeck" else np.resize(known, len(s.z))
-            )
-            for s, values in zip(possible, each, strict=True)
-        ]
-        columns[name] = np.concatenate(parts)[order]
-    laws = [np.full(len(s.z), LAWS.index(s.model.law), dtype=float) for s in possible]
-    return {**columns, LAW: np.concatenate(laws)[order]}
+    parts = []
+    for law_sample, share in possible:
+        model, (z, weight) = law_sample.model, law_sample.ordered
+        part = {name: column[:, 0] for name, column in model.parameters(z).items()}
+        if len(possible) > 1:
+            constants = {"mu_stribeck": 0.0} if model.law == "coulomb" else model.fixed
+            numbers = {name: constants[name] for name in _STRIBECK if name in constants}
+            numbers[LAW] = LAWS.index(model.law)
+            part |= {name: np.full(len(z), float(number)) for name, number in numbers.items()}
+        part |= dict(zip(_WAYS, model.torque(z, slow).T, strict=True))
+        parts.append({**part, WEIGHT: share * weight})
+    return {
+        name: np.concatenate([part.get(name, np.full(len(part[WEIGHT]), np.nan)) for part in parts])
+        for name in dict.fromkeys(name for part in parts for name in part)
+    }
 
 
-def _report(model: MapModel, z: Array, data: TorqueMap, possible: list[_Sets]) -> MapFit:
-    """The fit of the chosen law with z (k,) most likely; possible: sets of all laws that the data leave possible."""
-    order = np.random.default_rng(SEED).permutation(sum(len(sets.z) for sets in possible))
-    columns = _columns(possible, order)
-    pulls = [sets.pulls for sets in possible]
-    separable = {name: all(pull.get(name, 1.0) < SEPARABLE for pull in pulls) for name in columns}
-    at_bound = "mu" in model.names and float(model.parameters(z[None])["mu"][0, 0]) < locking_mu(
+def _drawn(pooled: dict[str, Array]) -> dict[str, Array]:
+    """Return DRAWS equally likely sets by systematic resampling, as columns (DRAWS,) by name.
+
+    A Coulomb law has the Stribeck speeds of the other laws, which have no effect.
+    """
+    cumulative = np.cumsum(pooled[WEIGHT])
+    chosen = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
+    chosen = np.random.default_rng(SEED).permutation(chosen)
+    last = (LOAD_OFFSET, LAW)
+    names = [name for name in pooled if name not in (*last, *_WAYS, WEIGHT)]
+    columns = {name: pooled[name][chosen] for name in (*names, *last) if name in pooled}
+    for column in columns.values():
+        missing = np.isnan(column)
+        column[missing] = np.resize(column[~missing], missing.sum())
+    return columns
+
+
+def _report(
+    model: MapModel, z: Array, data: TorqueMap, possible: list[tuple[Sample, float]]
+) -> MapFit:
+    """Return the fit of the chosen law with the most likely z (k,)."""
+    mu_at_bound = "mu" in model.names and model.parameters(z[None])["mu"].item() < locking_mu(
         model.drive
     )
-    if at_bound:
-        z = most_likely(
-            model, z, (model.names.index("mu"), model.z_of("mu", locking_mu(model.drive)))
-        )
+    if mu_at_bound:
+        bound = model.coordinate("mu", locking_mu(model.drive))
+        z = most_likely(model, z, (model.names.index("mu"), bound))
     predicted = model.torque(z[None])[0]
-    usual = model.weight == 1.0
-    posterior = Posterior(
-        names=tuple(columns),
-        draws=np.array([_six_digits(row) for row in np.column_stack(list(columns.values()))]),
-        scatter=float(
-            f"{np.sqrt(np.mean(np.concatenate([sets.scatters for sets in possible]) ** 2)):.6g}"
-        ),
-        common=float(f"{np.mean(np.concatenate([sets.shares for sets in possible])):.6g}"),
-        speeds=_six_digits(model.w[usual]),
-        departures=_six_digits((model.tau - predicted)[usual]),
-        forwards=data.spread(1),
-        backwards=data.spread(-1),
-    )
+    pulls = [
+        dict(zip(s.model.names, prior_pull(s.covariance).tolist(), strict=True))
+        for s, _ in possible
+    ]
+    slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
+    pooled = _pooled(possible, slow)
+    posterior = _posterior(model, predicted, data, possible, _drawn(pooled))
     values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)} | {
         name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()
     }
     estimates = {
-        name: _estimate(
-            value,
-            posterior.column(name),
-            separable=separable[name],
-            at_bound=at_bound and name == "mu",
+        name: replace(
+            _estimate(values[name], pooled, name),
+            separable=all(pull.get(name, 1.0) < SEPARABLE for pull in pulls),
+            at_bound=mu_at_bound and name == "mu",
         )
-        for name, value in ((name, values[name]) for name in posterior.names if name in values)
+        for name in posterior.names
+        if name in values
     }
+    together = tuple(name for name in model.names if not estimates[name].separable)
     estimates |= {name: Estimate(v, v, v, fixed=True) for name, v in model.fixed.items()}
     offset = values.pop(LOAD_OFFSET)
-    load = model.load + (0.0 if LOAD_OFFSET in model.fixed else offset)
     drive = _identified(model, values, posterior, offset)
-    slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
-    at_rest = np.concatenate(
-        [model.torque(z[None], slow), *(sets.model.torque(sets.z, slow) for sets in possible)]
-    )
-    together = tuple(name for name in model.names if not separable[name])
+    torques = zip(_WAYS, model.torque(z[None], slow)[0].tolist(), strict=True)
     return MapFit(
         law=model.law,
         drive=drive,
-        load=load,
+        load=model.load + (0.0 if LOAD_OFFSET in model.fixed else offset),
         estimates=estimates,
         correlation_names=model.names,
         correlation=data_correlation(model, z),
         inseparable=(together,) if together else (),
-        combinations={
-            name: _estimate(float(at_rest[0, i]), at_rest[1:, i])
-            for i, name in enumerate(("forwards", "backwards"))
-        },
+        combinations={name: _estimate(value, pooled, name) for name, value in torques},
         predicted=predicted,
         nrmsd=float(np.sqrt(np.mean((model.tau - predicted) ** 2)) / np.ptp(model.tau)),
         outliers=(),
         criterion={},
         law_shares=posterior.law_shares(model.law),
-        notes=_notes(model, drive, predicted, offset),
+        notes=(*_notes(model, drive, predicted, offset), *_unreliable(possible)),
+    )
+
+
+def _posterior(
+    model: MapModel,
+    predicted: Array,
+    data: TorqueMap,
+    possible: list[tuple[Sample, float]],
+    columns: dict[str, Array],
+) -> Posterior:
+    """Return the posterior with numbers of six digits, as a drive file has them."""
+    usual = model.weight == 1.0
+    variance, common = np.sum([share * s.scatter for s, share in possible], axis=0)
+    return Posterior(
+        names=tuple(columns),
+        draws=np.array([_six_digits(row) for row in np.column_stack(list(columns.values()))]),
+        scatter=float(f"{math.sqrt(variance):.6g}"),
+        common=float(f"{common:.6g}"),
+        speeds=_six_digits(model.w[usual]),
+        departures=_six_digits((model.tau - predicted)[usual]),
+        forwards=data.spread(1),
+        backwards=data.spread(-1),
     )
 
 
 def _six_digits(values: Array) -> tuple[float, ...]:
-    """(values,) as a drive file holds them."""
     return tuple(float(f"{value:.6g}") for value in values)
 
 
-def _estimate(
-    value: float, draws: Array, separable: bool = True, at_bound: bool = False
-) -> Estimate:
-    """From a value and draws (sets,)."""
-    low, high = interval_of(draws)
-    return Estimate(
-        value, min(low, value), high=max(high, value), separable=separable, at_bound=at_bound
-    )
+def _estimate(value: float, pooled: dict[str, Array], name: str) -> Estimate:
+    present = np.isfinite(pooled[name])
+    low, high = weighted_interval(pooled[name][present], pooled[WEIGHT][present])
+    return Estimate(value, min(low, value), max(high, value))
+
+
+def _unreliable(possible: list[tuple[Sample, float]]) -> list[str]:
+    largest = max(share * s.largest for s, share in possible)
+    if largest <= LARGEST_WEIGHT:
+        return []
+    return [
+        f"the 95 % intervals are not reliable: one of the sampled parameter sets has {largest:.1%} "
+        "of the probability; are direction and payload of the rig right?"
+    ]
 
 
 def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tuple[str, ...]:
+    """Return remarks on a load, a contact, a coefficient or a misfit that is not plausible.
+
+    predicted: (points,) N·m. offset: load offset, N·m or N.
+    """
     notes = []
     if model.load * (model.load + offset) < 0.0:
         notes.append(
-            f"the load found, {model.load + offset:.3g}, is opposite to the payload's {model.load:.3g}: are direction and "
-            "payload of the rig right?"
+            f"the identified load, {model.load + offset:.3g}, is opposite to the payload's "
+            f"{model.load:.3g}: are direction and payload of the rig right?"
         )
     effort = output_effort(drive, model.load, model.w / drive.ratio, 0.0)
     lost = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
     if lost:
         notes.append(
-            f"the preload does not keep both half nuts in contact at {lost} points: the law does not hold there"
+            f"the preload does not keep both half nuts in contact at {lost} points: the law does "
+            "not hold there"
         )
     friction = friction_of(drive)
     if friction.mu <= locking_mu(drive) * (1 + 1e-9):
         notes.append(
-            "mu is most likely below the least with which the drive locks itself: the value is that least one, the interval "
-            "is not cut there"
+            "the most likely mu is below the smallest with which the drive locks itself: the value "
+            "is this smallest one, and the interval is not cut there"
         )
     for name in ("b_c", "b_v"):
-        expected, found = model.reference.get(name, 0.0), getattr(friction, name)
-        if name in model.names and expected > 0 and not 1 / FOREIGN < found / expected < FOREIGN:
+        expected = model.reference.get(name, 0.0)
+        ratio = getattr(friction, name) / expected if expected > 0 else 1.0
+        if name in model.names and not 1 / FOREIGN < ratio < FOREIGN:
             notes.append(
-                f"{name} is {found / expected:.2g} times what was expected: are these recordings of this drive?"
+                f"{name} is {ratio:.2g} times the expected value: are these recordings of this "
+                "drive?"
             )
-    worst = float(np.sqrt(np.mean((model.tau - predicted) ** 2)))
-    if worst > BAD * float(np.mean(np.abs(model.tau))):
+    error = float(np.sqrt(np.mean((model.tau - predicted) ** 2)) / np.mean(np.abs(model.tau)))
+    if error > BAD:
         notes.append(
-            f"the law misses the measured means by {worst / float(np.mean(np.abs(model.tau))):.0%} of the torque: are these "
-            "recordings of this drive, with this payload and direction?"
+            f"the error of the law is {error:.0%} of the mean torque: are these recordings of this "
+            "drive, with this payload and direction?"
         )
     return tuple(notes)
-
-
-FOREIGN = 2.5
-"""Factor from the expected bearing friction that points to another drive."""
-BAD = 0.2
-"""Misfit, as a share of the mean torque, that no drive of this kind shows."""
 
 
 def _identified(
     model: MapModel, values: Mapping[str, float], posterior: Posterior, offset: float
 ) -> Drive:
+    """Return the drive with identified values by name, SI, and the load offset of its rig."""
     drive = with_parameters(model.drive, model.law, {**model.fixed, **values})
     friction = replace(
         friction_of(drive),

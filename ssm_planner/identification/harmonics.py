@@ -1,7 +1,8 @@
-"""What repeats of the torque with the angle of the screw or worm, and of its wheel: harmonics by direction of motion.
+"""Fit harmonics of the torque in the angle of the screw or worm, and of its wheel.
 
-Where the angle is recorded, all recordings of a direction are fitted together. Where it is not, the angle is the integral of
-the speed from an unknown start: the recordings' harmonics are turned onto each other, which leaves their amplitudes known.
+Where the angle is recorded, all recordings of a direction are fitted together. Otherwise the angle
+is the integral of the speed from an unknown start. The harmonics of the recordings are then aligned
+with each other, so that only their amplitudes are valid.
 """
 
 from __future__ import annotations
@@ -17,54 +18,55 @@ from ssm_planner.typing import Array
 
 TURN = 2 * np.pi
 HARMONICS = 3
-"""Of a turn, by which torque is taken to repeat."""
+"""Number of harmonics of one turn."""
 _STARTS = 720
 _ROUNDS = 5
 
 
 def travelled(recording: Recording) -> Array:
-    """(samples,) motor angle, rad: as recorded, else the integral of the speed."""
+    """Return the motor angle (samples,) in rad, recorded or as the integral of the speed."""
     if recording.angle is not None:
         return recording.angle
     steps = np.diff(recording.time) * (recording.w[1:] + recording.w[:-1]) / 2
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def ripple_of(angle: Array, tau: Array) -> float:
-    """RMS of the harmonics of the angle in torque (samples,), N·m, less what noise would show of them; NaN: < 2 turns."""
+def ripple_rms(angle: Array, tau: Array) -> float:
+    """Return the RMS of the harmonics in a torque (samples,), N·m, corrected for noise.
+
+    angle: (samples,) in rad. The result is NaN for less than two turns.
+    """
     if np.ptp(angle) < 2 * TURN:
         return float("nan")
-    left = tau - tau.mean() - _fitted([(angle, tau)], _orders(None), phased=False).torque(angle)
-    noise = float(np.sum((left - left.mean()) ** 2)) / max(len(angle) - 2 * HARMONICS - 1, 1)
+    residual = tau - tau.mean() - _fit([(angle, tau)], _orders(None), phased=False).torque(angle)
+    noise = float(np.sum((residual - residual.mean()) ** 2))
+    noise /= max(len(angle) - 2 * HARMONICS - 1, 1)
     return max(float(np.var(tau)) - noise, 0.0) ** 0.5
 
 
 def fit_harmonics(
     recordings: Sequence[Recording], direction: int, ratio: float | None = None
 ) -> Harmonics | None:
-    """Of the steady-state recordings in a direction (±1); None where none of them turns twice.
+    """Fit the harmonics of the steady-state recordings in a direction (±1).
 
-    ratio: of a worm's wheel, whose harmonics are fitted too where the recorded angles span a turn of it.
+    ratio: gear ratio of a worm. Harmonics of its wheel are fitted if the recorded angles span a
+    turn of it. The result is None if no recording has two turns.
     """
-    here = [
-        r for r in recordings if r.w.mean() * direction > 0 and np.ptp(travelled(r)) >= 2 * TURN
-    ]
-    if not here:
+    angles = [(r, travelled(r)) for r in recordings if r.w.mean() * direction > 0]
+    parts = [(r, (angle, r.tau)) for r, angle in angles if np.ptp(angle) >= 2 * TURN]
+    series = [part for _, part in parts]
+    if not parts:
         return None
-    parts = [(travelled(r), r.tau) for r in here]
-    if all(r.angle is not None for r in here):
-        angles = np.concatenate([angle for angle, _ in parts])
-        wheel = ratio if ratio is not None and np.ptp(angles) >= TURN * ratio else None
-        return _fitted(parts, _orders(wheel), phased=True)
-    each = [_fitted([part], _orders(None), phased=False) for part in parts]
-    turns = np.array([np.ptp(angle) for angle, _ in parts])
-    mean = each[int(np.argmax(turns))]
+    if all(r.angle is not None for r, _ in parts):
+        span = np.ptp(np.concatenate([angle for angle, _ in series]))
+        wheel = ratio if ratio is not None and span >= TURN * ratio else None
+        return _fit(series, _orders(wheel), phased=True)
+    single = [_fit([part], _orders(None), phased=False) for part in series]
+    turns = np.array([np.ptp(angle) for angle, _ in series])
+    mean = single[int(np.argmax(turns))]
     for _ in range(_ROUNDS):
-        turned = [_complex(one.rotated(-_start(_complex(mean), _complex(one)))) for one in each]
-        common = np.average(turned, axis=0, weights=turns)
-        mean = Harmonics(
-            mean.orders, tuple(common.real.tolist()), tuple((-common.imag).tolist()), phased=False
-        )
+        aligned = [_complex(one.rotated(-_start(_complex(mean), _complex(one)))) for one in single]
+        mean = _harmonics(mean.orders, np.average(aligned, axis=0, weights=turns), phased=False)
     return mean
 
 
@@ -73,34 +75,33 @@ def _orders(ratio: float | None) -> tuple[float, ...]:
     return motor if ratio is None else (*(k / ratio for k in motor), *motor)
 
 
-def _waves(angle: Array, orders: Sequence[float]) -> Array:
-    waves = np.outer(angle, orders)
-    return np.concatenate([np.cos(waves), np.sin(waves)], axis=1)
-
-
 def _complex(harmonics: Harmonics) -> Any:
-    """c_k with the torque Re Σ c_k exp(i order_k θ)."""
+    """Return c_k of the torque Re Σ c_k exp(i order_k θ)."""
     return np.array(harmonics.cosine) - 1j * np.array(harmonics.sine)
 
 
-def _fitted(
+def _harmonics(orders: tuple[float, ...], c: Any, phased: bool) -> Harmonics:
+    return Harmonics(orders, tuple(c.real.tolist()), tuple((-c.imag).tolist()), phased)
+
+
+def _fit(
     parts: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool
 ) -> Harmonics:
-    """By least squares over (angle, torque) of recordings, each with a mean of its own."""
+    """Fit (angle, torque) of recordings by least squares, each with its own mean."""
     means = np.repeat(np.eye(len(parts)), [len(tau) for _, tau in parts], axis=0)
-    columns = np.column_stack(
-        [means, np.concatenate([_waves(angle, orders) for angle, _ in parts])]
-    )
-    found = np.linalg.lstsq(columns, np.concatenate([tau for _, tau in parts]), rcond=None)[0][
-        len(parts) :
-    ]
-    return Harmonics(
-        orders, tuple(found[: len(orders)].tolist()), tuple(found[len(orders) :].tolist()), phased
-    )
+    waves = np.outer(np.concatenate([angle for angle, _ in parts]), orders)
+    columns = np.column_stack([means, np.cos(waves), np.sin(waves)])
+    torque = np.concatenate([tau for _, tau in parts])
+    solution = np.linalg.lstsq(columns, torque, rcond=None)[0][len(parts) :]
+    cosine, sine = np.split(solution, 2)
+    return _harmonics(orders, cosine - 1j * sine, phased)
 
 
-def _start(reference: Any, found: Any) -> float:
-    """By which angle the reference is turned where `found` (orders,) begins; whole orders 1, 2, …"""
+def _start(reference: Any, c: Any) -> float:
+    """Return the angle in rad by which the reference must turn to align with c (orders,).
+
+    The orders are 1, 2, ….
+    """
     angles = np.linspace(0, TURN, _STARTS, endpoint=False)
     turned = np.exp(-1j * np.outer(angles, np.arange(1, len(reference) + 1)))
-    return float(angles[np.argmax(np.real(turned @ (np.conj(reference) * found)))])
+    return float(angles[np.argmax(np.real(turned @ (np.conj(reference) * c)))])

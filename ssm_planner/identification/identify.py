@@ -1,9 +1,9 @@
-"""From a drive file and recordings to the drive's friction, and from a drive to the torque of recordings."""
+"""Identify the friction of a drive from recordings, and predict the torque of recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,36 +32,36 @@ from ssm_planner.representation import ShortRepr
 
 @dataclass(frozen=True, eq=False)
 class Identification(ShortRepr):
-    """What recordings say of a drive's friction."""
+    """Friction of a drive as identified from recordings."""
 
     fit: MapFit
-    """Of the torque–velocity map."""
+    """Fit of the torque–velocity map."""
     dynamic: DynamicFit | None
-    """Of start–stop recordings, where there are any."""
+    """Fit of the start–stop recordings, or None without any."""
     data: TorqueMap
     moving: tuple[Recording, ...]
     """The start–stop recordings."""
     harmonics: Mapping[str, Harmonics]
-    """What repeats with the angle, `forwards` and `backwards`; empty without recordings that turn twice."""
+    """Harmonics of the motor angle, `forwards` and `backwards`, from recordings with two turns."""
     load: float
-    """Constant effort on the output, an offset that was found included, N·m or N."""
+    """Constant effort on the output including an identified offset, N·m or N."""
     evidence: str
-    """Where the map comes from, in words."""
+    """Origin of the map as a text."""
     file: Path
     """The drive file that was identified."""
 
     @property
     def drive(self) -> Drive:
-        """With the identified friction."""
+        """The drive with the identified friction."""
         return self.fit.drive if self.dynamic is None else self.dynamic.drive
 
     @property
     def dynamic_estimates(self) -> dict[str, Estimate]:
-        """Of the start–stop recordings, by name; empty where there are none."""
+        """Estimates of the start–stop recordings by name; empty without such recordings."""
         return {} if self.dynamic is None else dict(self.dynamic.estimates)
 
     def save(self, path: str | Path) -> Path:
-        """Write a drive file like the one identified, with the identified friction. Raises ExportError."""
+        """Write the drive file with the identified friction in it. Raises ExportError."""
         write_drive(
             path,
             self.file,
@@ -73,14 +73,14 @@ class Identification(ShortRepr):
         return Path(path)
 
     def to_dict(self) -> dict[str, Any]:
-        """The object that `identify --json` prints, without files; SI."""
+        """Return the object that `identify --json` prints, without files; SI."""
         fit, dynamic = self.fit, self.dynamic
         estimates = {**fit.estimates, **self.dynamic_estimates}
         rows = zip(fit.correlation_names, fit.correlation, strict=True)
         return {
             "law": fit.law,
             "law_shares": dict(fit.law_shares),
-            "parameters": {name: _estimate(estimate) for name, estimate in estimates.items()},
+            "parameters": {name: asdict(estimate) for name, estimate in estimates.items()},
             "nrmsd": fit.nrmsd,
             "repairs": [
                 *self.data.repairs,
@@ -92,10 +92,8 @@ class Identification(ShortRepr):
             },
             "inseparable": [list(group) for group in fit.inseparable],
             "outliers": [{"recording": n, "distance": d, "weight": w} for n, d, w in fit.outliers],
-            "combinations": {
-                name: _estimate(estimate) for name, estimate in fit.combinations.items()
-            },
-            "harmonics": {way: harmonics.to_dict() for way, harmonics in self.harmonics.items()},
+            "combinations": {name: asdict(estimate) for name, estimate in fit.combinations.items()},
+            "harmonics": {name: series.to_dict() for name, series in self.harmonics.items()},
             "criterion": {
                 "name": "RMS error on recordings left out, N·m",
                 "laws": dict(fit.criterion),
@@ -122,51 +120,59 @@ def identify(
 ) -> Identification:
     """Identify the friction of the drive in a file.
 
-    recordings: files or folders; steady-state ones make the torque–velocity map, start–stop ones give breakaway, dwell
-    and memory. Without steady-state recordings the map comes from the table of figures beside the drive file. law: a
-    law's name or `auto`. fixed: known parameters, SI. free: parameters fitted beyond the law's own (b_ov, preload).
-    progress: is told each step.
+    recordings: files or folders. The map is fitted to the steady-state recordings; breakaway, dwell
+    and memory to the start–stop recordings. Without steady-state recordings, the map comes from the
+    table of figures beside the drive file. law: name of a law, or `auto`. fixed: known parameters,
+    SI. free: parameters that are fitted in addition to those of the law (b_ov, preload). progress:
+    called with a text for each step.
+
     Raises RecordingError or ProblemError.
     """
-    here = load_drive(drive)
-    found, repeated = distinct(_read(here, recordings))
-    steady, moving = _sorted_by_kind(found)
+    template = load_drive(drive)
+    recorded, repeated = distinct(_read(template, recordings))
+    steady, moving = _sorted_by_kind(recorded)
     data, evidence = _map(drive, steady, moving)
     data = replace(data, repairs=(*repeated, *data.repairs))
-    load, inertia = _load(here)
+    load, inertia = _load(template)
     progress(f"fitting the map of {len(data.w)} points")
-    reference = _reference(here)
     fit = fit_map(
-        here, data, load, law=law, fixed=fixed, reference=reference, free=free, progress=progress
+        template,
+        data,
+        load,
+        law=law,
+        fixed=fixed,
+        reference=_reference(template),
+        free=free,
+        progress=progress,
     )
-    wheel = here.ratio if here.kind == "worm" else None
-    by_way = {
-        way: fit_harmonics(steady, sign, wheel)
-        for way, sign in (("forwards", 1), ("backwards", -1))
+    wheel = template.ratio if template.kind == "worm" else None
+    harmonics = {
+        direction: fit_harmonics(steady, sign, wheel)
+        for direction, sign in (("forwards", 1), ("backwards", -1))
     }
-    fit = replace(fit, drive=_with_harmonics(fit.drive, by_way))
+    fit = replace(fit, drive=_with_harmonics(fit.drive, harmonics))
     if moving:
         progress(f"fitting {len(moving)} start–stop recordings")
-    dynamic = fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None
     return Identification(
         fit=fit,
-        dynamic=dynamic,
+        dynamic=fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None,
         data=data,
         moving=tuple(moving),
-        harmonics={way: found for way, found in by_way.items() if found is not None},
+        harmonics={name: series for name, series in harmonics.items() if series is not None},
         load=fit.load,
         evidence=evidence,
         file=find(drive, "drives"),
     )
 
 
-def _with_harmonics(drive: Drive, found: Mapping[str, Harmonics | None]) -> Drive:
-    """The drive with the harmonics, `forwards` and `backwards`, in its posterior."""
+def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> Drive:
+    """Return the drive with harmonics, `forwards` and `backwards`, in its posterior."""
     friction = friction_of(drive)
     if friction.posterior is None:
         return drive
-    own: dict[str, Any] = {f"harmonics_{way}": harmonics for way, harmonics in found.items()}
-    return replace(drive, friction=replace(friction, posterior=replace(friction.posterior, **own)))
+    fields: dict[str, Any] = {f"harmonics_{name}": series for name, series in harmonics.items()}
+    posterior = replace(friction.posterior, **fields)
+    return replace(drive, friction=replace(friction, posterior=posterior))
 
 
 @checked
@@ -175,54 +181,57 @@ def predict(
     recordings: Sequence[str | Path],
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Prediction]:
-    """Predict motor torque from the measured speed of recordings (files or folders), by the drive in a file.
+    """Predict the motor torque of recordings from their measured speed, with the drive in a file.
 
-    A drive whose friction is still to be identified is identified first from the table of figures beside its file.
-    progress: is told each step. Raises RecordingError or ProblemError.
+    recordings: files or folders. If the drive file has no friction, it is identified from the table
+    of figures beside the file. progress: called with a text for each step.
+
+    Raises RecordingError or ProblemError.
     """
-    here = load_drive(drive)
+    predicting = load_drive(drive)
     if not recordings:
         raise RecordingError("no recording to predict: name files or folders")
-    found = _read(here, recordings)
-    if here.friction is None:
+    recorded = _read(predicting, recordings)
+    load, inertia = _load(predicting)
+    if predicting.friction is None:
         progress("identifying from the table of figures")
-        here = fit_map(
-            here, _map(drive, [], [])[0], _load(here)[0], reference=_reference(here)
-        ).drive
-    load = 0.0 if here.rig is None else here.rig.load
+        data = _map(drive, [], [])[0]
+        predicting = fit_map(predicting, data, load, reference=_reference(predicting)).drive
+    if predicting.rig is not None:
+        load = predicting.rig.load
     predictions = []
-    for k, recording in enumerate(found, 1):
-        progress(f"predicting {recording.name} ({k} of {len(found)})")
-        predictions.append(predict_recording(here, recording, load, _load(here)[1]))
+    for k, recording in enumerate(recorded, 1):
+        progress(f"predicting {recording.name} ({k} of {len(recorded)})")
+        predictions.append(predict_recording(predicting, recording, load, inertia))
     return predictions
 
 
 def friction_origin(drive: str | Path) -> str:
-    """Where the friction that `predict` takes comes from, in words."""
+    """Return the origin of the friction that `predict` uses, as a text."""
     return "the drive file" if load_drive(drive).friction is not None else _map(drive, [], [])[1]
 
 
 def _read(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
-    nominal, direction = (
-        (None, 1) if drive.rig is None else (drive.rig.motor_nominal_torque, drive.rig.direction)
-    )
+    rig = drive.rig
+    nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
     return read_recordings(list(recordings), nominal_torque=nominal, direction=direction)
 
 
 def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
-    kinds = [kind_of(recording) for recording in recordings]
-    pairs = list(zip(recordings, kinds, strict=True))
-    return [r for r, kind in pairs if kind == "steady"], [
-        r for r, kind in pairs if kind == "start_stop"
-    ]
+    """Return the steady-state and the start–stop recordings."""
+    kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
+    for recording in recordings:
+        kinds[kind_of(recording)].append(recording)
+    return kinds["steady"], kinds["start_stop"]
 
 
 def _load(drive: Drive) -> tuple[float, float]:
+    """Return effort (N·m or N) and inertia (kg·m² or kg) of the rig's payload."""
     return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
 
 
 def _reference(drive: Drive) -> dict[str, float]:
-    """Values that decide what the data leave open: those published for a rig, else the friction the file has."""
+    """Return the prior centres: values published for a rig, or the friction in the file."""
     if drive.rig is not None and drive.rig.published:
         return dict(drive.rig.published)
     f = drive.friction
@@ -232,30 +241,18 @@ def _reference(drive: Drive) -> dict[str, float]:
 def _map(
     drive_path: str | Path, steady: list[Recording], moving: list[Recording]
 ) -> tuple[TorqueMap, str]:
-    """The map to fit, and where it comes from in words."""
+    """Return the map to fit and its origin as a text."""
     also = f" and {len(moving)} start-stop recordings" if moving else ""
     if steady:
         data = torque_map(steady)
-        return (
-            data,
-            f"{len(data.w)} steady-state recordings ({data.names[0]} … {data.names[-1]}){also}",
-        )
+        span = f"{data.names[0]} … {data.names[-1]}"
+        return data, f"{len(data.w)} steady-state recordings ({span}){also}"
     file = find(drive_path, "drives")
-    table, rig = file.parent / TABLE, file.stem
+    table = file.parent / TABLE
     if not table.is_file():
         raise RecordingError(
-            f"{drive_path}: no steady-state recording given, and no table of figures {table} to use instead"
+            f"{drive_path}: no steady-state recording given, and no table of figures {table} to "
+            "use instead"
         )
-    data = read_figures(table, rig)
+    data = read_figures(table, file.stem)
     return data, f"the figures of {len(data.w)} steady-state recordings in {table.name}{also}"
-
-
-def _estimate(estimate: Estimate) -> dict[str, Any]:
-    return {
-        "value": float(estimate.value),
-        "low": float(estimate.low),
-        "high": float(estimate.high),
-        "fixed": bool(estimate.fixed),
-        "separable": bool(estimate.separable),
-        "at_bound": bool(estimate.at_bound),
-    }

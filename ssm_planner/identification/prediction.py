@@ -1,4 +1,4 @@
-"""Torque predicted from measured speed, against measured torque."""
+"""Predict motor torque from measured speed, with bands, and compare it with measured torque."""
 
 from __future__ import annotations
 
@@ -33,32 +33,33 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Indices
 
 START_LEAD = 0.05
-"""Time before the first nonzero speed reading in which the motor already pushes, s; at least one sample.
+"""Time before the first nonzero speed reading in which the motor already pushes, s.
 
-The recorder's speed is averaged and rounded: a drive must have broken away before it shows.
+The recorder averages and rounds the speed, so it shows motion only after breakaway.
 """
 
 UNSEEN = 0.25
-"""Share beyond the slowest or fastest recording of the fit, as a logarithm, from which a speed counts as extrapolated."""
+"""Logarithm of the ratio to the recorded speeds from which a speed is extrapolated."""
 SEED = 20_210_521
 PEAK_CONFIDENCE = 0.99
 IMPLAUSIBLE = 0.5
-"""NRMSD, or departure of the mean as a share, beyond which a recording is hardly one of the drive."""
+"""NRMSD, or relative error of the mean, above which a recording may be of another drive."""
 LONG_REST = 10.0
-"""Rest assumed before a recording that begins at standstill, s."""
+"""Assumed time at rest before a recording that begins at rest, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class PredictionBand(ShortRepr):
-    """What motor torque is expected to stay within, at 95 %; N·m, arrays (samples,)."""
+    """95 % band of the motor torque of a recording, N·m, arrays (samples,)."""
 
     mean: tuple[float, float]
-    """Of the mean over the recording: what is not known of the parameters, and scatter between recordings."""
+    """Band of the mean, from uncertain parameters and from the scatter between recordings."""
     low: Array
-    """Of single samples: ripple and noise besides."""
+    """Lower end of the band of single samples, which includes ripple and noise."""
     high: Array
+    """Upper end of the band of single samples."""
     peak: float
-    """Largest |torque| of the recording at 99 %."""
+    """99 % bound of the largest |torque|."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,18 +69,18 @@ class Prediction(ShortRepr):
     recording: Recording
     tau: Array
     rest: Array
-    """(samples,) of bool: the drive stands; its torque is then what holding needs."""
+    """Mask (samples,) of rest, where the torque is the holding torque."""
     nrmsd: float
     contact_lost: float = 0.0
-    """Share of the samples in which a half nut of an antibacklash screw lifts off: there the law does not hold."""
+    """Share of the samples in which a half nut loses contact, so that the law does not hold."""
     band: PredictionBand | None = None
-    """None where the drive file says nothing of its friction's uncertainty."""
+    """None if the drive file does not contain a posterior."""
     unseen: float | None = None
-    """The motor speed, rad/s, furthest outside those that the friction was identified at; None: all within."""
+    """Largest extrapolated motor speed, rad/s; None if the fit has recordings near all speeds."""
 
     @property
     def mean_inside(self) -> bool | None:
-        """Whether the measured mean lies in its band; None: no band."""
+        """True if the measured mean lies in its band; None without a band."""
         if self.band is None:
             return None
         low, high = self.band.mean
@@ -87,7 +88,7 @@ class Prediction(ShortRepr):
 
     @property
     def sample_coverage(self) -> float | None:
-        """Share of the samples in motion whose measured torque lies in its band; None: no band."""
+        """Share of moving samples with the measured torque in the band; None without a band."""
         moving = np.logical_not(self.rest)
         if self.band is None or not moving.any():
             return None
@@ -96,7 +97,7 @@ class Prediction(ShortRepr):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Why the recording is hardly one of this drive, and which of its speeds no recording of the fit had, in words."""
+        """Remarks on recordings of another drive and on extrapolated speeds."""
         if self.unseen is None:
             return self._foreign
         text = f"extrapolated: the fit had no recording near {self.unseen * 30 / np.pi:.3g} rpm"
@@ -116,13 +117,14 @@ class Prediction(ShortRepr):
             )
         if self.nrmsd > IMPLAUSIBLE or abs(ratio - 1) > IMPLAUSIBLE:
             return (
-                f"off by {self.nrmsd:.2g} of the torque's range, {ratio:.2g} times the predicted torque: a recording of "
-                "this drive, load and direction?",
+                f"the error is {self.nrmsd:.2g} of the torque's range, and the measured torque is "
+                f"{ratio:.2g} times the predicted: is it a recording of this drive, load and "
+                "direction?",
             )
         return ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The object that `predict --json` prints of one recording, without files."""
+        """Return the object that `predict --json` prints for one recording, without files."""
         return {
             "recording": self.recording.name,
             "nrmsd": self.nrmsd,
@@ -142,7 +144,10 @@ class Prediction(ShortRepr):
 
 
 def nrmsd(predicted: Array, measured: Array) -> float:
-    """Root mean square of predicted − measured (samples,) over (max − min) of measured. Raises RecordingError."""
+    """Return the RMS of predicted − measured (samples,) over max − min of measured.
+
+    Raises RecordingError if the measured torque is constant.
+    """
     span = float(np.ptp(measured))
     if span == 0.0:
         raise RecordingError("the measured torque is constant: NRMSD is not defined")
@@ -152,48 +157,56 @@ def nrmsd(predicted: Array, measured: Array) -> float:
 def predict_recording(
     drive: Drive, recording: Recording, load: float = 0.0, load_inertia: float = 0.0
 ) -> Prediction:
-    """Predict the motor torque of a recording from its speed alone; of a steady one from its mean speed.
+    """Predict the motor torque of a recording from its speed alone.
 
-    load: constant effort on the output, N·m or N; load_inertia: what the payload adds to the output inertia.
-    At rest a self-locking drive is predicted to need no torque; what a controller's integrator leaves there is unknown.
+    A steady-state recording has its mean speed. load: constant effort on the output, N·m or N.
+    load_inertia: inertia of the payload at the output, kg·m² or kg. At rest, a self-locking drive
+    needs no torque; a torque that a controller's integrator leaves there is not predicted.
     """
     w = recording.w
     if kind_of(recording) == "steady":
         w = np.full_like(w, w.mean())
-    motion = Motion.of(recording.time, w)
+    motion = Motion.from_speed(recording.time, w)
     tau = predict_torque(drive, motion, load, load_inertia)
     loaded = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     effort = output_effort(
         loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction
     )
     lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
-    at_rest = motion.direction == 0
     tau = tau + departure(drive, motion, load)
     wave = repeating(drive, recording, motion)
     band = band_of(drive, motion, tau, load, wave=wave)
     tau = tau if wave is None else tau + wave
-    error, unseen = nrmsd(tau, recording.tau), unseen_speed(drive, motion)
     return Prediction(
-        recording, tau, at_rest, nrmsd=error, contact_lost=lost, band=band, unseen=unseen
+        recording,
+        tau,
+        rest=motion.direction == 0,
+        nrmsd=nrmsd(tau, recording.tau),
+        contact_lost=lost,
+        band=band,
+        unseen=unseen_speed(drive, motion),
     )
 
 
 def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | None:
-    """(samples,) torque that repeats with the angle, N·m; None where recording or drive file do not tell the phase."""
+    """Return the torque (samples,) in N·m that repeats with the angle.
+
+    The result is None if the recording has no angle or the drive file no phases.
+    """
     posterior = friction_of(drive).posterior
     if posterior is None or recording.angle is None:
         return None
-    known = [(sign, posterior.harmonics(sign)) for sign in (1, -1)]
+    series = [(sign, posterior.harmonics(sign)) for sign in (1, -1)]
     waves = [
         np.where(motion.direction == sign, harmonics.torque(recording.angle), 0.0)
-        for sign, harmonics in known
+        for sign, harmonics in series
         if harmonics is not None and harmonics.phased
     ]
     return np.sum(waves, axis=0) if waves else None
 
 
 def unseen_speed(drive: Drive, motion: Motion) -> float | None:
-    """The largest motor speed of a motion in a direction, rad/s, where it is outside those of the fit; None: within."""
+    """Return the largest extrapolated motor speed of a motion, rad/s, or None."""
     posterior = friction_of(drive).posterior
     fastest = np.array(
         [end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL]
@@ -206,123 +219,112 @@ def unseen_speed(drive: Drive, motion: Motion) -> float | None:
 
 
 def departure(drive: Drive, motion: Motion, load: float) -> Array:
-    """(samples,) torque beyond that of the drive's own parameters, N·m; 0 at rest or without posterior.
+    """Return the expected torque beyond that of the drive's own parameters, (samples,) in N·m.
 
-    What recordings of near speed lead to expect, and the middle of the equally likely sets: where the recordings leave
-    several laws possible, the one that was chosen is not the best guess at speeds that none of them had.
-    load: constant effort on the output, the rig's load_offset included, N·m or N.
+    It is the departure of recordings at similar speeds from the law plus the median of the equally
+    likely sets. If several laws are possible, the chosen law is not the best prediction at speeds
+    without recordings. The result is 0 at rest or without a posterior. load: constant effort on the
+    output including the rig's load_offset, N·m or N.
     """
     posterior = friction_of(drive).posterior
     if posterior is None:
         return np.zeros(len(motion.w))
-    w, way, of = _kinds(motion)
-    expected, _ = expected_departure(posterior, w)
-    middle = np.median(_sets(drive, posterior, w, load), axis=0) + expected @ np.array(
-        posterior.departures
-    )
-    return np.asarray(np.where(way == 0, 0.0, middle)[of])
+    w, direction, kind = _kinds(motion)
+    factors, _ = expected_departure(posterior, w)
+    median = np.median(_sets(drive, posterior, w, load), axis=0)
+    expected = median + factors @ np.array(posterior.departures)
+    return np.asarray(np.where(direction == 0, 0.0, expected)[kind])
 
 
 def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
-    """Speeds (kinds,) and directions (kinds,) that a motion has, and which of them each sample has, (samples,)."""
-    kinds, of = np.unique(
-        np.column_stack([motion.w, motion.direction]), axis=0, return_inverse=True
-    )
-    way = kinds[:, 1]
-    return (
-        np.where(way == 0, 1.0, way * np.maximum(np.abs(kinds[:, 0]), STANDSTILL)),
-        way,
-        of.reshape(-1),
-    )
+    """Return the different speeds and directions (kinds,) of a motion.
+
+    The third value is the index of the kind of each sample, (samples,).
+    """
+    pairs = np.column_stack([motion.w, motion.direction])
+    kinds, kind = np.unique(pairs, axis=0, return_inverse=True)
+    speed, direction = kinds.T
+    w = np.where(direction == 0, 1.0, direction * np.maximum(np.abs(speed), STANDSTILL))
+    return w, direction, kind.reshape(-1)
 
 
 def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
-    """(sets, speeds) torque by each set of the posterior less that by the drive's parameters at speeds w, N·m.
+    """Return the torque of each set minus that of the drive's parameters, (sets, speeds) in N·m.
 
-    Where recordings were made the sets agree with them: their difference there is taken off as the recordings' departure is.
+    w: motor speeds (speeds,) in rad/s. Each set agrees with the recordings at their speeds, because
+    its expected departure from them is subtracted.
     """
     sets: dict[str, Any] = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
     drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((len(posterior.draws), 1), offset))
-    each = drive_with(drive, sets)
+    drives = drive_with(drive, sets)
 
-    def beyond(at: Array) -> Array:
-        return np.asarray(map_torque(each, at, drawn_load) - map_torque(drive, at, load))
+    def difference(v: Array) -> Array:
+        return np.asarray(map_torque(drives, v, drawn_load) - map_torque(drive, v, load))
 
-    return beyond(w) - beyond(np.array(posterior.speeds)) @ expected_departure(posterior, w)[0].T
+    factors, _ = expected_departure(posterior, w)
+    return difference(w) - difference(np.array(posterior.speeds)) @ factors.T
 
 
 def band_of(
     drive: Drive, motion: Motion, tau: Array, load: float, *, wave: Array | None = None
 ) -> PredictionBand | None:
-    """The band about the predicted torque tau (samples,), departure included; None where the drive has no posterior.
+    """Return the band around the predicted torque, or None if the drive has no posterior.
 
-    load: constant effort on the output, the rig's load_offset included. wave: what repeats with the angle, (samples,),
-    where it is known; the ripple is smaller by it.
+    tau: (samples,) in N·m, with the departure. load: constant effort on the output including the
+    rig's load_offset, N·m or N. wave: predicted torque that repeats with the angle, (samples,) in
+    N·m, which reduces the ripple.
     """
     posterior = friction_of(drive).posterior
     if posterior is None:
         return None
-    # Samples of equal speed and direction have equal bands: only what differs is drawn.
-    w, way, of = _kinds(motion)
+    # Samples of equal speed and direction have equal bands: each kind is drawn once.
+    w, direction, kind = _kinds(motion)
     rng, count = np.random.default_rng(SEED), len(posterior.draws)
     spread = _sets(drive, posterior, w, load)
-    own = (
-        posterior.scatter
-        * expected_departure(posterior, w)[1]
-        * rng.standard_t(SCATTER_DEGREES, (count, 1))
-    )
-    spread = np.where(way == 0, 0.0, spread - np.median(spread, axis=0) + own)
-    weight = np.bincount(of, minlength=len(w)) / len(of)
-    low, high = interval_of(tau.mean() + spread @ weight)
+    scatter = posterior.scatter * expected_departure(posterior, w)[1]
+    spread += scatter * rng.standard_t(SCATTER_DEGREES, (count, 1)) - np.median(spread, axis=0)
+    spread[:, direction == 0] = 0.0
+    low, high = interval_of(tau.mean() + spread @ (np.bincount(kind, minlength=len(w)) / len(kind)))
     peaks = np.zeros(count)
     for sign in (1, -1):
-        here, ripple, moved = (
-            way == sign,
-            posterior.ripple(sign),
-            np.abs(tau) * (motion.direction == sign),
-        )
-        if here.any():
-            top = int(np.argmax(moved))
-            top_torque = np.abs(tau[top] + spread[:, of[top]])
-            peaks = np.maximum(
-                peaks, top_torque + (0.0 if ripple is None else ripple.draw_peak(rng, count))
-            )
+        same, ripple = direction == sign, posterior.ripple(sign)
+        if not same.any():
+            continue
+        top = int(np.argmax(np.abs(tau) * (motion.direction == sign)))
+        peak = np.abs(tau[top] + spread[:, kind[top]])
         if ripple is not None:
-            harmonics = None if wave is None else posterior.harmonics(sign)
-            known = (
-                0.0
-                if harmonics is None or not harmonics.phased
-                else float(np.sum(harmonics.amplitudes**2) / 2)
-            )
-            spread[:, here] += ripple.draw(rng, count, known)[:, None]
-    ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, of]
-    ends += 0.0 if wave is None else wave
-    return PredictionBand(
-        (low, high), tau + ends[0], tau + ends[1], peak=float(np.quantile(peaks, PEAK_CONFIDENCE))
-    )
+            peak += ripple.draw_peak(rng, count)
+            series, known = posterior.harmonics(sign), 0.0
+            if wave is not None and series is not None and series.phased:
+                known = float(np.sum(series.amplitudes**2) / 2)
+            spread[:, same] += ripple.draw(rng, count, known)[:, None]
+        peaks = np.maximum(peaks, peak)
+    ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, kind]
+    ends += tau if wave is None else tau + wave
+    return PredictionBand((low, high), ends[0], ends[1], float(np.quantile(peaks, PEAK_CONFIDENCE)))
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a recording of speed says: where the drive rests, where it moves or is about to, and how it accelerates."""
+    """Motion of a drive from a recorded speed, with rests, directions and acceleration."""
 
     time: Array
     w: Array
     wd: Array
     direction: Array
-    """(samples,) −1, 0 or +1: sign of motion, also where it is about to start; 0 at rest."""
+    """Sign of the motion (samples,), also shortly before a start; 0 at rest."""
     rests: tuple[tuple[int, int], ...]
-    """(first, one past last) sample of every rest."""
+    """Index of the first sample and one past the last sample of each rest."""
 
     @staticmethod
-    def of(time: Array, w: Array) -> Motion:
-        """From time (s) and motor speed (rad/s), arrays (samples,)."""
+    def from_speed(time: Array, w: Array) -> Motion:
+        """Return the motion for times (s) and motor speeds (rad/s), arrays (samples,)."""
         rest = rest_mask(time, w)
         edges = np.flatnonzero(
             np.diff(np.concatenate([[False], rest, [False]]).astype(int))
         ).reshape(-1, 2)
-        direction = np.sign(_held(np.where(rest, np.nan, w)))
+        direction = np.sign(_filled(np.where(rest, np.nan, w)))
         direction[rest] = 0.0
         for start, stop in edges:
             if stop < len(w):
@@ -335,7 +337,11 @@ class Motion:
 
 
 def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: float) -> Array:
-    """(samples,) motor torque of the exact law along a motion, with friction's memory and growth at rest."""
+    """Return the motor torque of the exact law along a motion, (samples,) in N·m.
+
+    It includes the memory of friction and its growth at rest. load: constant effort on the output,
+    N·m or N. load_inertia: inertia of the payload at the output, kg·m² or kg.
+    """
     drive = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     moving = motion.direction != 0
     effort = output_effort(
@@ -349,12 +355,13 @@ def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: floa
 
 
 def coefficient_along(friction: Friction, motion: Motion) -> Array:
-    """(samples,) coefficient of the mesh: grown at rest, then fading with the speed that friction remembers.
+    """Return the friction coefficient of the mesh along a motion, (samples,).
 
-    After a rest the Stribeck term starts from the coefficient at breakaway; before the first rest, from mu_stribeck.
+    It grows at rest. After a rest, the Stribeck term starts at the coefficient of breakaway and
+    fades with the speed that friction remembers. Before the first rest, it starts at mu_stribeck.
     """
-    felt = np.abs(remembered_speed(friction, motion.time, motion.w))
-    mu = np.array(friction_coefficient(friction, felt), dtype=float)
+    speed = np.abs(remembered_speed(friction, motion.time, motion.w))
+    mu = np.array(friction_coefficient(friction, speed), dtype=float)
     for k, (start, stop) in enumerate(motion.rests):
         dwell = (
             motion.time[min(stop, len(mu) - 1)]
@@ -366,20 +373,18 @@ def coefficient_along(friction: Friction, motion: Motion) -> Array:
         mu[start:stop] = broken
         shape = np.zeros(until - stop)
         if friction.law != "coulomb" and friction.stribeck_speed:
-            shape = stribeck_shape(friction.law, felt[stop:until] / friction.stribeck_speed)
+            shape = stribeck_shape(friction.law, speed[stop:until] / friction.stribeck_speed)
         # Until the remembered speed leaves zero, friction is still that of breakaway.
-        shape = np.where(felt[stop:until] > 0, shape, 1.0)
+        shape = np.where(speed[stop:until] > 0, shape, 1.0)
         mu[stop:until] = friction.mu + (broken - friction.mu) * shape
     return mu
 
 
-def _held(values: Array) -> Array:
-    """Zeros and gaps within motion take the last nonzero value, leading ones the next."""
+def _filled(values: Array) -> Array:
+    """Replace zeros and NaN (samples,) by the last nonzero value, and leading ones by the next."""
     values = np.where(values == 0, np.nan, values)
     known = np.flatnonzero(np.isfinite(values))
     if not len(known):
         return np.zeros(len(values))
-    at = np.clip(
-        np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0, len(known) - 1
-    )
-    return values[known[at]]
+    last = np.searchsorted(known, np.arange(len(values)), side="right") - 1
+    return values[known[np.maximum(last, 0)]]

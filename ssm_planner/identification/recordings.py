@@ -77,31 +77,28 @@ def read_recording(
     table = parse_table(text, path)
     columns = find_columns(table, path)
     repairs = list(table.repairs)
-    time, speed, torque = (
-        _in_si(table, columns[key], path, nominal_torque) for key in ("time", "speed", "torque")
+    channels = np.array(
+        [
+            _in_si(table, columns[key], path, nominal_torque)
+            if key in columns
+            else np.zeros(len(table.lines))
+            for key in ("time", "speed", "torque", "position")
+        ]
     )
-    angle = (
-        _in_si(table, columns["position"], path, None)
-        if "position" in columns
-        else np.zeros(len(time))
-    )
-    keep = np.isfinite(time) & np.isfinite(speed) & np.isfinite(torque) & np.isfinite(angle)
-    if not keep.all():
-        bad = np.flatnonzero(~keep)
-        if len(bad) > max(1, MOST_LEFT_OUT * len(keep)):
-            raise RecordingError(
-                f"{path}:{table.lines[bad[0]]}: {len(bad)} of {len(keep)} samples are not finite numbers; "
-                f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
-            )
-        repairs.append(
-            f"{len(bad)} samples that are not finite left out (first: line {table.lines[bad[0]]})"
+    finite = np.isfinite(channels).all(axis=0)
+    bad = [table.lines[k] for k in np.flatnonzero(~finite)]
+    if len(bad) > max(1, MOST_LEFT_OUT * len(finite)):
+        raise RecordingError(
+            f"{path}:{bad[0]}: {len(bad)} of {len(finite)} samples are not finite numbers; "
+            f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
         )
-    lines = np.asarray(table.lines)[keep]
-    time, speed, torque, angle = time[keep], speed[keep], torque[keep], angle[keep]
-    _check_time(time, lines, path)
-    if len(time) < MIN_SAMPLES:
-        raise RecordingError(f"{path}: {len(time)} samples; at least {MIN_SAMPLES} are needed")
-    for quantity, channel in (("torque", torque), ("speed", speed)):
+    if bad:
+        repairs.append(f"{len(bad)} samples that are not finite left out (first: line {bad[0]})")
+    lines, channels = np.asarray(table.lines)[finite], channels[:, finite]
+    _check_time(channels[0], lines, path)
+    if len(lines) < MIN_SAMPLES:
+        raise RecordingError(f"{path}: {len(lines)} samples; at least {MIN_SAMPLES} are needed")
+    for quantity, channel in (("torque", channels[2]), ("speed", channels[1])):
         spikes = find_spikes(channel)
         if len(spikes):
             shown = ", ".join(f"line {lines[k]}" for k in spikes[:5])
@@ -109,8 +106,7 @@ def read_recording(
                 f"{len(spikes)} isolated {quantity} samples far outside the rest left out ({shown})"
             )
             channel[spikes] = np.nan
-    keep = np.isfinite(torque) & np.isfinite(speed)
-    time, speed, torque, angle = time[keep], speed[keep], torque[keep], angle[keep]
+    time, speed, torque, angle = channels[:, np.isfinite(channels).all(axis=0)]
     if np.ptp(torque) == 0.0 and np.any(speed != 0.0):
         raise RecordingError(
             f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: not a measurement"
@@ -261,36 +257,34 @@ def _doubts(
 
 
 def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
-    """Recordings without those that are mostly the samples of another, and a sentence for each that is left out."""
-    known: list[tuple[Recording, NDArray[np.uint64]]] = []
-    said: dict[str, str] = {}
+    """Return the recordings without repetitions, and a sentence for each that is left out.
+
+    A recording is a repetition if a longer one contains most of its samples.
+    """
+    originals: list[tuple[Recording, set[int]]] = []
+    remarks: dict[int, str] = {}
     for recording in sorted(recordings, key=lambda r: -len(r.w)):
-        found = _passages(recording)
-        shared = [r.name for r, others in known if np.mean(np.isin(found, others)) > REPEATED]
-        if shared:
-            said[recording.name] = (
-                f"{recording.name}: the same samples as {shared[0]}, counted once"
-            )
+        passages = _passages(recording)
+        least = REPEATED * len(passages)
+        source = next((r.name for r, other in originals if len(passages & other) > least), None)
+        if source is None:
+            originals.append((recording, passages))
         else:
-            known.append((recording, found))
-    kept = {id(r) for r, _ in known}
-    return [r for r in recordings if id(r) in kept], [
-        said[r.name] for r in recordings if id(r) not in kept
-    ]
+            text = f"{recording.name}: the same samples as {source}, counted once"
+            remarks[id(recording)] = text
+    kept = [r for r in recordings if id(r) not in remarks]
+    return kept, [remarks[id(r)] for r in recordings if id(r) in remarks]
 
 
-def _passages(recording: Recording) -> NDArray[np.uint64]:
-    """(passages,) a number for every different row of PASSAGE samples of speed and torque, to the nearest of 1e-6 of each."""
-    with np.errstate(over="ignore"):
-        parts = (
-            np.round(v / 1e-6 / scale).astype(np.int64)
-            for v, scale in ((recording.w, 1.0), (recording.tau, 1e-3))
-        )
-        speed, torque = (part.astype(np.uint64) for part in parts)
-        mixed = (speed * np.uint64(0x9E3779B97F4A7C15)) ^ (torque * np.uint64(0xC2B2AE3D27D4EB4F))
-        powers = np.cumprod(np.full(PASSAGE, 0x100000001B3, dtype=np.uint64))
-        rows = np.lib.stride_tricks.sliding_window_view(mixed, min(PASSAGE, len(mixed)))
-        return np.unique(rows @ powers[: rows.shape[1]])
+def _passages(recording: Recording) -> set[int]:
+    """Return a number for each passage of PASSAGE samples of speed and torque.
+
+    Values are rounded to 1e-6 rad/s and 1e-9 N·m.
+    """
+    samples = np.column_stack([recording.w / 1e-6, recording.tau / 1e-9])
+    rounded = np.round(samples).astype(np.int64)
+    starts = range(max(len(rounded) - PASSAGE, 0) + 1)
+    return {hash(rounded[k : k + PASSAGE].tobytes()) for k in starts}
 
 
 def _check_time(time: Array, lines: Array, path: Path) -> None:

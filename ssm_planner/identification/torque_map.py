@@ -1,31 +1,25 @@
-"""The torque–velocity map: one point, mean speed and mean torque, per steady-state recording; and its outliers.
+"""Compute torque–velocity maps: mean speed and mean torque of each steady-state recording.
 
-The maps of the three rigs ship as a table of figures. Regenerate it, from the project's folder, with
-
-    python -m ssm_planner.identification.torque_map problems/drives/rig_figures.csv \\
-        problems/drives/rig1_lead_screw.yaml=RECORDINGS/drive1_lead_screw/steady_state …
+The maps of the three rigs ship as a table of figures.
 """
 
 from __future__ import annotations
 
 import csv
-import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssm_planner.dynamics.friction import STANDSTILL
-from ssm_planner.errors import RecordingError, SsmPlannerError
-from ssm_planner.identification.harmonics import ripple_of, travelled
-from ssm_planner.identification.recordings import Recording, read_recordings
-from ssm_planner.loading.load import load_drive
+from ssm_planner.errors import RecordingError
+from ssm_planner.identification.harmonics import ripple_rms, travelled
+from ssm_planner.identification.recordings import Recording
 from ssm_planner.problem.posterior import Ripple
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Mask
 
 FIGURES_HEADER = (
     "rig",
@@ -61,11 +55,6 @@ _FEWEST = 5
 
 TABLE = "rig_figures.csv"
 """Name of the table, beside the drive files; its rigs are named by the files' stems."""
-
-SOURCE = """Mean motor speed and torque of steady-state recordings of three rigs, in each rig's positive direction.
-Computed by ssm_planner.identification.torque_map from the maxon EPOS4 recordings in the public repository
-RViMLab/TRO2021-Dynamic-Modelling (MIT licence, copyright its authors), made for "Friction-Inclusive Modeling of
-Sliding Contact Transmission Systems in Robotics", IEEE Transactions on Robotics 37(4), 2021."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +114,7 @@ def rest_mask(time: Array, w: Array) -> Array:
     return rest
 
 
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(mask: Mask) -> list[tuple[int, int]]:
     """(first, one past last) of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
@@ -159,39 +148,30 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
             repairs.append(
                 f"{r.name}: speed goes from {first:.3g} to {last:.3g} rad/s, its mean is taken: not steady"
             )
+    rows = [
+        [
+            r.w.mean(),
+            r.tau.mean(),
+            r.w.std(),
+            r.tau.std(),
+            ripple_rms(travelled(r), r.tau),
+            np.abs(r.tau).max() - abs(r.tau.mean()),
+            len(r.w),
+        ]
+        for r in order
+    ]
+    return replace(_from_rows([r.name for r in order], rows), repairs=tuple(repairs))
+
+
+def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
+    """Return a map of rows with numbers in the order of FIGURES_HEADER."""
+    table = np.array(rows)
+    order = np.argsort(table[:, 0], kind="stable")
+    columns = ("w", "tau", "w_deviation", "tau_deviation", "ripple", "peak", "samples")
     return TorqueMap(
-        names=tuple(r.name for r in order),
-        w=np.array([r.w.mean() for r in order]),
-        tau=np.array([r.tau.mean() for r in order]),
-        w_deviation=np.array([r.w.std() for r in order]),
-        tau_deviation=np.array([r.tau.std() for r in order]),
-        samples=np.array([len(r.w) for r in order], dtype=float),
-        repairs=tuple(repairs),
-        ripple=np.array([ripple_of(travelled(r), r.tau) for r in order]),
-        peak=np.array([np.abs(r.tau).max() - abs(r.tau.mean()) for r in order]),
+        names=tuple(names[k] for k in order),
+        **dict(zip(columns, np.ascontiguousarray(table[order].T), strict=True)),
     )
-
-
-def write_figures(path: str | Path, maps: dict[str, TorqueMap], source: str) -> None:
-    """Write a table of figures, one map per rig name; `source` becomes its comment lines."""
-    with Path(path).open("w", newline="", encoding="utf-8") as stream:
-        for line in source.splitlines():
-            stream.write(f"# {line}\n")
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(FIGURES_HEADER)
-        for rig, m in maps.items():
-            for k, name in enumerate(m.names):
-                assert m.ripple is not None
-                assert m.peak is not None
-                numbers = (
-                    m.w[k],
-                    m.tau[k],
-                    m.w_deviation[k],
-                    m.tau_deviation[k],
-                    m.ripple[k],
-                    m.peak[k],
-                )
-                writer.writerow([rig, name, *(f"{v:.9g}" for v in numbers), int(m.samples[k])])
 
 
 def read_figures(path: str | Path, rig: str) -> TorqueMap:
@@ -226,14 +206,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
         raise RecordingError(
             f"{path}: no figures of {rig!r}; rigs in the table: {', '.join(sorted(set(rigs))) or 'none'}"
         )
-    table = np.array(rows)
-    order = np.argsort(table[:, 0], kind="stable")
-    table = table[order]
-    columns = ("w", "tau", "w_deviation", "tau_deviation", "ripple", "peak", "samples")
-    return TorqueMap(
-        names=tuple(names[k] for k in order),
-        **dict(zip(columns, np.ascontiguousarray(table.T), strict=True)),
-    )
+    return _from_rows(names, rows)
 
 
 @dataclass(frozen=True)
@@ -266,62 +239,29 @@ def find_outliers(w: Array, tau: Array) -> list[Outlier]:
     return sorted(found, key=lambda outlier: outlier.index)
 
 
-def _scores(w: Array, tau: Array, left: Array) -> tuple[Array, Array, float]:
-    """Distance of every point left from its neighbours' line, over its expected deviation; and torque deviation."""
+def _scores(w: Array, tau: Array, kept: Mask) -> tuple[Array, Array, float]:
+    """Return the distance of each point from the line through its neighbours.
+
+    kept: mask (points,) of the points that are compared. The result has the distance over its
+    expected deviation (points,), the distance in N·m (points,), and the deviation of a torque.
+    """
     distance, spread = np.full(len(w), np.nan), np.ones(len(w))
     for sign in (-1.0, 1.0):
-        side = np.flatnonzero(left & (np.sign(w) == sign))
-        if len(side) < _FEWEST:
+        side = np.flatnonzero(kept & (np.sign(w) == sign))
+        count = len(side)
+        if count < _FEWEST:
             continue
-        for place, k in enumerate(side):
-            a, b = _neighbours(side, place)
-            share = 0.5 if w[a] == w[b] else (w[k] - w[a]) / (w[b] - w[a])
-            distance[k] = tau[k] - (1 - share) * tau[a] - share * tau[b]
-            spread[k] = np.sqrt(1.0 + (1 - share) ** 2 + share**2)
-    known = np.isfinite(distance)
-    if not known.any():
+        # The neighbours of an outermost point are the two next to it.
+        a = side[[1, *range(count - 2), count - 3]]
+        b = side[[2, *range(2, count), count - 2]]
+        gap = w[b] - w[a]
+        share = np.where(gap == 0, 0.5, (w[side] - w[a]) / np.where(gap == 0, 1.0, gap))
+        distance[side] = tau[side] - (1 - share) * tau[a] - share * tau[b]
+        spread[side] = np.sqrt(1.0 + (1 - share) ** 2 + share**2)
+    compared = np.isfinite(distance)
+    if not compared.any():
         return np.zeros(len(w)), np.zeros(len(w)), 0.0
-    deviation = 1.4826 * float(np.median(np.abs(distance[known] / spread[known])))
+    deviation = 1.4826 * float(np.median(np.abs(distance[compared] / spread[compared])))
     deviation = max(deviation, LEAST * float(np.ptp(tau)), 1e-300)
-    score = np.where(known, distance / (spread * deviation), 0.0)
-    return score, np.where(known, distance, 0.0), deviation
-
-
-def _neighbours(side: NDArray[np.intp], place: int) -> tuple[int, int]:
-    if place == 0:
-        return int(side[1]), int(side[2])
-    if place == len(side) - 1:
-        return int(side[-3]), int(side[-2])
-    return int(side[place - 1]), int(side[place + 1])
-
-
-def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
-    """The torque–velocity map of a rig from a folder of its recordings; start–stop recordings are left aside."""
-    rig = load_drive(drive_path).rig
-    nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
-    found = read_recordings([recordings], nominal_torque=nominal, direction=direction)
-    return torque_map([recording for recording in found if kind_of(recording) == "steady"])
-
-
-def main(arguments: list[str]) -> int:
-    """Write the table: OUTPUT DRIVE=RECORDINGS …"""
-    if len(arguments) < 2 or any("=" not in pair for pair in arguments[1:]):
-        print(
-            "usage: python -m ssm_planner.identification.torque_map OUTPUT DRIVE=RECORDINGS ...",
-            file=sys.stderr,
-        )
-        return 2
-    try:
-        pairs = [pair.split("=", 1) for pair in arguments[1:]]
-        maps = {Path(drive).stem: rig_map(drive, recordings) for drive, recordings in pairs}
-    except SsmPlannerError as error:
-        print(error, file=sys.stderr)
-        return 2
-    write_figures(arguments[0], maps, SOURCE)
-    for rig, points in maps.items():
-        print(f"{rig}: {len(points.w)} recordings", *points.repairs, sep="\n  ", file=sys.stderr)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    distance = np.nan_to_num(distance)
+    return distance / (spread * deviation), distance, deviation

@@ -131,7 +131,7 @@ def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) 
     speeds = {*(speed * SPEEDS).tolist()}
     speeds |= {
         factor * value
-        for value in np.unique(sets.get("stribeck_speed", []))[::100]
+        for value in np.unique(sets.get("stribeck_speed", []))[::50]
         for factor in (0.3, 1.0, 2.0)
     }
     w, effort, direction, start = (

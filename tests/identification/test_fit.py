@@ -139,8 +139,13 @@ def test_what_the_map_gives_only_together_is_called_so():
             < 0.05 * abs(torque)
             < fit.estimates["b_c"].high - fit.estimates["b_c"].low
         )
+    # Two torques of slow motion determine b_c and b_oc, but not a load offset too.
     held = fit_map(
-        drive, synthetic(drive, load, "coulomb", WORM), load, law="coulomb", fixed={"mu": 0.12}
+        drive,
+        synthetic(drive, load, "coulomb", WORM),
+        load,
+        law="coulomb",
+        fixed={"mu": 0.12, LOAD_OFFSET: 0.0},
     )
     assert held.inseparable == ()
     assert held.estimates["mu"].fixed

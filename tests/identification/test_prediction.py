@@ -18,13 +18,14 @@ from ssm_planner.identification.fit import fit_map
 from ssm_planner.identification.identify import identify, predict
 from ssm_planner.identification.prediction import Motion, nrmsd, predict_recording, predict_torque
 from ssm_planner.identification.recordings import Recording
-from ssm_planner.identification.torque_map import read_figures, rig_map
+from ssm_planner.identification.torque_map import read_figures
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.posterior import LAW
 from ssm_planner.reporting.figures.sizing import map_figure, prediction_figure
 from ssm_planner.units import RPM
 from tests.support.paths import PROBLEMS
 from tests.support.recordings import REAL, RECORDINGS
+from tests.support.rig_figures import rig_map
 
 DRIVES = PROBLEMS / "drives"
 FOLDERS = {
@@ -54,7 +55,7 @@ def test_in_steady_motion_the_prediction_is_the_inverse_law():
     drive = identified()
     time = np.arange(0.0, 3.0, 0.01)
     w = np.full_like(time, 7.0)
-    tau = predict_torque(drive, Motion.of(time, w), -0.0188, 0.0)
+    tau = predict_torque(drive, Motion.from_speed(time, w), -0.0188, 0.0)
     expected = motor_torque(drive, output_effort(drive, -0.0188, 7.0 / drive.ratio, 0.0), 7.0, 0.0)
     np.testing.assert_allclose(tau, expected, rtol=1e-12)
 
@@ -63,7 +64,7 @@ def test_rest_needs_no_torque_and_starts_with_breakaway():
     drive = identified()
     drive = replace(drive, friction=replace(friction_of(drive), mu_static=0.3))
     time, w = start_stop()
-    motion = Motion.of(time, w)
+    motion = Motion.from_speed(time, w)
     tau = predict_torque(drive, motion, -0.0188, 0.0)
     first = int(np.flatnonzero(w)[0])
     assert np.all(tau[: first - 3] == 0.0)
@@ -91,7 +92,9 @@ def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
     recordings = []
     for rest in (0.5, 1.0, 4.0):
         time, w = start_stop(rest)
-        tau = predict_torque(replace(drive, friction=told), Motion.of(time, w), -0.0188, 0.0)
+        tau = predict_torque(
+            replace(drive, friction=told), Motion.from_speed(time, w), -0.0188, 0.0
+        )
         recordings.append(Recording(f"{rest}", time, w, tau + rng.normal(0, 2e-5, len(tau))))
     fit = fit_dynamic(drive, recordings, -0.0188)
     assert fit.estimates["mu_static"].value == pytest.approx(mu_static, rel=0.01)

@@ -76,7 +76,7 @@ def _write(
     """Write one recording. speeds: the recorded speed, and the one that determines the torque."""
     rig, (w, smooth) = drive.rig, speeds
     assert rig is not None
-    motion, load = Motion.of(time, smooth), rig.F_payload + rig.load_offset
+    motion, load = Motion.from_speed(time, smooth), rig.F_payload + rig.load_offset
     tau = predict_torque(drive, motion, load, rig.payload_inertia)
     tau = tau + departure(drive, motion, load)
     angle = np.cumsum(w) * (time[1] - time[0])

@@ -1,0 +1,260 @@
+"""Importance sampling of the posterior of a drive's friction at deterministic points.
+
+b_c and b_v enter the torque linearly. Given the other parameters, their posterior is a truncated
+t-distribution, which is sampled exactly. The other parameters come from the prior and from a
+mixture of t-distributions [1], which adapts to the posterior in rounds [2]. Weights correct the
+difference to the posterior. The sum of the weights is the evidence of the law.
+
+[1] T. Hesterberg, Weighted average importance sampling and defensive mixture distributions,
+    Technometrics 37, 1995.
+[2] O. Cappé, R. Douc, A. Guillin, J.-M. Marin, C. P. Robert, Adaptive importance sampling in
+    general mixture classes, Stat. Comput. 18, 2008.
+[3] M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018.
+[4] L. Martino, V. Elvira, F. Louzada, Effective sample size for importance sampling based on
+    discrepancy measures, Signal Process. 131, 2017.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ssm_planner.identification.posterior import DEGREES, SHARES, MapModel, covariance_near
+from ssm_planner.problem.posterior import CONFIDENCE
+from ssm_planner.typing import Array, Indices
+
+ADAPTATION = (2**12, 2**12, 2**12, 2**13, 2**14)
+"""Number of points in each round of adaptation. The components double from round to round."""
+POINTS = 2**17
+"""Number of points in the final round: intervals of two shifts then agree within 3 %."""
+BLOCK = 2**13
+"""Number of points that are evaluated at once, which bounds the memory."""
+WIDENING = 0.01
+"""Share of the whole covariance that is added to the covariance of each component."""
+UNCLIPPED_WEIGHTS = 100
+"""Least number of points to which the components adapt."""
+LARGEST_WEIGHT = 1e-3
+"""Largest weight of one set in a reliable sample: above it, 1000 draws repeat the set."""
+TINY = 1e-300
+
+Mixture = list[tuple[Array, Array]]
+"""Components: mean (d,) and Cholesky factor of the covariance (d, d)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Parameter sets of one friction law that represent its posterior by their weights.
+
+    Each point of the sequence gives one set for each share c of SHARES.
+    """
+
+    model: MapModel
+    z: Array
+    """Coordinates of the parameters, (shares, points, k)."""
+    log_weight: Array
+    """Logarithms of the weights, (shares, points)."""
+    square: Array
+    """ν s₀² + eᵀ R_c⁻¹ e, (shares, points) in N²·m²."""
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Return ln p(τ) of the law, up to a constant that all laws share."""
+        return float(np.logaddexp.reduce(self.log_weight, axis=None))
+
+    @cached_property
+    def weight(self) -> Array:
+        """Return the weights (shares, points) with the sum 1."""
+        return np.asarray(np.exp(self.log_weight - self.log_evidence))
+
+    @property
+    def flat(self) -> tuple[Array, Array]:
+        """Return the coordinates (sets, k) and the weights (sets,) over all shares."""
+        return self.z.reshape(self.weight.size, -1), self.weight.ravel()
+
+    @property
+    def largest(self) -> float:
+        """Return the largest weight of a point. Its inverse is an effective sample size [4]."""
+        return float(self.weight.sum(axis=0).max())
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Return the covariance (k, k) of the coordinates."""
+        return _moments(*self.flat)[1]
+
+    @property
+    def scatter(self) -> Array:
+        """Return the expected variance s² in N²·m² and the expected share c, (2,)."""
+        degrees = len(self.model.w) + DEGREES - 2
+        variance = np.sum(self.weight * self.square) / degrees
+        return np.array([variance, self.weight.sum(axis=1) @ list(SHARES)])
+
+    @property
+    def ordered(self) -> tuple[Array, Array]:
+        """Return coordinates (sets, k) and weights (sets,) along the longest principal axis."""
+        z, weight = self.flat
+        order = np.argsort(z @ _longest_axis(self.covariance))
+        return z[order], weight[order]
+
+
+def sample(model: MapModel, z: Array, shift: float = 0.5) -> Sample:
+    """Sample the posterior of a law.
+
+    z: most likely coordinates (k,), from which the adaptation starts. shift: start of the sequence
+    in [0, 1). The result depends on it within the accuracy of the sample only.
+    """
+    curved = np.flatnonzero(~model.linear)
+    covariance = covariance_near(model, z)[np.ix_(curved, curved)]
+    mixture = [(z[curved], np.asarray(np.linalg.cholesky(covariance)))]
+    for divisions, points in enumerate(ADAPTATION):
+        trial = _sampled(model, mixture, points, shift)
+        weight = trial.weight.sum(axis=0)
+        # Clipping makes sure that the components follow more than a few points.
+        weight = np.minimum(weight, max(np.sort(weight)[-UNCLIPPED_WEIGHTS], TINY))
+        mixture = _components(trial.z[0][:, curved], weight, divisions)
+    return _sampled(model, mixture, POINTS, shift)
+
+
+def weighted_interval(values: Array, weight: Array) -> tuple[float, float]:
+    """Return the central interval of values (sets,) with weights (sets,)."""
+    order = np.argsort(values)
+    cumulative = np.cumsum(weight[order])
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.searchsorted(cumulative, np.array([tail, 1 - tail]) * cumulative[-1])
+    return float(values[order[low]]), float(values[order[high]])
+
+
+def _sampled(model: MapModel, mixture: Mixture, count: int, shift: float) -> Sample:
+    """Return the sample of a mixture at `count` points."""
+    blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
+    parts = zip(*(_weighted(model, mixture, block, shift) for block in blocks), strict=True)
+    z, log_weight, square = (np.concatenate(part, axis=1) for part in parts)
+    return Sample(model, z, log_weight - math.log(count), square)
+
+
+def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
+    """Return evenly distributed points (points, dimensions) in the unit cube.
+
+    They are an additive recurrence whose step has the powers of 1/φ as coordinates, with
+    φ^(dimensions + 1) = φ + 1 [3].
+    """
+    phi = 2.0
+    for _ in range(60):
+        phi = (1 + phi) ** (1 / (dimensions + 1))
+    steps = phi ** -np.arange(1.0, dimensions + 1)
+    return np.asarray((shift + (index[:, None] + 1) * steps) % 1.0)
+
+
+def _weighted(
+    model: MapModel, mixture: Mixture, index: Indices, shift: float
+) -> tuple[Array, Array, Array]:
+    """Return z, log_weight and square of a `Sample` at points of the sequence.
+
+    The points take turns among the prior and the components of the mixture. The components have
+    t-distributions of two degrees of freedom, whose quantiles have a closed form.
+    """
+    from scipy.special import ndtri
+
+    u = _sequence(index, len(model.names), shift)
+    curved = u[:, ~model.linear]
+    y, quantile = ndtri(curved), (2 * curved - 1) / np.sqrt(2 * curved * (1 - curved))
+    turn = index % (len(mixture) + 1)
+    for k, (mean, root) in enumerate(mixture):
+        y[turn == k] = mean + quantile[turn == k] @ root.T
+    densities = [_log_normal(y)]
+    for mean, root in mixture:
+        t = (y - mean) @ np.linalg.inv(root).T
+        densities.append(np.sum(_log_t(t, 2.0) - np.log(np.diag(root)), axis=1))
+    log_proposal = np.logaddexp.reduce(densities, axis=0) - math.log(len(densities))
+    z = np.full(u.shape, -np.inf)
+    z[:, ~model.linear] = y
+    with np.errstate(all="ignore"):
+        residual = model.residual(z)
+        shares = [_with_bearing(model, z, residual, u, *pair) for pair in model.whiteners]
+    z, log_weight, square = (np.array(part) for part in zip(*shares, strict=True))
+    log_weight -= log_proposal
+    # Sets at which the law overflows have no weight. Their other values must be finite.
+    lost = ~np.isfinite(log_weight)
+    z[lost], log_weight[lost], square[lost] = 0.0, -np.inf, 0.0
+    return z, log_weight, square
+
+
+def _with_bearing(
+    model: MapModel, z: Array, residual: Array, u: Array, whitener: Array, log_share: float
+) -> tuple[Array, Array, Array]:
+    """Draw b_c and b_v from their conditional posterior for one share c.
+
+    z (points, k) has the other coordinates and residual (points, recordings) their error without
+    bearing friction. u (points, k): position in the unit cube. Return z completed, the logarithm of
+    posterior density over the density of b_c and b_v (points,), and the square (points,).
+    """
+    from scipy.special import stdtr, stdtrit
+
+    degrees = len(model.w) + DEGREES
+    linear, (centre, spread) = np.flatnonzero(model.linear), model.prior
+    slopes = {"b_c": np.sign(model.w), "b_v": model.w}
+    columns = [slopes[model.names[i]] * model.weight for i in linear]
+    q, r = np.linalg.qr((np.reshape(columns, (-1, len(model.w))) @ whitener).T)
+    z, x = z.copy(), np.zeros((len(z), len(linear)))
+    error = residual @ whitener
+    best, log_density = -error @ q, np.zeros(len(z))
+    square = np.sum((error + best @ q.T) ** 2, axis=1) + model.floor
+    for j in reversed(range(len(linear))):
+        # x_j > 0 is t-distributed about its regression on the later ones.
+        i, freedom = linear[j], degrees - 1 - j
+        scale = np.sqrt(square / freedom) / abs(r[j, j])
+        middle = (best[:, j] - x[:, j + 1 :] @ r[j, j + 1 :]) / r[j, j]
+        positive = stdtr(freedom, middle / scale)
+        t = stdtrit(freedom, np.maximum(u[:, i] * positive, TINY))
+        x[:, j] = np.maximum(middle - scale * t, TINY)
+        z[:, i] = (np.log(x[:, j]) - centre[i]) / spread[i]
+        log_density += _log_t(t, freedom) + np.log(spread[i] * x[:, j] / (scale * positive))
+        square = square * (1 + t * t / freedom)
+    log_posterior = log_share - 0.5 * degrees * np.log(square) + _log_normal(z)
+    return z, log_posterior - log_density, square
+
+
+def _components(y: Array, weight: Array, divisions: int) -> Mixture:
+    """Return 2^divisions components that follow points y (points, d) with weights (points,).
+
+    The points are repeatedly divided into halves of equal weight across their longest principal
+    axis, so that the components follow a curved ridge.
+    """
+    groups = [np.arange(len(y))]
+    for _ in range(divisions):
+        groups = [half for group in groups for half in _halves(group, y, weight)]
+    moments = (_moments(y[group], weight[group]) for group in groups)
+    widening = WIDENING * _moments(y, weight)[1]
+    return [(mean, np.asarray(np.linalg.cholesky(c + widening))) for mean, c in moments]
+
+
+def _halves(group: Indices, y: Array, weight: Array) -> list[Indices]:
+    order = group[np.argsort(y[group] @ _longest_axis(_moments(y[group], weight[group])[1]))]
+    cumulative = np.cumsum(weight[order])
+    return np.split(order, [np.searchsorted(cumulative, cumulative[-1] / 2, side="right")])
+
+
+def _longest_axis(covariance: Array) -> Array:
+    """Return the longest principal axis (d,) of a covariance (d, d)."""
+    return np.asarray(np.linalg.eigh(covariance)[1][:, -1:].sum(axis=1))
+
+
+def _moments(values: Array, weight: Array) -> tuple[Array, Array]:
+    """Return the mean (d,) and the covariance (d, d) of values (sets, d) with weights (sets,)."""
+    mean = weight @ values / weight.sum()
+    deviation = values - mean
+    return mean, (deviation.T * weight) @ deviation / weight.sum()
+
+
+def _log_normal(z: Array) -> Array:
+    """Return the logarithm of the standard normal density, (sets,), at z (sets, d)."""
+    return -0.5 * np.sum(z * z + math.log(2 * math.pi), axis=1)
+
+
+def _log_t(x: Array, degrees: float) -> Array:
+    """Return the logarithm of Student's density at x, with its shape."""
+    half = 0.5 * (degrees + 1)
+    constant = math.lgamma(half) - math.lgamma(0.5 * degrees) - 0.5 * math.log(degrees * math.pi)
+    return np.asarray(constant - half * np.log1p(x * x / degrees))
