@@ -325,11 +325,12 @@ def _posterior(
     """Return the posterior with numbers of six digits, as a drive file has them."""
     usual = model.weight == 1.0
     variance, common = np.sum([share * s.scatter for s, share in possible], axis=0)
+    scatter, common = _six_digits(np.array([math.sqrt(variance), common]))
     return Posterior(
         names=tuple(columns),
-        draws=np.array([_six_digits(row) for row in np.column_stack(list(columns.values()))]),
-        scatter=float(f"{math.sqrt(variance):.6g}"),
-        common=float(f"{common:.6g}"),
+        draws=np.transpose([_six_digits(column) for column in columns.values()]),
+        scatter=scatter,
+        common=common,
         speeds=_six_digits(model.w[usual]),
         departures=_six_digits((model.tau - predicted)[usual]),
         forwards=data.spread(1),

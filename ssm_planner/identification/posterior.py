@@ -170,12 +170,12 @@ class MapModel:
         It is −inf where the law overflows.
         """
         with np.errstate(all="ignore"):
-            error = self.residual(z)
-            squares = [np.sum((error @ root) ** 2, axis=1) for root, _ in self.whiteners]
-            constants = np.array([constant for _, constant in self.whiteners])
-            degrees = len(self.w) + DEGREES
-            terms = constants - 0.5 * degrees * np.log(np.transpose(squares) + self.floor)
-            value = np.logaddexp.reduce(terms, axis=1) - 0.5 * np.sum(z * z, axis=1)
+            error, half = self.residual(z), 0.5 * (len(self.w) + DEGREES)
+            terms = [
+                constant - half * np.log(np.sum((error @ root) ** 2, axis=1) + self.floor)
+                for root, constant in self.whiteners
+            ]
+            value = np.logaddexp.reduce(terms, axis=0) - 0.5 * np.sum(z * z, axis=1)
         return np.where(np.isfinite(value), value, -np.inf)
 
     def without(self, points: Indices) -> MapModel:

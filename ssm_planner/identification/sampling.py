@@ -95,7 +95,7 @@ class Sample:
     def ordered(self) -> tuple[Array, Array]:
         """Return coordinates (sets, k) and weights (sets,) along the longest principal axis."""
         z, weight = self.flat
-        order = np.argsort(z @ _longest_axis(self.covariance))
+        order = _order(z, weight)
         return z[order], weight[order]
 
 
@@ -129,9 +129,9 @@ def weighted_interval(values: Array, weight: Array) -> tuple[float, float]:
 def _sampled(model: MapModel, mixture: Mixture, count: int, shift: float) -> Sample:
     """Return the sample of a mixture at `count` points."""
     blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
-    parts = zip(*(_weighted(model, mixture, block, shift) for block in blocks), strict=True)
-    z, log_weight, square = (np.concatenate(part, axis=1) for part in parts)
-    return Sample(model, z, log_weight - math.log(count), square)
+    parts = [_weighted(model, mixture, block, shift) for block in blocks]
+    z, log_weight, square = np.split(np.concatenate(parts, axis=1), [-2, -1], axis=2)
+    return Sample(model, z, log_weight[..., 0] - math.log(count), square[..., 0])
 
 
 def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
@@ -147,10 +147,8 @@ def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
     return np.asarray((shift + (index[:, None] + 1) * steps) % 1.0)
 
 
-def _weighted(
-    model: MapModel, mixture: Mixture, index: Indices, shift: float
-) -> tuple[Array, Array, Array]:
-    """Return z, log_weight and square of a `Sample` at points of the sequence.
+def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -> Array:
+    """Return z, log_weight and square of a `Sample`, (shares, points, k + 2), at some points.
 
     The points take turns among the prior and the components of the mixture. The components have
     t-distributions of two degrees of freedom, whose quantiles have a closed form.
@@ -173,22 +171,22 @@ def _weighted(
     with np.errstate(all="ignore"):
         residual = model.residual(z)
         shares = [_with_bearing(model, z, residual, u, *pair) for pair in model.whiteners]
-    z, log_weight, square = (np.array(part) for part in zip(*shares, strict=True))
-    log_weight -= log_proposal
+    sets = np.array(shares)
+    sets[..., -2] -= log_proposal
     # Sets at which the law overflows have no weight. Their other values must be finite.
-    lost = ~np.isfinite(log_weight)
-    z[lost], log_weight[lost], square[lost] = 0.0, -np.inf, 0.0
-    return z, log_weight, square
+    lost = ~np.isfinite(sets[..., -2])
+    sets[lost], sets[lost, -2] = 0.0, -np.inf
+    return sets
 
 
 def _with_bearing(
     model: MapModel, z: Array, residual: Array, u: Array, whitener: Array, log_share: float
-) -> tuple[Array, Array, Array]:
+) -> Array:
     """Draw b_c and b_v from their conditional posterior for one share c.
 
     z (points, k) has the other coordinates and residual (points, recordings) their error without
-    bearing friction. u (points, k): position in the unit cube. Return z completed, the logarithm of
-    posterior density over the density of b_c and b_v (points,), and the square (points,).
+    bearing friction. u (points, k): position in the unit cube. The columns of the result are the
+    completed z, the logarithm of the posterior over the density of b_c and b_v, and the square.
     """
     from scipy.special import stdtr, stdtrit
 
@@ -213,7 +211,7 @@ def _with_bearing(
         log_density += _log_t(t, freedom) + np.log(spread[i] * x[:, j] / (scale * positive))
         square = square * (1 + t * t / freedom)
     log_posterior = log_share - 0.5 * degrees * np.log(square) + _log_normal(z)
-    return z, log_posterior - log_density, square
+    return np.column_stack([z, log_posterior - log_density, square])
 
 
 def _components(y: Array, weight: Array, divisions: int) -> Mixture:
@@ -231,14 +229,15 @@ def _components(y: Array, weight: Array, divisions: int) -> Mixture:
 
 
 def _halves(group: Indices, y: Array, weight: Array) -> list[Indices]:
-    order = group[np.argsort(y[group] @ _longest_axis(_moments(y[group], weight[group])[1]))]
-    cumulative = np.cumsum(weight[order])
-    return np.split(order, [np.searchsorted(cumulative, cumulative[-1] / 2, side="right")])
+    """Return two halves of equal weight of a group of points."""
+    group = group[_order(y[group], weight[group])]
+    cumulative = np.cumsum(weight[group])
+    return np.split(group, [np.searchsorted(cumulative, cumulative[-1] / 2, side="right")])
 
 
-def _longest_axis(covariance: Array) -> Array:
-    """Return the longest principal axis (d,) of a covariance (d, d)."""
-    return np.asarray(np.linalg.eigh(covariance)[1][:, -1:].sum(axis=1))
+def _order(y: Array, weight: Array) -> Indices:
+    """Return the order of points (points, d) along their longest principal axis."""
+    return np.argsort(y @ np.linalg.eigh(_moments(y, weight)[1])[1][:, -1:].sum(axis=1))
 
 
 def _moments(values: Array, weight: Array) -> tuple[Array, Array]:

@@ -66,6 +66,7 @@ def synthetic(drive, load, law, truth, noise=0.0, rng=None, speeds=SPEEDS) -> To
     return TorqueMap(tuple(f"{v:.2f}" for v in w), w, tau, zero, zero, zero)
 
 
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize(
     ("name", "law", "truth", "fixed"),
     [
@@ -240,6 +241,7 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
         replace(posterior, draws=np.where(np.array(posterior.names) == LAW, 3.0, posterior.draws))
 
 
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("law", LAWS)
 def test_the_law_chosen_has_sets_however_unlikely_its_evidence(law, monkeypatch):
     drive, load = rig("rig3_worm")
@@ -261,6 +263,7 @@ def test_the_law_chosen_has_sets_however_unlikely_its_evidence(law, monkeypatch)
     assert set(fit.correlation_names) <= set(fit.estimates)
 
 
+@pytest.mark.usefixtures("few_points")
 def test_an_outlier_is_listed_and_hardly_counts():
     drive, load = rig("rig3_worm")
     data = synthetic(drive, load, "coulomb", WORM, 0.002, np.random.default_rng(5))
@@ -281,6 +284,7 @@ def test_a_law_that_fits_badly_makes_no_outliers():
     )
 
 
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("name", RIGS)
 def test_shipped_figures_are_fitted_within_two_percent(name):
     drive, load = rig(name)
@@ -315,6 +319,7 @@ def test_coulomb_fit_of_the_worm_rig_gives_the_published_numbers():
     assert fit.estimates["b_v"].value == pytest.approx(b_v, rel=2e-3)
 
 
+@pytest.mark.usefixtures("few_points")
 def test_maps_that_cannot_support_a_fit_are_refused():
     drive, load = rig("rig3_worm")
     data = synthetic(drive, load, "coulomb", WORM)

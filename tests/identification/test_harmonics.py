@@ -114,6 +114,7 @@ def file_of(path: Path, rpm: float, start: float, seed: int, position: bool) -> 
     path.write_text("\n".join(lines), encoding="utf-8")
 
 
+@pytest.mark.usefixtures("few_points")
 def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_recorded(tmp_path):
     (tmp_path / "fit").mkdir()
     for seed, rpm in enumerate((-200, -120, -60, -30, 30, 60, 120, 200)):

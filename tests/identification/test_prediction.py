@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ FOLDERS = {
 needs_recordings = pytest.mark.skipif(not REAL, reason="the recordings are not beside the project")
 
 
+@cache
 def identified(name="rig3_worm"):
     drive = load_drive(DRIVES / f"{name}.yaml")
     data = read_figures(DRIVES / "rig_figures.csv", name)
@@ -150,12 +152,12 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
     unused = {LAW, "mu_stribeck", "stribeck_speed"} if drive.friction.law == "coulomb" else {LAW}
     assert drive.friction.posterior.law_shares(drive.friction.law) == result["law_shares"]
     for name in set(drive.friction.posterior.names) - unused:
-        low, high = drive.friction.posterior.interval(name)
         shown = result["parameters"][name]
-        assert (min(low, shown["value"]), max(high, shown["value"])) == (
-            shown["low"],
-            shown["high"],
-        )
+        low, high = drive.friction.posterior.interval(name)
+        ends = min(low, shown["value"]), max(high, shown["value"])
+        # The end of an interval of 1000 draws has a standard deviation of 2 % of its length.
+        allowed = 0.1 * (shown["high"] - shown["low"])
+        assert ends == pytest.approx((shown["low"], shown["high"]), abs=allowed), name
 
 
 def test_commands_refuse_what_they_cannot_use(tmp_path):
@@ -181,6 +183,7 @@ def test_commands_refuse_what_they_cannot_use(tmp_path):
         identify(tmp_path / "absent.yaml")
 
 
+@pytest.mark.usefixtures("few_points")
 def test_figures_show_both_directions_and_the_prediction(tmp_path):
     drive = load_drive(DRIVES / "rig3_worm.yaml")
     data = read_figures(DRIVES / "rig_figures.csv", "rig3_worm")
@@ -197,6 +200,7 @@ def test_figures_show_both_directions_and_the_prediction(tmp_path):
     assert figure.axes[0].get_ylabel().endswith("(mN·m)")
 
 
+@pytest.mark.usefixtures("few_points")
 def test_the_map_shows_what_further_recordings_stay_within() -> None:
     """A narrow band for their means, in which the measured ones lie, within a wide one for their samples."""
     found = identify("rig1_lead_screw")
@@ -216,6 +220,7 @@ def test_the_map_shows_what_further_recordings_stay_within() -> None:
         assert np.ptp(wide.vertices[:, 1]) > 1.5 * np.ptp(narrow.vertices[:, 1])
 
 
+@pytest.mark.usefixtures("few_points")
 def test_a_shipped_drive_by_its_name_has_its_table_of_figures_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
