@@ -41,7 +41,8 @@ needs_recordings = pytest.mark.skipif(not REAL, reason="the recordings are not b
 def identified(name="rig3_worm"):
     drive = load_drive(DRIVES / f"{name}.yaml")
     data = read_figures(DRIVES / "rig_figures.csv", name)
-    return fit_map(drive, data, drive.rig.F_payload, reference=drive.rig.published).drive
+    law = "stribeck_exponential"
+    return fit_map(drive, data, drive.rig.F_payload, law=law, reference=drive.rig.published).drive
 
 
 def start_stop(rest: float = 2.0, speed: float = 5.0, dt: float = 0.02):
