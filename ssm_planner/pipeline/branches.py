@@ -29,29 +29,23 @@ from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase, other_ends, phases_from, start_configurations
 from ssm_planner.planning.planner import estimated_duration
 from ssm_planner.planning.prechecks import (
-    LONGER,
     bounded_duration,
     eye_forbids_target,
     feasible_phases,
     geometry_of,
     least_duration,
 )
+from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
 from ssm_planner.problem.motion import Free, Joints, Motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 StopAt = Literal["shortest", "nearest", "any"]
-SHORTER = 1e-5
-"""Relative amount by which a motion with other joints must be shorter to be taken."""
 RESCUES = 3
 """Number of alternatives that are planned for a target if the planner's joints give no motion."""
-SPINS, ROUNDING = 181, 1e-9
-"""Number of spins whose bounds are compared, and relative difference below which bounds count as
-equal.
-"""
-LEAST_GAIN = 1e-4
-"""Relative amount by which a bound must be shorter for a free spin to be searched."""
+SPINS = 181
+"""Number of spins whose bounds are compared."""
 SHARES, HALVINGS = 4, 2
 """Number of parts of a range of spins between which motions are planned, and halvings of the step
 about the best spin.
@@ -172,7 +166,7 @@ class _Search:
             for bound, alternative in _alternatives(
                 self.incumbent_problem, phases, (entry, index), self.incumbent
             ):
-                cutoff = self.incumbent.duration * (1 - SHORTER)
+                cutoff = self.incumbent.duration * (1 - GAP)
                 exhausted = (
                     count >= RESCUES
                     if not self.incumbent.passed
@@ -273,7 +267,7 @@ def _alternatives(
             partial(_Candidate.build, problem, mechanism, phases[0].q_start, target=target, q=q),
         )
         bound = candidate.bound(incumbent.planned.phases)
-        in_time = problem.duration is None or bound <= problem.duration * (1 + LONGER)
+        in_time = problem.duration is None or bound <= problem.duration * (1 + SAME)
         if in_time and bound < incumbent.duration:
             alternatives.append(
                 (
@@ -355,9 +349,9 @@ def _with_best_spin(
     )
     duration = next(durations, np.inf)
     configurations, bounds = _spins(problem, mechanism, phase, q)
-    if motion.duration is not None or not bounds.min() < duration * (1 - LEAST_GAIN):
+    if motion.duration is not None or not bounds.min() < duration * (1 - GAP):
         return incumbent, problem
-    spins = configurations[bounds < duration * (1 - LEAST_GAIN), 2]
+    spins = configurations[bounds < duration * (1 - GAP), 2]
     incumbent_problem = problem
     centre = float(q[2])
     step = (spins.max() - spins.min()) / SHARES
@@ -371,7 +365,7 @@ def _with_best_spin(
             alternative = _with_target(
                 problem, entry, len(motion.through), np.array([q[0], q[1], value, q[3]])
             )
-            cutoff = incumbent.duration * (1 - SHORTER)
+            cutoff = incumbent.duration * (1 - GAP)
             expected = _estimated_duration(alternative, (1 + FLAT) * cutoff)
             flat |= abs(expected - previous) < FLAT * previous
             if expected >= cutoff:

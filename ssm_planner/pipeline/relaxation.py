@@ -15,6 +15,7 @@ from typing import Any, Literal
 from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.prechecks import eye_forbids_target
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.limits import (
     ContinuousTorque,
     Duration,
@@ -33,9 +34,6 @@ GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 HALVINGS = 2
 SHARP = 0.9
 """Share of a reported change that gives no motion by itself, as far as the effort allows."""
-BARELY = 1e-6
-"""Relative amount by which a change exceeds the required value, so that rounding does not spoil it.
-"""
 SHARES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
 TOGETHER = 4
@@ -303,14 +301,14 @@ def _smallest(
     """Return the smallest value of one relaxation that gives a motion, within a few per cent."""
 
     def cure(growth: float) -> Cure:
-        value = relaxation.value(growth * (1 + BARELY))
+        value = relaxation.value(growth * (1 + SAME))
         return Cure(relaxation, value, attempt(relaxation.problem(value)))
 
     limit = relaxation.limit
     growths = [
         factor
         for factor in GROWTH
-        if limit.relaxed(relaxation.value(factor * (1 + BARELY))) is not None
+        if limit.relaxed(relaxation.value(factor * (1 + SAME))) is not None
     ]
     if not growths:
         return None

@@ -16,7 +16,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import batch
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.retiming.paths import SplinePath, smooth_runs
+from ssm_planner.planning.retiming.paths import MANY, SplinePath, smooth_runs
 from ssm_planner.plans import Plan
 from ssm_planner.problem.motion import Follow, Joints
 from ssm_planner.problem.problem import Problem
@@ -26,8 +26,6 @@ from ssm_planner.typing import Array
 
 POINTS_PER_PIECE = 4
 """Number of points that are taken from each smooth piece of a trajectory."""
-MOST = 20_000
-"""Largest number of points of a path."""
 
 
 @checked
@@ -123,8 +121,8 @@ def retiming_problem(
         If the path does not move or has too many points.
     """
     q = _points(path) if isinstance(path, Reading) else batch("path", path, 4)
-    if len(q) > MOST:
-        raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MOST}")
+    if len(q) > MANY:
+        raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MANY}")
     scale = np.array([joint.velocity for joint in robot.joints])
     runs = smooth_runs(q, scale)
     if not runs:
@@ -154,8 +152,8 @@ def _points(reading: Reading) -> Array:
     """Return positions (n, 4) along a motion: its points, and more of them on smooth pieces."""
     breaks = reading.trajectory.breaks
     count = 1 if reading.resolution is not None else POINTS_PER_PIECE
-    if count * len(breaks) > MOST:
-        allowed = f"at most {MOST // count}"
+    if count * len(breaks) > MANY:
+        allowed = f"at most {MANY // count}"
         raise ProblemError(f"{len(breaks)} points", key="path", allowed=allowed)
     fractions = np.arange(count) / count
     times = (breaks[:-1, None] + fractions * np.diff(breaks)[:, None]).ravel()

@@ -28,11 +28,13 @@ from ssm_planner.pipeline.folder import NO_PLAN, write_folder
 from ssm_planner.pipeline.relaxation import search
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
 from ssm_planner.planning.cache import cache_scope
+from ssm_planner.planning.candidates.stop_first import stopping_point
 from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.prechecks import exceeds_thermal_bound
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Free, Joints, Motion, Point, Straight, Task
@@ -45,10 +47,6 @@ from ssm_planner.typing import Array
 from ssm_planner.verification.limits import JUMP
 from ssm_planner.verification.promises import WayKept, promises_kept
 
-ROUNDING = 1e-12
-"""Share of the largest rate below which a rate counts as zero."""
-ROOM = 1.1
-"""Distance that joints get to stop, divided by their shortest braking distance."""
 P = ParamSpec("P")
 T = TypeVar("T")
 _ONE_AT_A_TIME = RLock()
@@ -268,16 +266,14 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
         )
     state = motion.sample(motion.breaks[0] + at)
     robot = problem.robot
-    velocity, acceleration = np.array(
-        [(joint.velocity, joint.acceleration) for joint in robot.joints]
-    ).T
+    velocity = np.array([joint.velocity for joint in robot.joints])
     q, qd = state.q[0], state.qd[0]
     # A smaller velocity is no step for the check.
     qd = np.where(np.abs(qd) > JUMP * velocity, qd, 0.0)
     rates = task_rates(Mechanism.from_geometry(robot.geometry), q[None], qd[None])[0]
     entries, largest_rate = problem.motion, np.abs(rates).max()
     if qd.any() and not isinstance(entries[0], Free):
-        stop = q + ROOM * qd * np.abs(qd) / (2 * acceleration)
+        stop = stopping_point(robot, q, qd)
         entries = (Free(Joints(_four(stop)), name="stop"), *entries)
     start_rate = {
         name: float(rate)

@@ -26,6 +26,7 @@ import numpy as np
 
 from ssm_planner.pipeline.certified import Outcome, checked
 from ssm_planner.planning.planner import joined
+from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.motion import Follow, Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
@@ -37,8 +38,6 @@ STRETCHES: tuple[float, ...] = (1.2, 2.0, 5.0)
 """Stretches of all phases that are tried in turn if the hot motors rest in no phase."""
 RESERVE, STEPS = 2e-3, 6
 """Share of the allowed heat that may remain unused, and number of trials to reach it."""
-BARELY = 1e-6
-"""Relative amount by which a rest exceeds the necessary one, because of rounding."""
 
 
 def quickly(problem: Problem) -> Problem:
@@ -188,7 +187,7 @@ class ThermalSearch:
     def _time_to_cool(self, outcome: Outcome) -> float:
         """Return the rest after which the hottest motor of a motion is cool, s."""
         duration = sum(phase.duration for phase in outcome.planned.phases)
-        excess = max(outcome.excess_heat or 0.0, 0.0) + BARELY
+        excess = max(outcome.excess_heat or 0.0, 0.0) + SAME
         return excess * (duration + (self.problem.duty or 0.0))
 
     def _rested(self, outcome: Outcome) -> float:

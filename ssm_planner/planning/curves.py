@@ -16,6 +16,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_of_task, pose_from_task, task_from_joints
 from ssm_planner.planning.retiming.paths import TipPath
 from ssm_planner.planning.scan_pattern import refuse_tilt, tips_over_retina
+from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Follow, Joints, Point, Task, Tip
 from ssm_planner.problem.problem import Problem
@@ -23,12 +24,6 @@ from ssm_planner.typing import Array, Mask
 
 Curve = tuple[Array, float]
 """Terms (4, 3) and angle of a TipPath."""
-NOWHERE = 1e-9
-"""A motion over a smaller distance (rad, m) counts as none."""
-FLAT = 1e-6
-"""Sine of the angle between two sides of a triangle below which the three points lie on a line."""
-LOOKS = 401
-"""Number of points of a line or arc at which reachability is tested."""
 NEAR_CENTRE = 1e-5
 """Smallest distance of a line or arc from the remote centre, m.
 
@@ -36,8 +31,6 @@ Closer to it the joints cannot follow.
 """
 AT_START = np.array([1e-4, 1e-4, 1e-4, 1e-5])
 """Distances (rad, m) within which the first point of a table counts as the present position."""
-OVER_RETINA = 1e-7
-"""Distance within which the tip counts as being at its distance from the retina, m."""
 
 
 def points_of_curve(
@@ -114,7 +107,7 @@ def _unreached(problem: Problem, motion: Follow, tip: Tip, k: int) -> ProblemErr
 def without_repeats(points: Array) -> Array:
     """Return points (n, 4) without those that equal their predecessor."""
     return np.asarray(
-        points[np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > NOWHERE)]
+        points[np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > ROUNDING)]
     )
 
 
@@ -195,9 +188,9 @@ def tip_curve(
         joints = np.vstack([q, q])
         spins = [float(task[2]), float(end[2])]
     if (
-        np.abs(joints - q).max() < NOWHERE
-        and np.abs(tips - tips[0]).max() < NOWHERE
-        and np.ptp(spins) < NOWHERE
+        np.abs(joints - q).max() < ROUNDING
+        and np.abs(tips - tips[0]).max() < ROUNDING
+        and np.ptp(spins) < ROUNDING
     ):
         return q
     curve = _arc(tips) if motion.curve == "arc" else _line(tips)
@@ -207,7 +200,7 @@ def tip_curve(
     allowed = "points that a circle passes"
     if curve is not None:
         terms, angle = curve
-        if motion.constant_speed is not None and np.abs(tips - tips[0]).max() < NOWHERE:
+        if motion.constant_speed is not None and np.abs(tips - tips[0]).max() < ROUNDING:
             reason = "the tip does not move, so it cannot keep a speed"
             allowed = "a motion of the tip, or no constant_speed"
             raise ProblemError(
@@ -223,7 +216,7 @@ def tip_curve(
         path = TipPath(
             mechanism, terms, angle, (spins[0], spins[-1]), branch=branch, first=q, watched=driven
         )
-        samples = path.tips(np.linspace(0.0, 1.0, LOOKS))
+        samples = path.tips(np.linspace(0.0, 1.0, SAMPLES))
         distance = np.linalg.norm(samples, axis=1).min()
         allowed = "a curve within the workspace, away from the remote centre"
         reason = f"the mechanism cannot bring the tip along all of this {motion.curve}"
@@ -231,7 +224,7 @@ def tip_curve(
             if distance >= NEAR_CENTRE:
                 return path
             reason = f"the tip would pass the remote centre along this {motion.curve}"
-            if motion.curve == "line" and np.abs((joints[-1] - q)[:2]).max() < NOWHERE:
+            if motion.curve == "line" and np.abs((joints[-1] - q)[:2]).max() < ROUNDING:
                 return np.asarray(joints[-1])
     raise ProblemError(reason, file=problem.file, line=motion.line, allowed=allowed)
 
@@ -249,7 +242,7 @@ def at_distance(
     """Return the joints q (4,) with the depth at which the tip has its distance from the retina."""
     tip = tip_position(mechanism, q[None])
     target = _over_retina(problem, mechanism, motion, task)
-    if np.linalg.norm(target - tip) <= OVER_RETINA:
+    if np.linalg.norm(target - tip) <= SAME:
         return q
     return np.append(q[:3], mechanism.insertion_sign * np.linalg.norm(target))
 
@@ -282,7 +275,7 @@ def _arc(tips: Array) -> Curve | None:
     u, v = tips[1] - tips[0], tips[2] - tips[0]
     normal = np.cross(u, v)
     size = float(normal @ normal)
-    if size <= (FLAT * np.linalg.norm(u) * np.linalg.norm(v)) ** 2:
+    if size <= (SAME * np.linalg.norm(u) * np.linalg.norm(v)) ** 2:
         return None
     centre = tips[0] + ((u @ u) * np.cross(v, normal) + (v @ v) * np.cross(normal, u)) / (2 * size)
     start, normal = tips[0] - centre, normal / np.sqrt(size)

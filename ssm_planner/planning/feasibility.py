@@ -29,6 +29,7 @@ from ssm_planner.planning.phases import Phase, reversal_ranges, straight_path
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
+from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     TASK,
@@ -47,20 +48,6 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array
 from ssm_planner.units import display_unit
-
-SAMPLES = 201
-"""Number of samples of a path."""
-CLOSE = 2001
-"""Number of samples of a path that replaces a free motion beside an eye."""
-TOLERANCE = 1e-9
-"""Tolerance, as a share of a range, a velocity or an acceleration, and in m and shares of the lens
-for the tip.
-"""
-AT_POINTS = 1e-6
-"""Amount (rad or m) by which a task coordinate of joints may miss its range.
-
-The check of the motion is finer.
-"""
 
 
 def infeasible_place(
@@ -103,7 +90,7 @@ def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array
 
     def ranges() -> Iterator[tuple[Limit, str, Array, float]]:
         for i, joint in enumerate(problem.robot.joints):
-            tolerance = TOLERANCE * (joint.position[1] - joint.position[0])
+            tolerance = ROUNDING * (joint.position[1] - joint.position[0])
             yield (
                 joint.limit(JointPosition),
                 f"joint {joint.name} would have to reach",
@@ -119,7 +106,7 @@ def _beyond_range(problem: Problem, mechanism: Mechanism, phase: Phase, q: Array
                     wrapped if limit.high - limit.low >= 2 * np.pi else continuous
                     # A range of a turn or more excludes no angle, so values may be wrapped.
                 )
-                yield limit, f"{name} would have to be", task[:, TASK.index(name)], AT_POINTS
+                yield limit, f"{name} would have to be", task[:, TASK.index(name)], SAME
 
     for limit, description, values, tolerance in ranges():
         over = np.maximum(limit.low - values, values - limit.high)
@@ -170,7 +157,7 @@ def _past_boundary(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reas
         tilts = task_from_joints(mechanism, there)[:, 1]
         over = np.maximum(limit.low - tilts, tilts - limit.high)
         tilt = float(tilts[np.argmax(over)])
-        if over.max() > AT_POINTS:
+        if over.max() > SAME:
             location = f"{phase.motion.name}, between its points {k} and {k + 1}"
             text = (
                 f"joint {name} passes the workspace boundary between {low * scale:.6g} {unit} and "
@@ -190,7 +177,7 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase, q: Arra
         value, smallest = values[limit.name]
         k = int(np.argmin(value))
         distance = float(value[k])
-        if distance >= smallest - TOLERANCE:
+        if distance >= smallest - ROUNDING:
             continue
         location = _location_text(phase, k, len(q))
         if isinstance(limit, RetinaClearance):
@@ -228,12 +215,12 @@ def straight_instead(problem: Problem, mechanism: Mechanism, phase: Phase) -> Ph
     None if the line is not possible, or if a limit forbids a place on it.
     """
     # The line in task coordinates must differ from the one in the joints.
-    ways_differ = np.abs((phase.end - phase.start)[:2]).max() > TOLERANCE
+    ways_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING
     if len(phase.points) != 2 or phase.qd_start.any() or phase.qd_end.any() or not ways_differ:
         return None
     start, end = phase.points
     path = straight_path(problem, mechanism, phase.start, phase.end, start)
-    if np.abs(path.sample(np.array([1.0])).q[0] - end).max() > TOLERANCE:
+    if np.abs(path.sample(np.array([1.0])).q[0] - end).max() > ROUNDING:
         return None
     straight = replace(phase, path=path)
     if infeasible_place(problem, mechanism, (straight,)) is not None or _grazes_eye(problem, path):
@@ -249,13 +236,13 @@ def _grazes_eye(problem: Problem, path: JointPath) -> bool:
     if problem.eye is None:
         return False
     for name in (limit.name for limit in problem.eye.limits):
-        s = np.linspace(0.0, 1.0, CLOSE)
+        s = np.linspace(0.0, 1.0, SAMPLES)
         for _ in range(2):
             values, smallest = eye_limits(
                 NUMPY, problem.eye, tip_position(path.mechanism, path.sample(s).q).T
             )[name]
             k = int(np.argmin(values))
-            if values[k] < smallest - TOLERANCE:
+            if values[k] < smallest - ROUNDING:
                 return True
             s = np.linspace(s[max(k - 1, 0)], s[min(k + 1, len(s) - 1)], SAMPLES)
     return False
@@ -313,7 +300,7 @@ def _with_rate(
     if phase.path is not None:
         _refuse_off_line(problem, mechanism, phase, key, rate)
     qd = joint_rates(mechanism, phase.points[0 if at_start else -1], rate)
-    qd[np.abs(qd) < TOLERANCE * np.array([joint.velocity for joint in problem.robot.joints])] = 0.0
+    qd[np.abs(qd) < ROUNDING * np.array([joint.velocity for joint in problem.robot.joints])] = 0.0
     reason = _too_fast(problem, mechanism, (phase, key), qd)
     return replace(phase, qd_start=qd) if at_start else replace(phase, qd_end=qd), reason
 
@@ -344,7 +331,7 @@ def _too_fast(
     for i, joint in enumerate(problem.robot.joints):
         limit = joint.limit(JointVelocity)
         unit, scale = display_unit(limit.unit)
-        if abs(qd[i]) > joint.velocity * (1 + TOLERANCE):
+        if abs(qd[i]) > joint.velocity * (1 + ROUNDING):
             text = (
                 f"joint {joint.name} would move at {scale * abs(qd[i]):.4g} {unit}, but its "
                 f"limit is {scale * limit.largest:.4g} {unit} ({location})"
@@ -363,7 +350,7 @@ def _too_far_to_stop(
     if limit is None:
         return None
     travel = float(braking_travel(mechanism, problem.robot, q[None], qd[None])[0])
-    if travel <= limit.largest * (1 + TOLERANCE):
+    if travel <= limit.largest * (1 + ROUNDING):
         return None
     text = (
         f"the tip needs {1e3 * travel:.4g} mm to stop, but only "
@@ -388,7 +375,7 @@ def _too_near(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | 
         final = float(phase.qd_end[i])
         distance = float(np.abs(np.diff(q[:, i])).sum())
         needed = abs(initial**2 - final**2) / (2 * distance) if distance > 0 else 0.0
-        if needed > joint.acceleration * (1 + TOLERANCE):
+        if needed > joint.acceleration * (1 + ROUNDING):
             unit, scale = display_unit(joint.limit(JointPosition).unit)
             text = (
                 f"joint {joint.name} has {scale * distance:.4g} {unit} to change its velocity from "
@@ -415,7 +402,7 @@ def _beyond_room(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason
     for (qd, side, sign, phrase), (i, joint) in product(ends, enumerate(problem.robot.joints)):
         there = phase.points[side].copy()
         there[i] += sign * qd[i] * abs(qd[i]) / (2 * joint.acceleration)
-        if ranges[0, i] - AT_POINTS <= there[i] <= ranges[1, i] + AT_POINTS:
+        if ranges[0, i] - SAME <= there[i] <= ranges[1, i] + SAME:
             continue
         limit: Limit = joint.limit(JointPosition)
         value, name = float(there[i]), f"joint {joint.name}"
@@ -576,7 +563,7 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
             total = total + bound
             slow_limit = slow_limit if duration else min(slow_limit, mean)
         needed = min(slow_limit, math.sqrt(moving / (total + pause)))
-        if needed > motor.nominal_torque * (1 + TOLERANCE) and (
+        if needed > motor.nominal_torque * (1 + ROUNDING) and (
             hottest is None or needed / motor.nominal_torque > hottest[0]
         ):
             joint = robot.joints[i]

@@ -12,13 +12,13 @@ import numpy as np
 
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem.limits import TASK, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices
 
-MOVES, ROUNDING = 1e-12, 1e-9
 NONE = TaskLimits()
 
 
@@ -172,7 +172,7 @@ def minimum_times(
     start = sign * speeds[0]
     end = sign * speeds[1]
     direct = (start + end) / 2 * np.abs(end - start) / acceleration
-    at_once = np.abs(distance - direct) <= MOVES + ROUNDING * np.abs(direct)
+    at_once = np.abs(distance - direct) <= ROUNDING * (1 + np.abs(direct))
     # A joint that cannot stop in time overshoots and comes back.
     side = np.where(distance < direct, -1.0, 1.0)
     distance = side * distance
@@ -195,7 +195,7 @@ def _time(robot: Robot, i: int, *, positions: Array, speeds: Array, velocity: fl
         # The velocity is zero at a reversal. With a jerk limit the acceleration need not be.
         jerk = joint.jerk if len(runs) == 1 else None
         return sum(rest_time(run, velocity, acceleration, jerk) for run in runs)
-    nonzero = steps[np.abs(steps) > MOVES]
+    nonzero = steps[np.abs(steps) > ROUNDING]
     if len(runs) < 2:
         return minimum_time(float(nonzero.sum()), velocity, acceleration, (speeds[0], speeds[1]))
     # The joint rests where it reverses, beyond the point if it cannot stop before.
@@ -214,7 +214,7 @@ def _runs(positions: Array) -> list[float]:
     """Return the distances between the reversals of a joint."""
     runs: list[float] = []
     for step in np.diff(positions).tolist():
-        if abs(step) <= MOVES:
+        if abs(step) <= ROUNDING:
             continue
         if runs and runs[-1] * step > 0:
             runs[-1] += step
@@ -393,5 +393,5 @@ def least_times(robot: Robot, displacements: Array, distances: Array, limits: Ta
             peak = (-half + np.sqrt(half**2 + 4 * a * distance)) / 2
             speed = np.minimum(v, np.where(peak >= half, peak, np.cbrt(distance**2 * j / 4)))
             ramp = np.where(speed >= half, speed / a + a / j, 2 * np.sqrt(speed / j))
-        times = np.maximum(times, ramp + distance / np.maximum(speed, MOVES))
+        times = np.maximum(times, ramp + distance / np.maximum(speed, ROUNDING))
     return np.asarray(times)

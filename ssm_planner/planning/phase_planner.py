@@ -25,20 +25,16 @@ from ssm_planner.planning.ocp.nlp import Method, PhaseSolution, Reversals
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
 from ssm_planner.planning.postprocess import BETWEEN, retimed, slowed_to_stop
-from ssm_planner.planning.prechecks import LONGER
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
-from ssm_planner.planning.retiming.retime import Retiming, retime, stays_at
+from ssm_planner.planning.retiming.retime import retime, stays_at
+from ssm_planner.planning.tolerances import GAP, SAME
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.motion import Follow
 from ssm_planner.problem.value import unchecked
 
 METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipopt": "Ipopt"}
 """Solution methods by the name of the planner."""
-CREEPING = 10.0
-"""Largest ratio of TOPP-RA's duration to the lower bound at which its motion serves as a guess."""
-PACES = 2e-4
-"""Relative accuracy to which the largest feasible constant speed is found."""
 
 
 class PhasePlanner(PhaseTask):
@@ -75,7 +71,7 @@ class PhasePlanner(PhaseTask):
         *,
         cutoff: float = np.inf,
         count: int | None = None,
-        stop_early: bool = False,
+        finish: bool = True,
     ) -> PlannedPhase | Reason:
         """Return a motion whose path the solver chooses.
 
@@ -87,9 +83,8 @@ class PhasePlanner(PhaseTask):
             Duration in s beyond which a motion is not refined any further.
         count : int or None
             Number of elements. None: chosen by the kind of motion.
-        stop_early : bool
-            Stop the refinement when the remaining violations barely change the duration. The motion
-            then has a `continuation`.
+        finish : bool
+            False: only return the fastest motion. It then has a `continuation`.
         """
         phase = self.phase
         direct = PolylinePath(self.mechanism, phase.points)
@@ -111,7 +106,7 @@ class PhasePlanner(PhaseTask):
             reversals=reversals,
             cutoff=cutoff,
             count=count,
-            stop_early=stop_early,
+            finish=finish,
         )
         jerky = not at_rest and limits_jerk(self.problem.robot)
         fewer = ELEMENTS if len(phase.points) > 2 and count is None and not jerky else None
@@ -132,7 +127,7 @@ class PhasePlanner(PhaseTask):
                 return Reason(None, None, None, None, motion.message)
             return no_motion(self.problem, self.phase, path, motion.message)
         duration = self.phase.motion.duration
-        if duration is not None and motion.duration > duration * (1 + LONGER):
+        if duration is not None and motion.duration > duration * (1 + SAME):
             return duration_too_short(self.phase.motion.name, duration, motion.duration)
         return PlannedPhase(self.phase, motion, toppra_duration, duration or self.lower_bound)
 
@@ -184,7 +179,7 @@ class PhasePlanner(PhaseTask):
         if is_feasible(speed):
             return retimed(with_tip_speed(speed), path)
         slow, fast = 0.0, speed
-        while fast - slow > PACES * speed:
+        while fast - slow > GAP * speed:
             middle = (slow + fast) / 2
             slow, fast = (middle, fast) if is_feasible(middle) else (slow, middle)
         return not_constant(self.phase.motion.name, speed, slow)
@@ -193,26 +188,21 @@ class PhasePlanner(PhaseTask):
         """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA."""
         problem = self.problem
         duration = self.phase.motion.duration
-        retiming = self._guess(path, static=True)
+        speeds = path.speed_at(0.0, self.phase.qd_start), path.speed_at(1.0, self.phase.qd_end)
+        retiming = retime(path, problem.robot, path.intervals, problem.task_limits, speeds)
         if not retiming.solved:
             return no_motion(problem, self.phase, path, retiming.message)
-        guess = retiming
-        if retiming.duration > CREEPING * self.lower_bound:
-            # A motor that barely starts creeps through TOPP-RA's first interval, because static
-            # friction holds on all of it. A real motor breaks away at a point.
-            kinetic = self._guess(path, static=False)
-            guess = kinetic if kinetic.solved else retiming
         solve = partial(
             solve_straight,
             problem.robot,
             path,
-            guess,
+            retiming,
             limits=problem.task_limits,
             strict=self.strict,
             cooling=self.cooling,
             objective=problem.objective,
             duration=duration,
-            speeds=self._speeds(path),
+            speeds=speeds,
         )
         result = self.phase_result(
             path, self._solved(solve), None if duration else retiming.duration
@@ -220,16 +210,6 @@ class PhasePlanner(PhaseTask):
         if isinstance(result, Reason) and self._may_be_retimed(path):
             return retimed(self, path)
         return result
-
-    def _guess(self, path: JointPath, *, static: bool) -> Retiming:
-        """Return TOPP-RA's motion, with or without static friction at the start."""
-        limits = self.problem.task_limits
-        speeds = self._speeds(path)
-        return retime(path, self.problem.robot, path.intervals, limits, speeds, static=static)
-
-    def _speeds(self, path: JointPath) -> tuple[float, float]:
-        """Return ṡ at both ends, 1/s."""
-        return path.speed_at(0.0, self.phase.qd_start), path.speed_at(1.0, self.phase.qd_end)
 
     def _may_be_retimed(self, path: JointPath) -> bool:
         """Return True if TOPP-RA alone may time the path.

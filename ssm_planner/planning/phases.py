@@ -15,7 +15,6 @@ from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import theta2_from_tilt
 from ssm_planner.planning.curves import (
-    NOWHERE,
     at_distance,
     driven_joints,
     points_of_curve,
@@ -31,6 +30,7 @@ from ssm_planner.planning.retiming.paths import (
     smooth_runs,
 )
 from ssm_planner.planning.scan_pattern import refuse_tilt, visits_of
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import (
     ALONE,
@@ -242,7 +242,7 @@ def _straight_phase(
     end = _task_of(
         problem, mechanism, motion.to, start, "to" if key_of(motion) in ALONE else "to.tilt"
     )
-    if np.abs(end - start).max() < NOWHERE:
+    if np.abs(end - start).max() < ROUNDING:
         return Phase(motion, start, start, np.stack([q, q]), None)
     path = straight_path(problem, mechanism, start, end, q)
     return Phase(motion, start, end, path.sample(np.array([0.0, 1.0])).q, path)
@@ -257,7 +257,7 @@ def _free_phase(
     for k in range(len(motion.through) + 1):
         with within("to" if k == len(motion.through) else f"through[{k}]"):
             point = _free_end(problem, mechanism, _target(motion, k, end), end, points[-1])
-        if np.abs(point - points[-1]).max() < NOWHERE:
+        if np.abs(point - points[-1]).max() < ROUNDING:
             continue
         points.append(point)
         end = task_from_joints(mechanism, point[None, :], near=end)[0]
@@ -332,7 +332,7 @@ def _tip_phase(
     path: JointPath | Array = tip_curve(problem, mechanism, motion, start, q)
     if not isinstance(path, JointPath):
         end_joints = path
-        if np.abs(end_joints - q).max() < NOWHERE:
+        if np.abs(end_joints - q).max() < ROUNDING:
             return Phase(motion, start, start, np.stack([q, q]), None)
         path = straight_path(
             problem,
@@ -434,7 +434,7 @@ def other_ends(problem: Problem, mechanism: Mechanism, phase: Phase, index: int)
             _turns_within(float(angle), *limits) for angle, limits in zip(q, ranges, strict=False)
         ]
         ends += [np.array([*angles, q[3]]) for angles in product(*turns)]
-    return [q for q in ends if np.abs(q - point).max() > NOWHERE]
+    return [q for q in ends if np.abs(q - point).max() > ROUNDING]
 
 
 def _turns_within(angle: float, low: float, high: float) -> list[float]:
@@ -442,7 +442,7 @@ def _turns_within(angle: float, low: float, high: float) -> list[float]:
     return [
         candidate
         for k in (0, -1, 1)
-        if low - NOWHERE <= (candidate := angle + 2 * np.pi * k) <= high + NOWHERE
+        if low - ROUNDING <= (candidate := angle + 2 * np.pi * k) <= high + ROUNDING
     ]
 
 
@@ -463,7 +463,7 @@ def _solutions(
         )
         depth = mechanism.insertion_sign * solutions.joints[0, :, 3]
         low, high = problem.ranges.get("depth", (-np.inf, np.inf))
-        solutions.reaches[0] &= (depth >= low - NOWHERE) & (depth <= high + NOWHERE)
+        solutions.reaches[0] &= (depth >= low - ROUNDING) & (depth <= high + ROUNDING)
         if not solutions.reaches[0].any():
             raise ProblemError(
                 "the mechanism cannot bring the tip there within the depth range",

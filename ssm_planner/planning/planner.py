@@ -22,19 +22,17 @@ from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.postprocess import cross_checked
-from ssm_planner.planning.prechecks import LONGER, bounded_duration, feasible_phases
+from ssm_planner.planning.prechecks import bounded_duration, feasible_phases
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath, StraightPath
 from ssm_planner.planning.search import SearchResult, find_fastest
+from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.typing import Array
-
-SAME = 1e-5
-"""Relative difference below which two durations count as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +156,7 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf) -> float:
     """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phases, reason = feasible_phases(problem, mechanism)
-    cutoff = min(cutoff, np.inf if problem.duration is None else problem.duration * (1 + LONGER))
+    cutoff = min(cutoff, np.inf if problem.duration is None else problem.duration * (1 + SAME))
     of_time = unchecked(problem, objective="time")
     planners = [
         PhasePlanner(
@@ -229,7 +227,7 @@ def _with_durations(
         bounded_duration(solver.problem, solver.mechanism, phase)
         for solver, phase in zip(planners, phases, strict=True)
     )
-    if sum(bounds) > duration * (1 + LONGER):
+    if sum(bounds) > duration * (1 + SAME):
         # The duration is too short. Only the amount is needed for the message, so Ipopt need not
         # confirm it.
         planners = [solver.unconfirmed for solver in planners]

@@ -15,9 +15,8 @@ from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
-from ssm_planner.planning.retiming.paths import JointPath, MotionPath
+from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.retime import (
-    POINTS,
     Retiming,
     motion_along,
     retime,
@@ -29,10 +28,6 @@ TOPPRA = "TOPP-RA"
 """Name of the solver of a motion whose timing is TOPP-RA's."""
 LONGER_THAN_TOPPRA = 1.003
 """Ratio to TOPP-RA's duration beyond which a motion takes TOPP-RA's timing along its path."""
-FAR = 1.001
-"""Ratio of TOPP-RA's duration for the guess to that of the motion, beyond which it is computed for
-the motion.
-"""
 BETWEEN = 2e-5
 """Relative margin that TOPP-RA's motion keeps from the limits for the time between its grid points.
 """
@@ -41,16 +36,14 @@ BETWEEN = 2e-5
 def cross_checked(task: PhaseTask, result: PlannedPhase, *, may_retime: bool) -> PlannedPhase:
     """Return a motion with TOPP-RA's duration along its path, retimed if that is much shorter.
 
-    A motion along a given path has TOPP-RA's duration from its guess. If the guess is much slower
-    than the motion, because a motor barely starts and creeps through the first grid interval, the
-    duration is computed along the motion itself. `may_retime` allows TOPP-RA's timing.
+    A motion along a given path has TOPP-RA's duration from its guess. `may_retime` allows TOPP-RA's
+    timing.
     """
     phase = result.phase
-    guess = result.toppra_duration
     duration = result.duration
     if phase.stands or phase.motion.duration is not None:
         return result
-    if phase.path is None or not (guess is None or guess <= FAR * duration):
+    if phase.path is None:
         retiming = _retime_along(task, result.motion)
         result = replace(result, toppra_duration=retiming.duration if retiming.converged else None)
     toppra = result.toppra_duration
@@ -83,7 +76,7 @@ def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
     if limit is None or not motion.solved:
         return motion
     path = path_of(task.mechanism, task.phase, motion)
-    samples = path.trajectory.sample(np.linspace(0.0, motion.duration, POINTS))
+    samples = path.trajectory.sample(np.linspace(0.0, motion.duration, FEW))
     travel = braking_travel(task.mechanism, task.problem.robot, samples.q, samples.qd)
     return motion if travel.max() <= limit.largest else _with_toppra_timing(task, motion, path)[1]
 

@@ -13,11 +13,9 @@ from ssm_planner.planning.feasibility import infeasible_place, motor_too_hot, wi
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.problem.problem import Problem
-
-LONGER = 1e-6
-"""Relative amount by which a motion may take longer than requested."""
 
 
 def feasible_phases(
@@ -105,4 +103,4 @@ def bounded_duration(problem: Problem, mechanism: Mechanism, phase: Phase) -> fl
     if phase.stands:
         return duration or 0.0
     bound = least_duration(problem, mechanism, phase)
-    return bound if duration is None else duration if bound <= duration * (1 + LONGER) else np.inf
+    return bound if duration is None else duration if bound <= duration * (1 + SAME) else np.inf

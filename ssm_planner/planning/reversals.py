@@ -16,34 +16,30 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.planning.ocp.nlp import DirectionMultipliers, PhaseSolution, Reversals
+from ssm_planner.planning.ocp.turning import LEAST_SEGMENT
 from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.tolerances import GAP
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask
 
 MULTIPLIER = 1e-3
 """Sum of the multipliers of one joint over a stretch of time above which its direction is opened.
 """
-GAIN = 1e-4
-"""Relative saving of the duration that every round must reach."""
 SHARES = (0.2, 1.0)
 """Thresholds relative to the largest sum: all stretches above the first one are opened together.
 
 The next threshold is used if the solver fails.
 """
-GAP = 4e-3
-"""Smallest distance of two borders, as a share of the duration."""
 ROUNDING = 1e-3
 """Share of the largest multiplier, or of a joint's largest velocity, that counts as 0."""
-ELEMENTS, FINAL_ELEMENTS = 40, 60
-"""Half the number of elements, during refinement and for the final solution."""
 
 
 def refine_directions(
     phase: Phase,
     motion: PhaseSolution,
     solve: Callable[[Reversals, float], PhaseSolution | None],
-) -> Reversals | None:
-    """Return the reversals of the fastest motion found, or None if none saves time.
+) -> PhaseSolution | None:
+    """Return the fastest motion found with reversals, or None if none saves time.
 
     Parameters
     ----------
@@ -57,17 +53,17 @@ def refine_directions(
 
     Returns
     -------
-    Reversals or None
-        The reversals, with the fastest motion as guess.
+    PhaseSolution or None
+        The motion.
     """
-    incumbent, cutoff = motion, (1 - GAIN) * motion.duration
+    incumbent, cutoff = motion, (1 - GAP) * motion.duration
     while True:
         attempts = (suggest_reversals(phase, incumbent, share) for share in SHARES)
         solved = (solve(reversals, cutoff) for reversals in attempts if reversals is not None)
         faster = next((candidate for candidate in solved if candidate is not None), None)
         if faster is None or faster.duration >= cutoff:
-            return None if incumbent is motion else current_reversals(phase, incumbent)
-        incumbent, cutoff = faster, (1 - GAIN) * faster.duration
+            return None if incumbent is motion else incumbent
+        incumbent, cutoff = faster, (1 - GAP) * faster.duration
 
 
 def suggest_reversals(
@@ -168,7 +164,7 @@ def _borders(multipliers: DirectionMultipliers, directions: Array) -> Array:
     The points are included.
     """
     instants, points = multipliers.instants, multipliers.points
-    gap = GAP * instants[-1]
+    gap = LEAST_SEGMENT * instants[-1]
     changes = instants[1:-1][np.any(directions[1:] != directions[:-1], axis=1)]
     borders = points.tolist()
     for instant in changes:

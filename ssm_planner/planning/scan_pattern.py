@@ -17,6 +17,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import pose_from_task
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.lower_bound import least_times
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Tip
 from ssm_planner.problem.problem import Eye, Problem
@@ -26,8 +27,8 @@ STARTS, MANY = 8, 300
 """Number of first spots from which an order is sought, and number of spots above which only one is
 tried.
 """
-SWEEPS, LEAST_GAIN = 50, 1e-9
-"""Largest number of improvement rounds, and smallest saving that counts as an improvement, s."""
+SWEEPS = 50
+"""Largest number of improvement rounds."""
 
 
 def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> list[Motion]:
@@ -245,7 +246,7 @@ def _improved(tour: Indices, times: Array) -> Indices:
             j = np.arange(i + 1, n)
             gain = times[tour[i - 1], tour[i]] + times[tour[j], tour[j + 1]]
             gain = gain - times[tour[i - 1], tour[j]] - times[tour[i], tour[j + 1]]
-            if gain.max() > LEAST_GAIN:
+            if gain.max() > ROUNDING:
                 end = int(j[np.argmax(gain)])
                 tour = np.concatenate([tour[:i], tour[i : end + 1][::-1], tour[end + 1 :]])
         for length in (1, 2, 3):
@@ -274,6 +275,6 @@ def _move_run(tour: Indices, i: int, length: int, times: Array) -> Indices:
     ]
     reverse = int(np.min(costs[1]) < np.min(costs[0]))
     k = int(np.argmin(costs[reverse]))
-    if saved - costs[reverse][k] <= LEAST_GAIN:
+    if saved - costs[reverse][k] <= ROUNDING:
         return tour
     return np.concatenate([remaining[: k + 1], run[::-1] if reverse else run, remaining[k + 1 :]])

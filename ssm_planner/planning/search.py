@@ -13,9 +13,7 @@ from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
-
-GAP = 1e-4
-"""Relative difference of durations below which no faster motion is looked for."""
+from ssm_planner.planning.tolerances import GAP
 
 SearchResult = tuple[PlannedPhase | Reason, list[Attempt]]
 """The fastest motion, or the reason of the failure, and all attempts."""

@@ -15,18 +15,16 @@ import numpy as np
 from ssm_planner.planning.lower_bound import minimum_times
 from ssm_planner.planning.ocp.nlp import Reversals
 from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
 
 PAYS = 2e-3
 """Relative saving that velocities at points must reach."""
 SOLVES = 60
-ENOUGH = 1e-6
-DIFFERENCE = 1e-6
+"""Largest number of iterations."""
 IDLE = 5e-4
-"""Largest number of iterations, tolerance, step of finite differences, and relative saving below
-which a velocity is dropped.
-"""
+"""Relative saving below which a velocity is dropped."""
 
 
 def passing_turns(problem: Problem, phase: Phase) -> Reversals | None:
@@ -122,7 +120,7 @@ class _Passing:
             f_ieqcons=spare,
             fprime_ieqcons=spare_slope,
             iter=SOLVES,
-            acc=ENOUGH,
+            acc=SAME,
             iprint=0,
         )
         result = np.clip(solution[n:].reshape(-1, 4) * limits, low, high)
@@ -141,8 +139,8 @@ class _Passing:
         # varied at once.
         for parity in (0, 1):
             varied = shares.copy()
-            varied[parity::2] += DIFFERENCE
-            change = (times - self.times(varied * self.velocity)) / (DIFFERENCE * unit)
+            varied[parity::2] += SAME
+            change = (times - self.times(varied * self.velocity)) / (SAME * unit)
             for k in range(parity, n - 1, 2):
                 for j in range(4):
                     slopes[[k, k + 1], j, n + 4 * k + j] = change[[k, k + 1], j]

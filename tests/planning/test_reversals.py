@@ -77,7 +77,7 @@ def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
 def test_ipopt_confirms_the_motion_alone_that_is_taken(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not the one without turning points, which is refined only as far as it takes to know that it is slower."""
+    """Not the one without reversals, which is slower."""
     confirmed: list[NlpSolution] = []
     solve = Transcription.solve
 

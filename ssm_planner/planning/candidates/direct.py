@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ssm_planner.planning.candidates.candidate import Attempt, Candidate
-from ssm_planner.planning.ocp.free import FINER_ELEMENTS
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
@@ -27,30 +26,23 @@ class Direct(Candidate):
             yield cls(planner)
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
-        """Return a free motion whose refinement stopped early, if another candidate may be faster.
+        """Return the fastest free motion before Ipopt's confirmation, if it may be reversed.
 
-        The comparison then costs less, because the slower motion need not be refined to the end.
+        Ipopt thus confirms only the motion that is taken, and heat is reduced only in that one.
         """
         planner = self.planner
         has_rivals = planner.may_reverse and planner.phase.path is None and planner.trades_time_only
-        return self._free(cutoff, stop_early=True) if has_rivals else None
+        return planner.free(cutoff=cutoff, finish=False) if has_rivals else None
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion, refined to the end."""
+        """Return the motion for the objective, confirmed by Ipopt if the planner asks for it."""
         planner = self.planner
         if planner.phase.path is not None:
             return planner.along_path(planner.phase.path)
         if estimate is None:
-            return self._free(cutoff)
+            return planner.free(cutoff=cutoff)
         if estimate.motion.continuation is None:
             return estimate
         line = PolylinePath(planner.mechanism, planner.phase.points)
         result = planner.phase_result(line, estimate.motion.continuation())
-        return self._free(cutoff) if isinstance(result, Reason) else result
-
-    def _free(self, cutoff: float, *, stop_early: bool = False) -> PlannedPhase | Reason:
-        """Return a free motion. If none is found on the usual mesh, try a finer one."""
-        result = self.planner.free(cutoff=cutoff, stop_early=stop_early)
-        if isinstance(result, Reason) and result.limit is None and not self.planner.estimate_only:
-            return self.planner.free(count=FINER_ELEMENTS)
-        return result
+        return planner.free(cutoff=cutoff) if isinstance(result, Reason) else result

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.ocp.free import ELEMENTS
 from ssm_planner.planning.ocp.nlp import PhaseSolution, Reversals
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.reversals import ELEMENTS, FINAL_ELEMENTS, GAIN, refine_directions
+from ssm_planner.planning.reversals import current_reversals, refine_directions
+from ssm_planner.planning.tolerances import GAP
 from ssm_planner.planning.via_velocities import PAYS, passing_turns
 from ssm_planner.problem.limits import Duration
 from ssm_planner.problem.motion import Free
@@ -25,8 +27,8 @@ NONE_PAYS = Reason(None, None, None, None, "no reversal saves time")
 class Reversing(Candidate):
     """A motion with reversals, found from the motion without them."""
 
-    without: PlannedPhase | None
-    """The direct motion. None if it is longer than the requested duration."""
+    without: PhaseSolution | None
+    """The fastest direct motion. None if it is longer than the requested duration."""
 
     kind: ClassVar[str] = "reversing"
 
@@ -35,8 +37,7 @@ class Reversing(Candidate):
         """Yield the candidate if the direct motion exceeds its bound enough."""
         if attempt is None or attempt.candidate.kind != "direct" or not planner.may_reverse:
             return
-        phase = planner.phase
-        outcome = attempt.result or attempt.estimate
+        phase, outcome = planner.phase, attempt.result or attempt.estimate
         has_via_points = len(phase.points) > 2
         if not isinstance(phase.motion, Free) or not (
             has_via_points or phase.begins_and_ends_at_rest
@@ -46,15 +47,9 @@ class Reversing(Candidate):
             if isinstance(outcome.limit, Duration):
                 yield cls(planner, None)
         elif outcome is not None and attempt.result is None:
-            saved = PAYS if has_via_points else GAIN
+            saved = PAYS if has_via_points else GAP
             if (1 - saved) * outcome.duration > outcome.lower_bound:
-                yield cls(planner, outcome)
-
-    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion with the reversals that save most."""
-        if len(self.planner.phase.points) > 2:
-            return self._beside_points()
-        return self._between_rests(cutoff)
+                yield cls(planner, outcome.motion)
 
     def _beside_points(self) -> PlannedPhase | Reason:
         """Return a motion on which joints pass beyond a point, or take a run-up to the next one."""
@@ -65,33 +60,33 @@ class Reversing(Candidate):
         result = self.planner.free(turns, cutoff=cutoff)
         return result if isinstance(result, Reason) or result.duration < cutoff else NONE_PAYS
 
-    def _between_rests(self, cutoff: float) -> PlannedPhase | Reason:
-        """Return a motion from rest to rest with the reversals that the multipliers suggest."""
-        planner, without = self.planner, self.without
+    def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
+        """Return a motion from rest to rest with the reversals that the multipliers suggest.
+
+        It is the fastest one, on a coarse mesh, without Ipopt's confirmation.
+        """
+        planner = self.planner
+        if len(planner.phase.points) > 2:
+            return None
         quick = planner.for_time.unconfirmed
-        solved: list[PlannedPhase] = []
 
         def solve(reversals: Reversals, limit: float) -> PhaseSolution | None:
             result = quick.free(reversals, cutoff=limit, count=ELEMENTS)
-            if isinstance(result, Reason):
-                return None
-            solved.append(result)
-            return result.motion
+            return None if isinstance(result, Reason) else result.motion
 
-        of_time = planner.problem.objective == "time" and planner.phase.motion.duration is None
-        if without is not None and (of_time or without.motion.continuation is not None):
-            initial: PhaseSolution | None = without.motion
-        else:
-            initial = solve(Reversals(planner.phase.points), np.inf)
-        reversals = None if initial is None else refine_directions(planner.phase, initial, solve)
-        if reversals is None:
+        initial = self.without or solve(Reversals(planner.phase.points), np.inf)
+        faster = initial and refine_directions(planner.phase, initial, solve)
+        if faster is None:
             return NONE_PAYS
-        solution = planner.free(reversals, count=FINAL_ELEMENTS)
-        duration = np.inf if without is None else without.duration
-        if not of_time or (not isinstance(solution, Reason) and solution.duration < duration):
-            return solution
-        return (
-            replace(solved[-1], phase=planner.phase)
-            if planner.problem.planner == "fast"
-            else NONE_PAYS
-        )
+        return PlannedPhase(planner.phase, faster, None, planner.lower_bound)
+
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+        """Return the motion with the reversals that save most."""
+        if estimate is None:
+            return self._beside_points()
+        reversals = current_reversals(self.planner.phase, estimate.motion)
+        solution = self.planner.free(reversals, count=2 * ELEMENTS)
+        fast = self.planner.problem.planner == "fast" and self.planner.problem.objective == "time"
+        if fast and self.without and (isinstance(solution, Reason) or solution.duration > cutoff):
+            return estimate
+        return solution

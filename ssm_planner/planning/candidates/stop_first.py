@@ -14,7 +14,9 @@ from ssm_planner.planning.feasibility import infeasible_place
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
+from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import join
+from ssm_planner.typing import Array
 
 ROOM = 1.1
 """Distance that joints get to stop, divided by their shortest braking distance."""
@@ -38,8 +40,7 @@ class StopFirst(Candidate):
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return both motions, joined to one. Its name ends in "stops first"."""
         planner, phase = self.planner, self.planner.phase
-        strongest = np.array([joint.acceleration for joint in planner.problem.robot.joints])
-        stop = phase.q_start + ROOM * phase.qd_start * np.abs(phase.qd_start) / (2 * strongest)
+        stop = stopping_point(planner.problem.robot, phase.q_start, phase.qd_start)
         at_rest = np.zeros(4)
         stopping = replace(phase, points=np.stack([phase.q_start, stop]), qd_end=at_rest)
         points = np.vstack([stop, phase.points[1:]])
@@ -65,3 +66,9 @@ class StopFirst(Candidate):
         name = f"{phase.motion.name}, stops first"
         labelled = replace(phase, motion=replace(phase.motion, name=name))
         return PlannedPhase(labelled, motion, None, planner.lower_bound)
+
+
+def stopping_point(robot: Robot, q: Array, qd: Array) -> Array:
+    """Return the joints (4,) at which a robot stops that has joints q and velocities qd, (4,)."""
+    strongest = np.array([joint.acceleration for joint in robot.joints])
+    return np.asarray(q + ROOM * qd * np.abs(qd) / (2 * strongest))

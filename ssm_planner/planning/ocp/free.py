@@ -56,6 +56,7 @@ from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
 from ssm_planner.planning.ocp.turning import TurningGuess, braking, turning_guess
 from ssm_planner.planning.phases import reversal_ranges
 from ssm_planner.planning.retiming.paths import PolylinePath
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -67,14 +68,12 @@ ELEMENTS, ONE_TIME_ELEMENTS = 40, 96
 
 The latter need more, because they cannot move to where they are needed.
 """
-PASSING_ELEMENTS, JERK_FINER = 56, 1.35
-"""Number of elements with one time per segment through points, and factor on it for limited jerk.
-"""
-MOVING_ELEMENTS, FINER_ELEMENTS = 80, 160
-"""Number of elements of a jerk-limited motion that begins or ends at speed, and of a second
-attempt.
+PASSING_ELEMENTS = 56
+"""Number of elements with one time per segment through points."""
+MOVING_ELEMENTS = 80
+"""Number of elements of a jerk-limited motion that begins or ends at speed.
 
-The former must be fine, because the initial acceleration has to end within one element.
+The mesh must be fine, because the initial acceleration has to end within one element.
 """
 STRETCHED = 1.2
 """Factor by which a guess with one time is slowed down, so that it is away from its bounds."""
@@ -83,8 +82,6 @@ SHORTEST_TURNING, SHORTEST_PASSING = 0.02, 0.01
 
 The guess rests at these points, so its times are long.
 """
-MOVES = 1e-9
-"""A joint with a smaller displacement (rad, m) does not move."""
 FAR, MORE = 2.0, 1.5
 """Row value of the closed-form guess above which TOPP-RA makes the guess, and factor on its number
 of elements.
@@ -97,14 +94,10 @@ acceleration.
 
 It applies if another joint has a jerk limit.
 """
-EDGE = 1e-9
-"""Distance from the edge of an eye's port within which a tip counts as on the edge, m."""
 KINEMATIC = ("velocity", "acceleration", "jerk")
 AT_LIMIT = 8e-7
 """Share by which rows may exceed their limit at an end at which the motion has a given velocity."""
 LEAST_UNIT = 0.05
-ANYWHERE = 1e3
-"""Half width of a range that is not limited, rad."""
 
 
 def solve_free(
@@ -121,7 +114,7 @@ def solve_free(
     start_acceleration: Array | None = None,
     reversals: Reversals | None = None,
     cutoff: float = np.inf,
-    stop_early: bool = False,
+    finish: bool = True,
 ) -> PhaseSolution:
     """Return a motion through the joints `points` (k + 1, 4).
 
@@ -151,8 +144,8 @@ def solve_free(
         Borders at which joints reverse. They replace the points.
     cutoff : float
         Duration in s beyond which a motion is not refined any further.
-    stop_early : bool
-        Stop the refinement early, as in `refinement.optimise`.
+    finish : bool
+        False: only return the fastest motion, as in `refinement.optimise`.
 
     Returns
     -------
@@ -166,7 +159,7 @@ def solve_free(
     if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     displacements = np.diff(points, axis=0)
-    displacements[np.abs(displacements) <= MOVES] = 0.0
+    displacements[np.abs(displacements) <= ROUNDING] = 0.0
     ends = speeds or (np.zeros(4), np.zeros(4))
     if limits_jerk(robot):
         limits["jerk"] = jerk_for_all(limits, displacements, ends)
@@ -204,11 +197,7 @@ def solve_free(
             ],
         )
     takes = None if duration is None else duration / ocp.time_scale
-    guess = (
-        ocp.guess.stretched(STRETCHED)
-        if request.has_one_time
-        else replace(ocp.guess, near_solution=reversals.guess is not None)
-    )
+    guess = ocp.guess.stretched(STRETCHED) if request.has_one_time else ocp.guess
     return ocp.result(
         optimise(
             ocp,
@@ -216,7 +205,7 @@ def solve_free(
             problem.objective,
             takes,
             cutoff=cutoff / ocp.time_scale,
-            stop_early=stop_early,
+            finish=finish,
         )
     )
 
@@ -288,10 +277,7 @@ class _FreeRequest:
             return MOVING_ELEMENTS
         if not finer:
             return ONE_TIME_ELEMENTS if self.has_one_time else ELEMENTS
-        return round(
-            (ONE_TIME_ELEMENTS if len(self.displacements) == 1 else PASSING_ELEMENTS)
-            * (JERK_FINER if self.jerk else 1)
-        )
+        return ONE_TIME_ELEMENTS if len(self.displacements) == 1 else PASSING_ELEMENTS
 
     def elements_per_segment(self, count: int) -> int:
         """Return the number of elements between two points, of `count` elements in all."""
@@ -311,11 +297,9 @@ class _FreeRequest:
                 least_count=self.least_count,
             )
         table = np.stack([self.limits[name] for name in KINEMATIC])
-        within = (
-            _passing_at_need(displacements, self.ends, table[1])
-            if self.reversals.via_velocity is None
-            else self.reversals.via_velocity
-        )
+        within = self.reversals.via_velocity
+        if within is None:
+            within = np.zeros((len(displacements) - 1, 4))
         speeds = np.vstack([self.ends[0], within, self.ends[1]])
         start_acceleration = self.start_acceleration
         return [
@@ -494,25 +478,6 @@ def _sampled_segments(
     return segments
 
 
-def _passing_at_need(displacements: Array, ends: tuple[Array, Array], acceleration: Array) -> Array:
-    """Return q̇ (n − 1, 4) at the points between displacements (n, 4).
-
-    A joint rests at a point, unless it cannot stop between the point and an end and continues in
-    its direction. It then has the smallest possible velocity.
-    """
-    velocities = np.zeros((len(displacements) - 1, 4))
-    for speed, outer, inner, k in (
-        ((ends[0], 0, 1, 0), (ends[1], -1, -2, -1)) if len(displacements) > 1 else ()
-    ):
-        goes_on = (displacements[outer] * displacements[inner] > 0) & (
-            speed * displacements[outer] > 0
-        )
-        square = np.where(goes_on, speed**2 - 2 * acceleration * np.abs(displacements[outer]), 0.0)
-        smallest = np.sign(speed) * np.sqrt(np.maximum(square, 0.0))
-        velocities[k] = np.where(np.abs(smallest) > np.abs(velocities[k]), smallest, velocities[k])
-    return velocities
-
-
 def jerk_for_all(
     limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
 ) -> Array:
@@ -559,8 +524,10 @@ class SegmentChain:
             sides = np.tile(self.directions[k], (2, 1))
             beyond = np.abs(ends[:, 3]) - port
             inner = int(beyond.argmin())
-            at_edge = bool(abs(beyond[inner]) <= EDGE)
-            if beyond.max() > EDGE and (is_outside(ends[inner]) if at_edge else beyond[inner] < 0):
+            at_edge = bool(abs(beyond[inner]) <= ROUNDING)
+            if beyond.max() > ROUNDING and (
+                is_outside(ends[inner]) if at_edge else beyond[inner] < 0
+            ):
                 sides[inner, 3] *= not at_edge
                 halves, position = guess.halves(
                     3, np.copysign(port, ends[1 - inner, 3]) - ends[0, 3], least_count
@@ -589,7 +556,7 @@ class SegmentChain:
                 upper[k] = min(upper[k : k + 2])
             if grows[k] <= 0:
                 upper[k + 1] = min(upper[k : k + 2])
-        return np.asarray(np.maximum(upper[:-1], upper[1:]) <= port + EDGE)
+        return np.asarray(np.maximum(upper[:-1], upper[1:]) <= port + ROUNDING)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -727,7 +694,7 @@ class FreeProblem(OcpProblem):
     @cached_property
     def _parameters(self) -> Array:
         problem = self.problem
-        ranges = np.array([problem.ranges.get(name, (-ANYWHERE, ANYWHERE)) for name in WATCHED])
+        ranges = np.array([problem.ranges.get(name, (-UNLIMITED, UNLIMITED)) for name in WATCHED])
         return FreeElement.layout.pack(
             q0=self.chain.points[0],
             d=self.unit,
@@ -756,7 +723,7 @@ class FreeProblem(OcpProblem):
         """
         if self.problem.eye is None:
             return 0.0
-        in_eye = np.abs(self.chain.points[:, 3]) > self.problem.eye.port + EDGE
+        in_eye = np.abs(self.chain.points[:, 3]) > self.problem.eye.port + ROUNDING
         points = self.chain.points[self.chain.fixed.all(axis=1) & in_eye]
         rows = retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, points).T)
         return float(rows.max(initial=0.0))

@@ -20,7 +20,8 @@ from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp.nlp import cubics
 from ssm_planner.planning.retiming.paths import PolylinePath
-from ssm_planner.planning.retiming.retime import Retiming, retime
+from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime
+from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic, Trajectory
@@ -56,11 +57,6 @@ maximum.
 DENSEST = 5.0
 """Largest density, divided by the mean density. Jerk in shorter elements would drown in rounding.
 """
-TIE = 1e-6
-"""Offset that decides ties between two arcs that claim half an element each."""
-ROUNDING = 1 + 1e-12
-RETIMED_GRID = 200
-"""Grid intervals of a retimed guess."""
 Side = Literal["left", "right"]
 """Side of an instant."""
 
@@ -231,7 +227,7 @@ def _element_starts(borders: Array, density: Array, count: int, unit: float) -> 
     weight = np.trapezoid(density, grid, axis=1) * lengths
     to_share = max(count, FEWEST * len(lengths)) - FEWEST * len(lengths)
     shares = np.cumsum(weight / weight.sum()) * to_share
-    shared = np.round(shares - TIE).astype(int)
+    shared = np.round(shares - SAME).astype(int)
     pieces = []
     for start, length, local_density, extra in zip(
         borders, lengths, density, np.diff(shared, prepend=0), strict=False
@@ -430,7 +426,7 @@ def closed_form_guess(
     for k in moving:
         in_step = leader.scaled(distances[k] / distances[slowest_joint])
         keeps_limits = all(
-            peak <= limit * ROUNDING
+            peak <= limit * (1 + ROUNDING)
             for peak, limit in zip(in_step.peaks[: 2 + jerk], limits[:, k], strict=False)
         )
         profile = in_step if keeps_limits else alone[k].stretched(leader.duration)
@@ -463,7 +459,7 @@ def retimed_guess(
 
     It also keeps the limits of torques, rates and tip speed.
     """
-    motion = retime(path, robot, RETIMED_GRID, limits)
+    motion = retime(path, robot, COARSE, limits)
     if not motion.solved:
         return None
     mesh = Mesh.from_retiming(motion, path.directions[0], count)

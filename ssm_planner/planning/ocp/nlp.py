@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from ssm_planner.interior.solve import State
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.trajectory import Cubic, Trajectory
 from ssm_planner.typing import Array, Indices, Mask
 
@@ -31,10 +32,6 @@ LARGEST_BLOCK = 20
 
 With more freedom the positions of the elements would be undetermined.
 """
-
-
-SAME = 1e-12
-"""Bounds that differ by less count as one value."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +191,7 @@ class NlpData:
     @property
     def fixed(self) -> Mask:
         """True for states of elements with a single value, (n, 4 m)."""
-        return np.asarray(self.upper - self.lower <= SAME)
+        return np.asarray(self.upper - self.lower <= ROUNDING)
 
     def bounds_of_u_count(self, structure: NlpStructure) -> Mask:
         """Return where bounds of u are needed, (n, m).
@@ -220,8 +217,6 @@ class InitialPoint:
     multipliers: tuple[Array, Array] | None = None
     structured: State | None = None
     """State of the structured solver."""
-    near_solution: bool = False
-    """True if the variables are near a solution whose multipliers are not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,15 +225,11 @@ class Guess:
 
     elements: Array
     times: Array
-    near_solution: bool = False
-    """True if the motion is near a solution."""
 
     @property
     def point(self) -> InitialPoint:
         """Initial point of a cold start."""
-        return InitialPoint(
-            np.append(self.elements[:, :-1].ravel(), self.times), near_solution=self.near_solution
-        )
+        return InitialPoint(np.append(self.elements[:, :-1].ravel(), self.times))
 
     def stretched(self, factor: float) -> Guess:
         """Return the same motion with its duration multiplied by `factor`."""
@@ -345,7 +336,7 @@ class NlpSolution:
     multipliers: Multipliers | None = None
     confirmation: Confirmation | None = None
     continuation: Callable[[], NlpSolution] | None = None
-    """Completes a refinement that stopped early. None if it is complete."""
+    """Returns the confirmed motion for the objective. None if this one is it."""
 
     @property
     def status(self) -> str:
@@ -383,7 +374,7 @@ class PhaseSolution:
     """Multipliers of the directions of a free motion."""
     confirmation: Confirmation | None = None
     continuation: Callable[[], PhaseSolution] | None = None
-    """Completes a refinement that stopped early, as in `NlpSolution`."""
+    """Returns the confirmed motion for the objective, as in `NlpSolution`."""
 
     @property
     def solved(self) -> bool:

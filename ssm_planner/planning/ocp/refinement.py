@@ -12,7 +12,7 @@ from __future__ import annotations
 import threading
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -31,8 +31,9 @@ from ssm_planner.planning.ocp.nlp import (
     NlpStructure,
     split,
 )
-from ssm_planner.planning.ocp.structured import ITERATIONS, NOT_CONVERGED, solve_structured
+from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
+from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.limits import LensClearance, MotorTorque
 from ssm_planner.problem.problem import Objective
 from ssm_planner.typing import Array, Indices, Mask
@@ -43,10 +44,6 @@ TOLERANCE = 5e-7
 """Share by which a row may exceed its limit between collocation points."""
 COARSE = 4e-3
 """Excess of a row over its limit above which its element is cut."""
-ABOUT = 2e-3
-"""Largest excess at which the refinement may stop early, since further rounds barely change the
-duration.
-"""
 ASTRAY = 1.0
 """Excess of an inactive row above which the solution is no useful guess, so the first guess is used
 again.
@@ -55,8 +52,6 @@ PARTS = 3
 """Number of elements into which an element is cut."""
 CUTS = 2
 """Number of rounds that may cut elements. They start cold."""
-MOST_ELEMENTS = 3
-"""Largest ratio of the number of elements to that of the guess."""
 BACKOFF = 2.0
 """Ratio of the added backoff to the violation."""
 SHORTEST = 0.2
@@ -64,19 +59,13 @@ SHORTEST = 0.2
 ROUNDS = 12
 HEAT_ROUNDS = 4
 """The fastest motion is already good, so cooling it must not take long."""
-ESTIMATE_ROUNDS, ESTIMATE_ITERATIONS = 3, 60
-"""Largest number of rounds of an estimate, and of iterations in each of them."""
+ESTIMATE_ROUNDS = 3
+"""Largest number of rounds of an estimate."""
 HOPELESS = 1.01
 """Ratio to the requested duration above which the fastest motion is not refined any further."""
 CENTRING = 8
 """Largest number of iterations that centre a solution for Ipopt."""
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
-SAME, SAME_COST = 1e-6, 1e-5
-"""Relative differences of the two solvers' durations, and of their heat or effort, that count as
-equal.
-
-Beyond them the better motion is taken.
-"""
 SOLVE = 0.02
 PRICES = {
     ("structured", False): 6e-6,
@@ -256,7 +245,7 @@ def optimise(
     duration: float | None = None,
     *,
     cutoff: float = np.inf,
-    stop_early: bool = False,
+    finish: bool = True,
 ) -> NlpSolution:
     """Return the motion that is best for an objective.
 
@@ -280,9 +269,9 @@ def optimise(
         Requested duration in scaled time.
     cutoff : float
         Duration in scaled time beyond which the fastest motion is not refined any further.
-    stop_early : bool
-        Stop when the violations are small. The solution then has a `continuation`, which completes
-        the refinement.
+    finish : bool
+        False: return the fastest motion as the structured solver finds it. It then has a
+        `continuation`, which returns the motion for the objective, confirmed by Ipopt.
 
     Returns
     -------
@@ -290,22 +279,18 @@ def optimise(
         The motion, or the status of the failure.
     """
     cutoff = cutoff if duration is None else HOPELESS * duration
-    refined = _refine(
-        _Refinement.from_guess(problem, guess), "time", cutoff=cutoff, stop_early=stop_early
-    )
-    if stop_early and refined.solution.solved:
-        return replace(
-            refined.solution,
-            continuation=lambda: _finished(_resumed(refined, cutoff), objective, duration, cutoff),
-        )
-    return _finished(refined, objective, duration, cutoff)
+    fastest = _refine(_Refinement.from_guess(problem, guess), "time", cutoff=cutoff)
+    if finish or not fastest.solution.solved:
+        return _finished(fastest, objective, duration, cutoff)
+    finished = partial(_finished, fastest, objective, duration, cutoff)
+    return replace(fastest.solution, continuation=finished)
 
 
 def _finished(
-    refined: _Refined, objective: Objective, duration: float | None, cutoff: float
+    result: _Refined, objective: Objective, duration: float | None, cutoff: float
 ) -> NlpSolution:
     """Return the motion for an objective, from the refined fastest motion."""
-    problem, result = refined.state.problem, refined
+    problem = result.state.problem
     if not result.solution.solved or result.solution.times.sum() > cutoff:
         return result.solution
     finer = _remeshed(result)
@@ -432,9 +417,6 @@ class _Refinement:
                 element,
                 data,
                 self.start,
-                iterations=ESTIMATE_ITERATIONS
-                if self.problem.method == "estimated"
-                else ITERATIONS,
                 switching=beside_eye,
             )
             if solution.solved or alone:
@@ -496,8 +478,6 @@ class _Refined:
     """True if no row is violated between the collocation points."""
     program: NlpProgram
     """Program that was solved last."""
-    paused: int = 0
-    """Round after which the refinement stopped early. 0 if it did not."""
 
 
 def _refine(
@@ -506,8 +486,6 @@ def _refine(
     *,
     duration: tuple[float, float] | None = None,
     cutoff: float = np.inf,
-    stop_early: bool = False,
-    start: int = 1,
 ) -> _Refined:
     """Solve, find the violations and refine, until the motion keeps all limits.
 
@@ -521,10 +499,6 @@ def _refine(
         Bounds of the duration. None if the duration is minimised.
     cutoff : float
         Duration beyond which the refinement ends, since it only makes a motion longer.
-    stop_early : bool
-        End as soon as the violations are small.
-    start : int
-        Number of the first round.
     """
     rounds = (
         HEAT_ROUNDS
@@ -535,8 +509,7 @@ def _refine(
     )
     iterations = 0
     feasible = False
-    paused = 0
-    for k in range(start, rounds + 1):
+    for k in range(1, rounds + 1):
         program = state.program(aim, duration)
         solution = state.solve(program, aim)
         iterations += solution.iterations
@@ -550,25 +523,8 @@ def _refine(
         feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
         if feasible or k == rounds:
             break
-        if stop_early and violation.max() <= ABOUT:
-            paused = k
-            break
         state = _next(state, solution, violation, k, may_cut=aim != "heat")
-    return _Refined(
-        replace(solution, iterations=iterations), state, feasible, program=program, paused=paused
-    )
-
-
-def _resumed(refined: _Refined, cutoff: float) -> _Refined:
-    """Return a fastest motion whose refinement is complete."""
-    if not refined.paused:
-        return refined
-    solution, state = refined.solution, refined.state
-    violation = state.problem.row_maxima(solution.elements) - 1
-    state = _next(state, solution, violation, refined.paused, may_cut=True)
-    result = _refine(state, "time", cutoff=cutoff, start=refined.paused + 1)
-    iterations = solution.iterations + result.solution.iterations
-    return replace(result, solution=replace(result.solution, iterations=iterations))
+    return _Refined(replace(solution, iterations=iterations), state, feasible, program=program)
 
 
 def _refined(state: _Refinement, aim: Aim, duration: tuple[float, float]) -> _Refined:
@@ -603,8 +559,7 @@ def _confirmed(refined: _Refined, aim: Aim) -> _Refined | None:
         for motion in (structured, ipopts)
     )
     difference = ipopt_value / own_value - 1 if own_value else 0.0
-    same = SAME if aim == "time" else SAME_COST
-    better = difference < -same
+    better = difference < -SAME
     if better and problem.row_maxima(ipopts.elements).max(initial=0.0) > 1 + TOLERANCE:
         return None
     solution = replace(
@@ -625,7 +580,7 @@ def _next(
     The first of these steps that applies is taken.
 
     1. Violated rows that are not active become active.
-    2. Elements with large violations are cut, in the first CUTS rounds while there are few.
+    2. Elements with large violations are cut, in the first CUTS rounds.
     3. The bounds of violated rows are lowered.
     """
     row_excess = violation.max(axis=0)
@@ -633,9 +588,7 @@ def _next(
     if missed:
         return state.activated(solution, missed, diverged=bool(row_excess.max() > ASTRAY))
     coarse = violation.max(axis=1) > COARSE
-    added = (PARTS - 1) * np.count_nonzero(coarse)
-    available = MOST_ELEMENTS * len(state.guess.elements) - len(state.elements)
-    if may_cut and k <= CUTS and 0 < added <= available:
+    if may_cut and k <= CUTS and coarse.any():
         return state.cut(solution, coarse)
     return state.tightened(solution, backoff_of(violation))
 

@@ -40,6 +40,7 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
+from ssm_planner.planning.tolerances import SAMPLES
 from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, ToolLimit
 from ssm_planner.problem.problem import Objective, TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -57,8 +58,6 @@ FINER = 2
 """Factor on the number of elements for a second solution with limited jerk."""
 SUBDIVISION = 4
 """Quintic pieces per element. The path between their ends is then followed to about 1e-9 rad."""
-LOOKS = 101
-"""Number of points between two knots at which the rates of task coordinates are evaluated."""
 
 
 def solve_straight(
@@ -281,7 +280,7 @@ def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
             else np.zeros((1, 1, 4))
         )
     else:
-        s = knots[:-1, None] + np.linspace(0.0, 1.0, LOOKS) * np.diff(knots)[:, None]
+        s = knots[:-1, None] + np.linspace(0.0, 1.0, SAMPLES) * np.diff(knots)[:, None]
         samples = path.sample(s.ravel())
         slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
     ceilings = [np.full((len(slopes), 1), UNLIMITED)]

@@ -42,11 +42,6 @@ One of them usually converges.
 """
 SLOWER = 1.2
 """Factor by which a guess is slowed down, so that it violates fewer rows."""
-NEAR_BARRIER, NEAR_SLOWER = 3e-6, 1.05
-"""First weight of the barrier, and slow-down, of a guess near a solution.
-
-Larger values lead away from it.
-"""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
 OFF_CENTRE = 1e-3
 """Relative deviation of slack times multiplier from the last barrier weight, if Ipopt starts there.
@@ -94,31 +89,26 @@ def solve_structured(
     warm = start.structured
     used = 0
     initial = _point(program, structure, data, start.x)
-    near_point = (
-        _point(program, structure, data, start.x, NEAR_SLOWER) if start.near_solution else None
-    )
     exponents: tuple[float, ...] = PATIENT if switching else (SUPERLINEAR, SLOWLY)
     if not switching and not structure.smooth and len(data.least_times) > 1:
         exponents = exponents[::-1]
     if iterations < ITERATIONS:
         exponents = exponents[:1]
-    for superlinear in (
-        exponents if warm is None and near_point is None else (exponents[0], *exponents)
-    ):
+    for superlinear in exponents if warm is None else (exponents[0], *exponents):
         outcome = solve(
             program,
-            near_point or initial,
+            initial,
             warm=warm,
             iterations=iterations,
             tolerance=tolerance,
             superlinear=superlinear,
-            barrier=BARRIER if near_point is None else NEAR_BARRIER,
+            barrier=BARRIER,
             off_centre=OFF_CENTRE if centred else np.inf,
         )
         used += outcome.iterations
         if outcome.converged:
             break
-        warm = near_point = None
+        warm = None
     m, state = structure.coordinates, outcome.state
     elements, times = outcome.z[:, : 4 * m + 1], state.point.times
     x = np.append(elements[:, :-1].ravel(), times)
@@ -288,9 +278,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     return matrix, bound
 
 
-def _point(
-    program: Program, structure: NlpStructure, data: NlpData, x: Array, slower: float = SLOWER
-) -> Point:
+def _point(program: Program, structure: NlpStructure, data: NlpData, x: Array) -> Point:
     """Return the unknowns of a guess (variables of `transcription`), slowed down."""
     n, m = structure.elements, structure.coordinates
     states = x[: 4 * m * n].reshape(n, 4 * m)
@@ -298,7 +286,7 @@ def _point(
     times = np.maximum(times, 1.001 * data.least_times)
     if data.duration == (0.0, np.inf):
         orders = np.repeat([0, 1, 2, 2], m)
-        states, times = states / slower**orders, times * slower
+        states, times = states / SLOWER**orders, times * SLOWER
     h = times[structure.block] * data.fractions
     pieces = cubics(np.column_stack([states, h]))
     u = np.vstack([pieces.u, data.end[:m]])

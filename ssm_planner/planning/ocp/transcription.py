@@ -37,16 +37,7 @@ EVEN = 1e-5
 """Weight of the variance of the blocks' times, relative to their least. It makes the mesh unique.
 """
 ITERATIONS = 300
-HEAT_ITERATIONS = 150
-COOLING_ITERATIONS = 150
-"""Largest numbers of iterations.
-
-Searches for less heat end sooner, because the fastest motion is already known.
-"""
-JOINT_ITERATIONS, LEAST_ITERATIONS = 6e4, 200
-"""Largest product of iterations, elements and joints of a free motion (1 s to 2 s), and iterations
-always allowed.
-"""
+"""Largest number of iterations."""
 IPOPT: dict[str, Any] = {
     "print_level": 0,
     "sb": "yes",
@@ -204,9 +195,6 @@ class Transcription:
             "duration": duration,
         }
         native = mapped_elements(element, n)
-        max_iterations = max(ITERATIONS, 2 * n)
-        if structure.joints:
-            max_iterations = int(max(LEAST_ITERATIONS, min(ITERATIONS, JOINT_ITERATIONS / (n * m))))
         solver = _solvers(
             x=ca.vertcat(ca.vec(x), times),
             p=ca.vertcat(*(ca.vec(parameter) for parameter in element_parameters), own_parameters),
@@ -218,9 +206,7 @@ class Transcription:
             functions=element_functions(element),
             native=native,
             first_options={} if structure.joints and structure.smooth else FROM_BARRIER,
-            iterations={"heat": HEAT_ITERATIONS, "cooling": COOLING_ITERATIONS}.get(
-                element.aim, max_iterations
-            ),
+            iterations=max(ITERATIONS, 2 * n),
         )
         sizes = {name: rows.numel() for name, rows in constraints.items()}
         return cls(structure, element, solver=solver, native=native, parameters=layout, sizes=sizes)

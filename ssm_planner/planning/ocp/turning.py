@@ -16,11 +16,10 @@ import numpy as np
 
 from ssm_planner.planning.lower_bound import SCurve, minimum_time
 from ssm_planner.planning.ocp.mesh import SegmentGuess, elements_between
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.typing import Array, Mask
 
-STANDS = 1e-9
-"""Remaining displacement (rad, m) that counts as 0."""
-GAP = 4e-3
+LEAST_SEGMENT = 4e-3
 """Smallest time between two borders of the guess, as a share of the duration.
 
 The solver may reduce it to a hundredth.
@@ -71,7 +70,7 @@ class _Profile:
     @property
     def moves(self) -> bool:
         """True if the joint moves."""
-        return abs(self.displacement) > STANDS or any(self.speeds)
+        return abs(self.displacement) > ROUNDING or any(self.speeds)
 
     @property
     def turns(self) -> tuple[float, float]:
@@ -109,7 +108,9 @@ class _Profile:
             middle = (low + high) / 2
             low, high = (low, middle) if sum(lengths(middle)) < duration else (middle, high)
         ramp_up, cruise, ramp_down = lengths(high)
-        cruise = cruise if distance - squares > STANDS else max(duration - ramp_up - ramp_down, 0.0)
+        cruise = (
+            cruise if distance - squares > ROUNDING else max(duration - ramp_up - ramp_down, 0.0)
+        )
         pulls = (
             self.sign
             * a
@@ -129,7 +130,7 @@ def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: f
     ):  # The joint need not stop on its way, unless the displacement is too short even so.
         direct = (start + end) / 2 * abs(end - start) / acceleration
         return math.copysign(1.0, start if (displacement - direct) * start >= 0 else -start)
-    return math.copysign(1.0, remaining if abs(remaining) > STANDS else end or start)
+    return math.copysign(1.0, remaining if abs(remaining) > ROUNDING else end or start)
 
 
 def braking(speed: Array, acceleration: Array, limits: Array) -> Array:
@@ -192,8 +193,8 @@ def turning_guess(
     turns = sorted((t if side == 0 else max(duration - t, 0.0), i, side) for t, i, side in ends)
     borders = [0.0]
     for t, _, _ in turns:
-        borders.append(max(t, borders[-1] + GAP * duration))
-    borders.append(max(duration, borders[-1] + GAP * duration))
+        borders.append(max(t, borders[-1] + LEAST_SEGMENT * duration))
+    borders.append(max(duration, borders[-1] + LEAST_SEGMENT * duration))
     direction = np.array(
         [
             0.0 if not profile.moves else profile.sign * (-1.0 if profile.turns[0] else 1.0)
@@ -210,7 +211,7 @@ def turning_guess(
     for start, end in pairwise(borders):
         instants = [start]
         for t in switches:
-            if instants[-1] + GAP * duration < t < end - GAP * duration:
+            if instants[-1] + LEAST_SEGMENT * duration < t < end - LEAST_SEGMENT * duration:
                 instants.append(float(t))
         guesses.append(_guess_between(curves, [*instants, end], count / borders[-1], least_count))
     positions = np.array(

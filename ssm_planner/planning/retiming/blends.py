@@ -26,15 +26,15 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.retiming.paths import (
     FEW,
-    LOOKS,
     MANY,
-    STILL,
     ClosedPath,
     JointPath,
     PathSamples,
     joint_starts,
+    sign_change,
     with_knots,
 )
+from ssm_planner.planning.tolerances import ROUNDING, SAMPLES
 from ssm_planner.trajectory import quintics
 from ssm_planner.typing import Array, Mask
 
@@ -47,7 +47,6 @@ A path that turns back by more than about 174° cannot be passed at speed.
 """
 PER_PIECE = 400
 """Grid intervals of TOPP-RA for every piece and every rounding."""
-HALVINGS = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,32 +129,20 @@ class BlendedPath(JointPath):
     def directions(self) -> tuple[Array, Array]:
         """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
         grid = np.unique(
-            np.concatenate([np.linspace(a, b, LOOKS) for a, b in pairwise(self.breaks)])
+            np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(self.breaks)])
         )
         dq = self.sample(grid).dq
-        moving = (np.abs(dq).max(axis=0) > STILL) & np.isin(np.arange(4), self.pieces[0].watched)
+        moving = (np.abs(dq).max(axis=0) > ROUNDING) & np.isin(np.arange(4), self.pieces[0].watched)
         # A joint that rests on one piece and moves on the next starts at the end of the piece,
         # which is a knot.
-        signs = np.where(np.abs(dq) > STILL, np.sign(dq), 0.0)
+        signs = np.where(np.abs(dq) > ROUNDING, np.sign(dq), 0.0)
         turns = signs[1:] * signs[:-1] < 0
         roots = (
-            self._turning_point(int(i), grid[k], grid[k + 1])
-            for k, i in np.argwhere(turns & moving)
+            self.turning_point(int(i), grid[k], grid[k + 1]) for k, i in np.argwhere(turns & moving)
         )
         knots = with_knots(self.breaks, roots)
         middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
-        return knots, np.where(np.abs(middle) > STILL, np.sign(middle), 0.0) * moving
-
-    def _turning_point(self, joint: int, low: float, high: float) -> float:
-        """Return the root of q'(s) of one joint between points with different signs."""
-        sign = np.sign(self.sample(np.array([low])).dq[0, joint])
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            if np.sign(self.sample(np.array([middle])).dq[0, joint]) == sign:
-                low = middle
-            else:
-                high = middle
-        return (low + high) / 2
+        return knots, np.where(np.abs(middle) > ROUNDING, np.sign(middle), 0.0) * moving
 
     def starts(self, samples: PathSamples) -> Mask:
         """Return where joints start at s (n,), (n, 4), also those that stood before or reverse."""
@@ -193,15 +180,15 @@ def rounded(
         if not all(0 < share <= HALF for share, _ in shares):
             reason = "the rounding of the corner would take more than half of an adjacent motion"
             allowed = f"up to {np.floor(1e7 * limit) / 1e4:g} mm here"
-            if limit <= STILL:
+            if limit <= ROUNDING:
                 reason = "an adjacent motion does not move the tip, so the corner cannot be rounded"
                 allowed = "motions that move the tip, or no blend"
             raise ProblemError(reason, key=str(k), allowed=allowed)
         cuts.append([share for share, _ in shares])
     path = BlendedPath(mechanism, tuple(pieces), tuple(distances), np.array(cuts))
-    scale = np.abs(path.sample(np.linspace(0.0, 1.0, LOOKS)).dq).max(axis=0) + STILL
+    scale = np.abs(path.sample(np.linspace(0.0, 1.0, SAMPLES)).dq).max(axis=0) + ROUNDING
     for k, (start, end) in enumerate(zip(path.breaks[1:-1:2], path.breaks[2:-1:2], strict=True)):
-        speed = np.linalg.norm(path.sample(np.linspace(start, end, LOOKS)).dq / scale, axis=1)
+        speed = np.linalg.norm(path.sample(np.linspace(start, end, SAMPLES)).dq / scale, axis=1)
         if speed.min() < TURNS_BACK * max(speed[0], speed[-1]):
             reason = (
                 "the second motion goes back along the first, so the robot has to stop between them"
@@ -224,18 +211,11 @@ def _share(path: ClosedPath, distance: float, from_end: bool) -> tuple[float, fl
         return np.asarray(np.linalg.norm(tips - corner, axis=1))
 
     corner = tip_position(path.mechanism, path.sample(np.array([1.0 if from_end else 0.0])).q)[0]
-    shares = np.linspace(0.0, 1.0, LOOKS)
+    shares = np.linspace(0.0, 1.0, SAMPLES)
     distances = distance_from_corner(shares)
     reach = float(distances[shares <= HALF].max())
     beyond = np.flatnonzero(distances >= distance)
     if not len(beyond):
         return np.inf, reach
     low, high = shares[beyond[0] - 1], shares[beyond[0]]
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        low, high = (
-            (middle, high)
-            if distance_from_corner(np.array([middle]))[0] < distance
-            else (low, middle)
-        )
-    return float(high), reach
+    return sign_change(lambda s: distance_from_corner(s) - distance, low, high), reach

@@ -31,6 +31,7 @@ from ssm_planner.kinematics.forward import tool_speed
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import TASK, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
@@ -39,8 +40,6 @@ from ssm_planner.typing import Array, Indices, Mask
 
 ACTIVE = 0.998
 """Share of its limit from which on a row counts as binding."""
-BEYOND = 1e-9
-"""Relative amount by which an omitted row may be exceeded."""
 Actuation = tuple[int, int, Drive, tuple[int, ...]]
 """Joint, index of the load, drive, and sides (1 driving, −1 braking), as in `Robot.actuations`."""
 CEILING, NONE = -1, -2
@@ -123,13 +122,6 @@ class LinearConstraints:
     def curved(self) -> Indices:
         """Indices of the rows with a nonzero k."""
         return np.flatnonzero(self.k.any(axis=0))
-
-    def at_points(self, points: slice) -> LinearConstraints:
-        """Return the constraints at a slice of the points."""
-        a, b, c, k, ceiling = (
-            values[points] for values in (self.a, self.b, self.c, self.k, self.ceiling)
-        )
-        return LinearConstraints(a, b, c, k, ceiling)
 
     def interval_maxima(self, grid: Array, speed_squared: Array) -> Array:
         """Return the largest value of every row on each interval of the grid (n,), (n − 1, rows).
@@ -370,7 +362,7 @@ class PathLimits:
             indices = np.array(
                 [k for k, actuation in enumerate(self.left_out) if actuation[0] == i]
             )
-            exceeded = maxima[:, indices].max(axis=1) > 1 + BEYOND
+            exceeded = maxima[:, indices].max(axis=1) > 1 + ROUNDING
             missed |= set(indices[np.argmax(maxima[:, indices], axis=1)[exceeded]].tolist())
         if not missed:
             return self

@@ -7,7 +7,7 @@ motions.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -19,6 +19,7 @@ import numpy as np
 from ssm_planner.codegen.vectorised import call
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_from_task_symbolic, roll_of_tip, task_of_tip_symbolic
+from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask
 
@@ -33,18 +34,11 @@ CORNER = np.radians(30)
 """Angle between two sides of a polyline, in joints scaled by their velocities, above which it is no
 smooth curve.
 """
-STILL = 1e-9
-"""A joint whose |q'(s)| stays below this (rad or m per whole path) does not move along the path."""
-OVERVIEW = 201
-LOOKS = 401
-"""Number of points between which reversals on a path are searched."""
 PARTS, DIGITS = 200, 5
 """Number of parts into which the interval of a reversal is divided, and number of divisions.
 
 They give 1e-14.
 """
-APART = 1e-6
-"""Smallest distance of two knots in s."""
 BESIDE = 1e-4
 """Distance of a grid point from the break beside it, as a share of the piece."""
 
@@ -83,8 +77,8 @@ class JointPath(ABC):
 
     @cached_property
     def overview(self) -> PathSamples:
-        """Samples at OVERVIEW evenly spaced values of s."""
-        return self.sample(np.linspace(0.0, 1.0, OVERVIEW))
+        """Samples at SAMPLES evenly spaced values of s."""
+        return self.sample(np.linspace(0.0, 1.0, SAMPLES))
 
     @property
     def breaks(self) -> Array:
@@ -105,6 +99,10 @@ class JointPath(ABC):
             return 0.0
         slope = self.sample(np.array([s])).dq[0]
         return float(slope @ qd / (slope @ slope))
+
+    def turning_point(self, joint: int, low: float, high: float) -> float:
+        """Return the root of q'(s) of one joint between two points with different signs."""
+        return sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
     def starts(self, samples: PathSamples) -> Mask:
         """Return where joints start from rest if the motion does, (n, 4). This is at s = 0."""
@@ -140,27 +138,16 @@ class ClosedPath(JointPath):
     @cached_property
     def directions(self) -> tuple[Array, Array]:
         """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
-        s = np.linspace(0.0, 1.0, LOOKS)
+        s = np.linspace(0.0, 1.0, SAMPLES)
         dq = self.sample(s).dq
-        moving = (np.abs(dq).max(axis=0) > STILL) & np.isin(np.arange(4), self.watched)
+        moving = (np.abs(dq).max(axis=0) > ROUNDING) & np.isin(np.arange(4), self.watched)
         turns = np.signbit(dq[1:]) != np.signbit(dq[:-1])
         roots = (
-            round(self._turning_point(int(i), s[k], s[k + 1]), 12)
+            round(self.turning_point(int(i), s[k], s[k + 1]), 12)
             for k, i in np.argwhere(turns & moving)
         )
         knots = with_knots(np.array([0.0, 1.0]), roots)
         return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq) * moving
-
-    def _turning_point(self, joint: int, low: float, high: float) -> float:
-        """Return the root of q'(s) of one joint between two points with different signs."""
-        for _ in range(DIGITS):
-            s = np.linspace(low, high, PARTS + 1)
-            slope = self.sample(s).dq[:, joint]
-            turns = np.flatnonzero(np.signbit(slope[1:]) != np.signbit(slope[:-1]))
-            if not len(turns):  # The root is within rounding of one of the ends.
-                return low if abs(slope[0]) < abs(slope[-1]) else high
-            low, high = s[turns[0]], s[turns[0] + 1]
-        return float(low + high) / 2
 
     @cached_property
     def _turns(self) -> Array:
@@ -274,13 +261,25 @@ def _tip_curve(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
     )
 
 
+def sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:
+    """Return the root between two points where a function of s (n,) has different signs."""
+    for _ in range(DIGITS):
+        s = np.linspace(low, high, PARTS + 1)
+        values = function(s)
+        roots = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
+        if not len(roots):  # The root is within rounding of one of the ends.
+            return low if abs(values[0]) < abs(values[-1]) else high
+        low, high = s[roots[0]], s[roots[0] + 1]
+    return float(low + high) / 2
+
+
 def with_knots(knots: Array, others: Iterable[float]) -> Array:
-    """Return knots (k,) and all of `others` that are further than APART from them, (m,).
+    """Return knots (k,) and all of `others` that are further than SAME from them, (m,).
 
     Joints that reverse together thus give one knot.
     """
     for knot in sorted(others):
-        if np.abs(knots - knot).min() > APART:
+        if np.abs(knots - knot).min() > SAME:
             knots = np.append(knots, knot)
     return np.sort(knots)
 
@@ -351,61 +350,6 @@ def joint_starts(
 
 
 @dataclass(frozen=True, eq=False)
-class Chain(JointPath):
-    """Several paths in one, the k-th of them over 2 k ≤ s ≤ 2 k + 1.
-
-    Quantities at the points of all paths can thus be computed in one call.
-    """
-
-    mechanism: Mechanism
-    paths: tuple[JointPath, ...]
-
-    @staticmethod
-    def grid(grid: Array, count: int) -> Array:
-        """Return the same grid (n,) on each of `count` paths, (count n,)."""
-        return np.asarray((2 * np.arange(count)[:, None] + grid).ravel())
-
-    def sample(self, s: Array) -> PathSamples:
-        """Return q, q' and q'' at s (n,)."""
-        samples = [
-            path.sample(values) for path, values in zip(self.paths, self._split(s), strict=True)
-        ]
-        q, dq, ddq = (
-            np.concatenate([getattr(sample, name) for sample in samples])
-            for name in ("q", "dq", "ddq")
-        )
-        return PathSamples(s, q, dq, ddq)
-
-    @property
-    def directions(self) -> tuple[Array, Array]:
-        """Knots and signs of all paths."""
-        directions = [path.directions for path in self.paths]
-        knots = np.concatenate([2 * k + knots for k, (knots, _) in enumerate(directions)])
-        # Between two paths the last signs continue.
-        return knots, np.concatenate([np.vstack([signs, signs[-1:]]) for _, signs in directions])[
-            :-1
-        ]
-
-    def starts(self, samples: PathSamples) -> Mask:
-        """Return where joints of each path start from rest, (n, 4)."""
-        local = self._split(samples.s)
-        cuts = np.cumsum([len(values) for values in local])[:-1]
-        arrays = zip(
-            *(np.split(array, cuts) for array in (samples.q, samples.dq, samples.ddq)), strict=True
-        )
-        starts = [
-            path.starts(PathSamples(s, *sample_arrays))
-            for path, s, sample_arrays in zip(self.paths, local, arrays, strict=True)
-        ]
-        return np.concatenate(starts)
-
-    def _split(self, s: Array) -> list[Array]:
-        """Split sorted values of s into those of each path."""
-        cuts = np.searchsorted(s, 2 * np.arange(1, len(self.paths)) - 0.5)
-        return [values - 2 * k for k, values in enumerate(np.split(s, cuts))]
-
-
-@dataclass(frozen=True, eq=False)
 class SplinePath(JointPath):
     """The natural cubic spline through points (k + 1, 4).
 
@@ -445,7 +389,7 @@ class SplinePath(JointPath):
         """Return q, q' and q'' at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = (self._spline(s, order) for order in range(3))
-        still = np.ptp(self.points, axis=0) < STILL
+        still = np.ptp(self.points, axis=0) < ROUNDING
         dq[:, still] = ddq[:, still] = 0.0
         return PathSamples(s, q, dq, ddq)
 
@@ -453,7 +397,7 @@ class SplinePath(JointPath):
     def directions(self) -> tuple[Array, Array]:
         """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
         slope = self._spline.derivative()
-        moving = np.flatnonzero(np.ptp(self.points, axis=0) >= STILL)
+        moving = np.flatnonzero(np.ptp(self.points, axis=0) >= ROUNDING)
         roots = np.concatenate([np.zeros(0), *(slope.roots(extrapolate=False)[i] for i in moving)])
         knots = np.unique(np.round(roots[np.isfinite(roots)], 12))
         knots = np.array([0.0, *knots[(knots > 1e-6) & (knots < 1 - 1e-6)], 1.0])
@@ -477,8 +421,8 @@ def smooth_runs(points: Array, scale: Array) -> list[Array]:
     """
     steps = np.diff(points / scale, axis=0)
     length = np.linalg.norm(steps, axis=1)
-    points = points[np.append(True, length > STILL)]
-    steps = steps[length > STILL]
+    points = points[np.append(True, length > ROUNDING)]
+    steps = steps[length > ROUNDING]
     unit = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosine = np.einsum("ij,ij->i", unit[1:], unit[:-1])
     cuts = [0, *(np.flatnonzero(cosine < np.cos(CORNER)) + 1).tolist(), len(points) - 1]

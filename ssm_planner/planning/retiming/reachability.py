@@ -1,4 +1,4 @@
-"""The two passes of TOPP-RA, for all grid intervals at once.
+"""The two passes of TOPP-RA.
 
 On interval i from grid point s_i to s_{i+1}, let x = ṡ² at its start, w = ṡ² at its end, and s̈ =
 (w − x) / 2Δ. The rows a s̈ + b ṡ² + c ≤ 1 at both ends become p x + q w ≤ r. Thus w lies below the
@@ -13,15 +13,13 @@ end, form an interval [lo_i, hi_i] with
 
     least_i ≤ x ≤ most_i (where L_i ≤ U_i),   L_i(x) ≤ hi_{i+1},   lo_{i+1} ≤ U_i(x).   (2)
 
-A line of (1) that bounds x from above in (2) makes hi_i a linear function of hi_{i+1} or lo_{i+1}.
-So hi satisfies a recurrence y_{i+1} = min_k (v_k + s_k y_i). The same holds for −lo, and in the
-forward pass for x_{i+1} = min(U_i(x_i), hi_{i+1}). All i are solved together: at the present values
-one line of each minimum is active, and with these lines the recurrence is linear. Once the values
-repeat, they equal those of the sequential recurrence, which native/reachability.c computes.
+A line of (1) that bounds x in (2) is solved for x, so hi_i and lo_i are minima and maxima of linear
+functions of hi_{i+1} and lo_{i+1}. The forward pass is x_{i+1} = min(U_i(x_i), hi_{i+1}).
+native/reachability.c computes the same.
 
 Sources: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018, §III, with rows at both ends of every interval (its
-interpolation scheme); R. Howard, Dynamic Programming and Markov Processes, 1960 (policy iteration).
+interpolation scheme).
 """
 
 from __future__ import annotations
@@ -33,22 +31,15 @@ import numpy as np
 
 from ssm_planner.native import library
 from ssm_planner.planning.retiming.constraints import LinearConstraints
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.typing import Array, Mask
 
 LEVEL = 1e-10
 """A row whose |q| is below this share of its |p| bounds x alone."""
-STEPS, NEWTON = 15, 150
-"""Largest number of iterations over all intervals, and of Newton's method for the bounds of an
-interval.
-
-Afterwards the intervals are solved one by one.
-"""
+NEWTON = 150
+"""Largest number of iterations of Newton's method for the bounds of an interval."""
 SETTLED = 1e-12
 """Relative distance below 0 at which two lines of an interval count as meeting."""
-ROUNDING = 1e-9
-"""Share by which bounds may cross, and by which a given end speed may lie outside the controllable
-interval.
-"""
 
 
 class _Constants(ctypes.Structure):
@@ -117,7 +108,10 @@ def _fastest_numpy(
     ):
         return None
     low, high = bounds
-    return np.maximum(_recurrence(start, intervals.upper, high[1:]), low)
+    result = [start]
+    for values, slopes, bound in zip(*intervals.upper, high[1:].tolist(), strict=True):
+        result.append(min(bound, float((values + slopes * result[-1]).min())))
+    return np.maximum(result, low)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,25 +153,21 @@ class _Intervals:
         if bounds is None or not bounds[0][-1] <= end <= (1 + ROUNDING) * bounds[1][-1]:
             return None
         x_min, x_max = bounds[0][:-1], bounds[1][:-1]
+        upper, lower = self.upper, self.lower
         # hi follows from the rising lines of L, and from the falling lines of U at lo. lo follows
         # from the rising lines of U, and from the falling lines of L at hi.
-        upper, lower = self.upper, self.lower
         rising = _solved(lower, lower[1] > 0, np.inf)
         falling = _solved(upper, upper[1] < 0, np.inf)
         gaining = _solved(upper, upper[1] > 0, -np.inf)
         losing = _solved(lower, lower[1] < 0, -np.inf)
-        low = np.append(x_min, end)
-        for _ in range(len(low) + 1):
-            bound = np.minimum(x_max, _values_at(falling, low[1:]).min(axis=1, initial=np.inf))
-            high = _recurrence(end, _reversed(rising), bound[::-1])[::-1]
-            bound = np.maximum(x_min, _values_at(losing, high[1:]).max(axis=1, initial=-np.inf))
-            previous = low
-            low = -_recurrence(-end, _reversed((-gaining[0], gaining[1])), -bound[::-1])[::-1]
-            if (low > high + ROUNDING * np.abs(high)).any():
-                return None
-            if np.array_equal(low, previous):
-                break
-        return low, high
+        low, high = np.append(x_min, end), np.append(x_max, end)
+        for i in reversed(range(len(x_min))):
+            least, most = low[i + 1], high[i + 1]
+            for (values, slopes), y in ((rising, most), (falling, least)):
+                high[i] = min(high[i], (values[i] + slopes[i] * y).min(initial=np.inf))
+            for (values, slopes), y in ((gaining, least), (losing, most)):
+                low[i] = max(low[i], (values[i] + slopes[i] * y).max(initial=-np.inf))
+        return None if (low > high + ROUNDING * np.abs(high)).any() else (low, high)
 
     def _own_bounds(self) -> tuple[Array, Array] | None:
         """Return (least, most), (n + 1,) each, between which L ≤ U.
@@ -205,27 +195,6 @@ class _Intervals:
         return bounds[1], bounds[0]
 
 
-def _recurrence(start: float, lines: Lines, upper: Array) -> Array:
-    """Return y (n + 1,) with y_0 = start and y_{i+1} = min(upper_i, min_k v_ik + s_ik y_i)."""
-    y = np.append(start, upper)
-    for _ in range(STEPS):
-        previous, result = y, [start]
-        active = (array.tolist() for array in (*_active(lines, y[:-1]), upper))
-        current = start
-        for value, slope, bound in zip(*active, strict=True):
-            current = value + slope * current
-            if current > bound:  # A comparison takes half the time of `min`.
-                current = bound
-            result.append(current)
-        y = np.array(result)
-        if np.array_equal(y, previous):
-            return y
-    result = [start]
-    for values, slopes, bound in zip(*lines, upper.tolist(), strict=True):
-        result.append(min(bound, float((values + slopes * result[-1]).min())))
-    return np.array(result)
-
-
 def _lines(values: Array, slopes: Array, mask: Mask, missing: float = np.inf) -> Lines:
     """Return the selected lines. The others get the value `missing`."""
     return np.where(mask, values, missing), np.where(mask, slopes, 0.0)
@@ -247,8 +216,3 @@ def _active(lines: Lines, x: Array, sign: int = 1) -> Lines:
 def _values_at(lines: Lines, x: Array) -> Array:
     """Return the values of all lines at x (n,), (n, lines)."""
     return np.asarray(lines[0] + lines[1] * x[:, None])
-
-
-def _reversed(lines: Lines) -> Lines:
-    """Return the lines in reverse order of the intervals."""
-    return lines[0][::-1], lines[1][::-1]

@@ -10,36 +10,27 @@ Reachability Analysis, IEEE T-RO 34(3), 2018, and its interpolation scheme.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ssm_planner.kinematics.forward import tool_speed
 from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
-from ssm_planner.planning.retiming.paths import Chain, JointPath, MotionPath
+from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest_profile
+from ssm_planner.planning.tolerances import GAP, ROUNDING
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.typing import Array
 
-POINTS = 1000
-"""Number of grid intervals."""
 COARSE = 200
 """Number of grid intervals of the rough motion that determines where grid points lie."""
 UNIFORM = 0.1
 """Share of the grid points that is uniform in s."""
-PASSES, TRIES = 40, 12
-"""Largest number of passes, and largest number until the first motion."""
-CONVERGED = 1e-5
-"""Relative change of the duration below which the tangents count as converged.
-
-Another pass would change the duration by about the square of it.
-"""
-STEADY = 1e-9
-"""Relative deviation from a constant speed that is allowed at grid points."""
+PASSES = 12
+"""Largest number of passes."""
 FASTER = 10.0
 """Largest ratio of the speed after retiming to that of the motion."""
 SLOWER = 1 / 16
@@ -63,7 +54,10 @@ class Retiming:
     active: Array
     """Row that binds on each grid interval, (n,). −1: the speed ceiling. −2: nothing."""
     converged: bool = False
-    """True if another pass would not change the duration by more than about CONVERGED."""
+    """True if the last pass changed the duration by a share of less than GAP.
+
+    Another pass would change it by about the square of that.
+    """
     limits: PathLimits | None = None
     """Limits along the path, with the rows that were needed."""
 
@@ -81,7 +75,7 @@ class Retiming:
 def retime(
     path: JointPath,
     robot: Robot,
-    points: int = POINTS,
+    points: int = FEW,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     speeds: tuple[float, float] = (0.0, 0.0),
     *,
@@ -143,7 +137,7 @@ def stays_at(retiming: Retiming, path: JointPath, speed: float) -> bool:
     tip = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) * np.sqrt(
         retiming.speed_squared
     )
-    at_speed = np.flatnonzero(tip >= (1 - STEADY) * speed)
+    at_speed = np.flatnonzero(tip >= (1 - ROUNDING) * speed)
     return len(at_speed) > 2 and len(at_speed) == at_speed[-1] - at_speed[0] + 1
 
 
@@ -151,7 +145,7 @@ def retime_motion(
     path: MotionPath,
     robot: Robot,
     limits: TaskLimits,
-    points: int = POINTS,
+    points: int = FEW,
     speed_ratio: float = 1.0,
 ) -> Retiming:
     """Return the time-optimal motion along the path of a motion.
@@ -167,58 +161,6 @@ def retime_motion(
         path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2)
     )
     return _retimed(grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True)
-
-
-def durations(
-    paths: Sequence[MotionPath], robot: Robot, limits: TaskLimits, points: int, speed_ratio: float
-) -> list[float]:
-    """Return the durations of `retime_motion` along several paths at once, s.
-
-    The paths belong to motions of equal duration on one mesh. A duration is infinite if there is no
-    motion.
-    """
-    grid = paths[0].grid(points)
-    speed = speed_ratio / paths[0].trajectory.duration
-    n = len(grid)
-    slices = [slice(k * n, (k + 1) * n) for k in range(len(paths))]
-    path_limits = PathLimits.on_grid(
-        Chain(paths[0].mechanism, tuple(paths)), Chain.grid(grid, len(paths)), robot, limits
-    )
-    path_limits = replace(
-        path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2)
-    )
-    every = list(range(len(paths)))
-    result = np.full(len(paths), np.inf)
-    tangent = np.full(len(path_limits.ceiling), speed**2)
-    open_ = every
-    for count in range(1, PASSES + 1):
-        rows, remaining = path_limits.constraints(tangent, static_start=True), []
-        for k in open_:
-            curved = rows.at_points(slices[k])
-            linear = curved.tangent(_lifted(tangent[slices[k]]))
-            squares = fastest_profile(grid, linear, (speed, speed))
-            if squares is None:
-                tangent[slices[k]] *= SLOWER
-                remaining += [k] if np.isinf(result[k]) and count < TRIES else []
-                continue
-            previous = result[k]
-            result[k] = _times(grid, squares)[-1]
-            tangent[slices[k]] = squares
-            if abs(previous - result[k]) > CONVERGED * result[k] and _bind(
-                linear, curved, grid, squares
-            ):
-                remaining.append(k)
-        open_ = remaining
-        if not open_:
-            extended = path_limits.with_missed(
-                Chain.grid(grid, len(paths)), tangent, static_start=True
-            )
-            if extended is path_limits:
-                break
-            path_limits = extended
-            result = np.full(len(paths), np.inf)
-            open_ = every
-    return [float(duration) for duration in result]
 
 
 def motion_along(path: MotionPath, retiming: Retiming) -> Trajectory:
@@ -279,7 +221,7 @@ def _retimed(
         linear = rows.tangent(_lifted(tangent))
         squares = fastest_profile(grid, linear, speeds)
         if squares is None:
-            if solution.solved or count == TRIES:
+            if solution.solved:
                 break
             # A tangent at high speed overestimates viscous friction at low speed. A tangent nearer
             # to rest may be feasible.
@@ -287,7 +229,7 @@ def _retimed(
             continue
         duration = float(_times(grid, squares)[-1])
         # Tangents only overestimate. If no row with a tangent binds, they do not change the motion.
-        converged = abs(solution.duration - duration) <= CONVERGED * duration or not _bind(
+        converged = abs(solution.duration - duration) <= GAP * duration or not _bind(
             linear, rows, grid, squares
         )
         solution = Retiming(

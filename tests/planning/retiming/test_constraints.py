@@ -79,8 +79,6 @@ def test_tangents_touch_and_over_estimate() -> None:
         above = linear.b * x[:, None] + linear.c
         assert np.all(above >= value - 1e-12)
         assert (x is not x0) or above == pytest.approx(value)
-    assert linear.at_points(slice(2, 5)).b == pytest.approx(linear.b[2:5])
-    assert linear.at_points(slice(2, 5)).ceiling.shape == (3,)
 
 
 def test_values_are_those_at_the_ends_and_the_active_row_is_the_largest() -> None:

@@ -11,7 +11,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.retiming.blends import BlendedPath, rounded
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
-from ssm_planner.planning.retiming.retime import durations, motion_along, retime_motion
+from ssm_planner.planning.retiming.retime import motion_along, retime_motion
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
@@ -67,13 +67,6 @@ def test_a_slow_motion_is_faster_along_its_own_path(mechanism: Mechanism, robot:
         assert np.abs(original - q).max(axis=1).min() < 2e-3
 
 
-def test_several_motions_take_together_what_each_takes(mechanism: Mechanism, robot: Robot) -> None:
-    paths = [slow_motion(mechanism, way) for way in (0.2, 0.3)]
-    alone = [retime_motion(path, robot, NONE, 60, 0.9).duration for path in paths]
-    assert durations(paths, robot, NONE, 60, 0.9) == pytest.approx(alone, rel=1e-4)
-    assert alone[0] != pytest.approx(alone[1], rel=1e-3)
-
-
 def test_where_a_joint_rests_it_stands_still_on_the_path(mechanism: Mechanism) -> None:
     samples = slow_motion(mechanism, 0.2).sample(np.array([0.1, 0.6]))
     assert samples.dq[0, 1] == pytest.approx(0.0, abs=1e-12)
@@ -123,7 +116,7 @@ def test_a_corner_is_left_and_joined_at_its_distance(mechanism: Mechanism, dista
         assert np.array_equal(sign != 0, np.abs(middle[5]) > 1e-9)
     assert path.branch == before.branch == behind.branch
     assert path.intervals == 400 * 3
-    turning = path._turning_point
+    turning = path.turning_point
     for joint in range(4):
         for k in range(len(knots) - 2):
             if signs[k, joint] * signs[k + 1, joint] < 0:

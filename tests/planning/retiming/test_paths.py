@@ -12,7 +12,6 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.retiming import paths
 from ssm_planner.planning.retiming.paths import (
-    Chain,
     JointPath,
     MotionPath,
     PathSamples,
@@ -24,6 +23,7 @@ from ssm_planner.planning.retiming.paths import (
     smooth_runs,
     with_knots,
 )
+from ssm_planner.planning.tolerances import SAMPLES
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 
@@ -117,7 +117,7 @@ def test_a_turning_point_that_rounding_hides_is_the_end_with_the_smaller_slope(
     slopes = path.sample(np.array([0.4, 0.6])).dq
     for joint in np.flatnonzero((slopes[0] * slopes[1] > 0) & (slopes[0] != slopes[1])):
         nearer = (0.4, 0.6)[int(np.argmin(np.abs(slopes[:, joint])))]
-        assert path._turning_point(int(joint), 0.4, 0.6) == nearer
+        assert path.turning_point(int(joint), 0.4, 0.6) == nearer
 
 
 @pytest.fixture(scope="module")
@@ -242,29 +242,10 @@ def test_the_path_of_a_motion_is_the_motion(motion_path: MotionPath) -> None:
     assert not starts[:, 1:].any()
 
 
-def test_a_chain_of_paths_is_each_of_them(motion_path: MotionPath, spline: SplinePath) -> None:
-    chain = Chain(motion_path.mechanism, (motion_path, spline))
-    own = np.linspace(0.0, 1.0, 9)
-    grid = Chain.grid(own, 2)
-    assert grid == pytest.approx(np.concatenate([own, own + 2]))
-    samples = chain.sample(grid)
-    for k, path in enumerate((motion_path, spline)):
-        part, alone = slice(9 * k, 9 * k + 9), path.sample(own)
-        for name in ("q", "dq", "ddq"):
-            assert np.array_equal(getattr(samples, name)[part], getattr(alone, name))
-        assert np.array_equal(chain.starts(samples)[part], path.starts(alone))
-    knots, signs = chain.directions
-    first, second = motion_path.directions, spline.directions
-    assert knots == pytest.approx(np.concatenate([first[0], second[0] + 2]))
-    assert len(signs) == len(knots) - 1
-    assert np.array_equal(signs[2], first[1][-1])
-    assert np.array_equal(signs[3:], second[1])
-
-
 def test_the_rate_along_a_path_follows_from_the_joints_speeds(spline: SplinePath) -> None:
     slope = spline.sample(np.array([0.4])).dq[0]
     assert spline.speed_at(0.4, 0.7 * slope) == pytest.approx(0.7)
     assert spline.speed_at(0.4, np.zeros(4)) == 0.0
     starts = JointPath.starts(spline, spline.sample(np.array([0.0, 0.1])))
     assert starts.tolist() == [[True] * 4, [False] * 4]
-    assert spline.overview.q == pytest.approx(spline.sample(np.linspace(0, 1, 201)).q)
+    assert spline.overview.q == pytest.approx(spline.sample(np.linspace(0, 1, SAMPLES)).q)

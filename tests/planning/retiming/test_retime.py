@@ -13,7 +13,7 @@ from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
-from ssm_planner.planning.retiming.retime import durations, retime, retime_motion
+from ssm_planner.planning.retiming.retime import retime, retime_motion
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -138,30 +138,3 @@ def test_a_cross_check_that_differs_more_than_promised_has_failed(tilt_insert: P
     failed = replace(made, phases=(off,))
     assert any("cross-check failed" in note and "insert" in note for note in failed.notes)
     assert any("FAILED" in line and "along the same path" in line for line in verdicts(failed))
-
-
-def test_paths_are_timed_together_as_each_alone(tilt_insert: Problem) -> None:
-    """The path of a motion, and others of its mesh over shares of its way."""
-    problem = replace(
-        tilt_insert, motion=(Free(Task(tilt=np.radians(-120), depth=0.012)),), planner="fast"
-    )
-    phase = plan_motion(problem).phases[0]
-    breaks, coefficients = phase.motion.breaks, phase.motion.coefficients
-    shares = np.ones((4, 6, 1))
-    shares[:, 1:] = np.array([1.0, 0.9, 0.7, 0.2])[:, None, None]
-    whole = shares * coefficients[:, None]
-    whole[:, :, 0] = (
-        phase.phase.q_start + shares[:, 1] * (coefficients[:, 0] - phase.phase.q_start)[:, None]
-    )
-    mechanism, knots = (
-        Mechanism.from_geometry(problem.robot.geometry),
-        phase.motion.borders / breaks[-1],
-    )
-    paths = [
-        MotionPath(mechanism, Trajectory(breaks, whole[:, k], ()), knots, phase.motion.directions)
-        for k in range(4)
-    ]
-    given = problem.robot, problem.task_limits, 200, 0.999
-    alone = [retime_motion(path, *given).duration for path in paths]
-    assert alone[0] > 1.01 * alone[1] > 1.01 * alone[2]
-    assert durations(paths, *given) == pytest.approx(alone, rel=1e-12)

@@ -1,0 +1,360 @@
+"""Which named problem changes when a numeric constant of the planner moves by a factor of two.
+
+    python -m tests.benchmarks.constants [--only NAME …] [--list] [-o FILE]
+
+Every constant at the level of a module in ROOMS is halved and doubled, in a process of its own whose import of that module
+is changed. The problems are planned until one of them changes: in its duration or outcome by more than GAP, or in its work
+(`EFFORT`, or CPU time if that is confirmed) by more than a tenth. The table goes to results/constants.md. `--only` measures
+the constants with these names, or of these modules, and replaces their rows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import builtins
+import dataclasses
+import importlib.machinery
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+from tests.support.paths import PACKAGE, ROOT
+
+ROOMS = ("planning", "pipeline", "interior")
+TABLE = ROOT / "results/constants.md"
+GAP = 1e-4
+WORK = 0.1
+"""Changes of a duration and of work that count, as shares."""
+LEAST_WORK = 0.05
+"""Effort and CPU time, s, that count at least, so that a small problem does not decide."""
+REPEATS = 3
+"""Pairs of runs that confirm a change of CPU time."""
+LONGEST = 120.0
+"""CPU time of a problem, s, after which a variant counts as changed."""
+FACTORS = (2.0, 0.5)
+HEADER = ("constant", "value", "reason", "moved", "problem", "change")
+NAMES = [
+    *(f"coupled {k}" for k in (28, 43, 66, 5, 4, 24, 2, 18, 48, 20, 68, 60, 38, 8, 29, 34, 53, 12)),
+    "tilt_insert",
+    *(f"random {k}, one" for k in (1000, 1004, 1007, 1009, 1012, 1015, 1017, 1022, 1025, 1031)),
+    *(f"random {k}, one" for k in (1002, 1005, 1006, 1011, 1023, 1024, 1028, 1032, 1033, 1035)),
+    *(f"random {k}" for k in (5000, 5001, 5007, 5008, 5011, 5013, 5016, 5018, 5021, 5022, 5024)),
+    *(f"random {k}" for k in (5005, 5012, 5014, 5015, 5025, 5026, 5028, 5029, 5033, 5035, 5036)),
+    *(f"random {k}" for k in (5039, 5040, 5045, 5047, 5048, 5057, 5058, 5060, 5062, 5063)),
+    *("direct_reach", "raven_reach", "eye_approach", "laser_scan", "rounded_corners", "waypoints"),
+    *("eye_approach, optimal", "tilt_insert, optimal", "waypoints, optimal"),
+    *(f"random {k}, one, optimal" for k in (1000, 1024, 1032)),
+    *("coupled 53, optimal", "random 5028, optimal", "random 5012, optimal", "tilt_insert, ipopt"),
+    *("direct_reach, ipopt", "tilt_insert, toppra", "random 5000, relaxed", "random 5002, relaxed"),
+    *("random 5034, relaxed", "random 5044, relaxed", "random 5004", "random 51051"),
+]
+"""Names of the problems: a shipped problem, or a kind and a seed, and how it is planned."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Constant:
+    """A numeric constant at the level of a module."""
+
+    module: str
+    name: str
+    value: str
+    reason: str
+
+
+def constants(only: tuple[str, ...] = ()) -> Iterator[Constant]:
+    """Yield the constants of ROOMS, or those with these names or of these modules."""
+    for room in ROOMS:
+        for file in sorted((PACKAGE / room).rglob("*.py")):
+            module = ".".join(("ssm_planner", *file.relative_to(PACKAGE).with_suffix("").parts))
+            body = ast.parse(file.read_text(encoding="utf-8")).body
+            for k, node in enumerate(body):
+                for name, value in numeric(node):
+                    constant = Constant(module, name, ast.unparse(value), reason(body[k + 1 :]))
+                    words = {name, module, module.rpartition(".")[2]}
+                    if not only or words & set(only):
+                        yield constant
+
+
+def numeric(node: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
+    """Yield name and value of the numeric constants that a statement assigns."""
+    if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+        return
+    for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+        pairs: list[tuple[ast.expr, ast.expr]] = [(target, node.value)]
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            pairs = list(zip(target.elts, node.value.elts, strict=True))
+        for each, value in pairs:
+            numbers = (
+                isinstance(part, ast.Constant) and isinstance(part.value, int | float)
+                for part in ast.walk(value)
+            )
+            if isinstance(each, ast.Name) and each.id.isupper() and any(numbers):
+                yield each.id, value
+
+
+def reason(following: list[ast.stmt]) -> str:
+    """Return the first sentence of the text that follows a constant, or a group of constants."""
+    for node in following:
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            return " ".join(str(node.value.value).split()).partition(". ")[0].rstrip(".")
+        if not list(numeric(node)):
+            break
+    return ""
+
+
+def moved(value: Any, factor: float) -> Any:
+    """Return a value moved by a factor. Numbers near 1 move by their difference from 1."""
+    if isinstance(value, bool | str | Path) or value is None or callable(value):
+        return value
+    if isinstance(value, int):
+        return value if value <= 0 else max(1, round(value * factor))
+    if isinstance(value, float):
+        return 1 + (value - 1) * factor if 0.7 < value < 2 else value * factor
+    if isinstance(value, tuple | list):
+        return type(value)(moved(item, factor) for item in value)
+    if isinstance(value, dict):
+        return {key: moved(item, factor) for key, item in value.items()}
+    return value * factor if hasattr(value, "dtype") and value.dtype.kind == "f" else value
+
+
+class Moving(importlib.machinery.SourceFileLoader):
+    """Loads a module in which one constant is moved right after its assignment."""
+
+    constant, factor = "", 1.0
+
+    def get_code(self, fullname: str) -> CodeType:
+        tree = ast.parse(Path(self.path).read_text(encoding="utf-8"))
+        statements: list[ast.stmt] = []
+        for node in tree.body:
+            statements.append(node)
+            if self.constant in dict(numeric(node)):
+                text = f"{self.constant} = __moved__({self.constant}, {self.factor})"
+                statements += ast.parse(text).body
+        tree.body = statements
+        return compile(ast.fix_missing_locations(tree), self.path, "exec")
+
+
+class Finder:
+    """Finds the module with the moved constant before the usual finders do."""
+
+    def __init__(self, module: str) -> None:
+        self.module = module
+
+    def find_spec(self, name: str, path: Any, target: ModuleType | None = None) -> Any:
+        if name != self.module:
+            return None
+        spec = importlib.machinery.PathFinder.find_spec(name, path)
+        assert spec is not None
+        assert spec.origin is not None
+        return importlib.util.spec_from_file_location(
+            name, spec.origin, loader=Moving(name, spec.origin)
+        )
+
+
+def problem_of(name: str) -> tuple[Any, bool]:
+    """Return a named problem, and whether relaxations are looked for."""
+    from ssm_planner.loading.load import load_problem
+    from ssm_planner.problem.value import unchecked
+    from tests.benchmarks.direction_free import coupled
+    from tests.support.random_problems import random_problem
+
+    kind, *how = name.split(", ")
+    words = kind.split()
+    base = load_problem(ROOT / "problems/tilt_insert.yaml")
+    if words[0] == "random":
+        problem = random_problem(base, int(words[1]), most=1 if "one" in how else 3)
+    elif words[0] == "coupled":
+        problem = coupled(base, int(words[1]))
+    else:
+        problem = load_problem(ROOT / f"problems/{kind}.yaml")
+    planner = next((word for word in how if word in ("optimal", "ipopt", "toppra")), "fast")
+    if problem.planner != "toppra":
+        problem = unchecked(problem, planner=planner)
+    return problem, "relaxed" in how
+
+
+def measured(name: str) -> tuple[float, str, float, float]:
+    """Plan a problem: its duration (0 without a motion), the outcome, effort and CPU time."""
+    from ssm_planner.pipeline.run import plan
+    from ssm_planner.planning.ocp.refinement import EFFORT
+    from ssm_planner.planning.ocp.transcription import forget_solutions
+
+    problem, relaxed = problem_of(name)
+    forget_solutions()
+    start = time.process_time()
+    try:
+        result = plan(problem, relaxations=relaxed)
+    except Exception as error:  # noqa: BLE001  a moved constant may break anything
+        return 0.0, f"raises {type(error).__name__}", 0.0, 0.0
+    spent = time.process_time() - start
+    reason = "" if result.reason is None else str(result.reason.relaxation or "no motion")
+    duration = result.trajectory.duration if result.passed and result.trajectory else 0.0
+    return duration, reason, EFFORT.spent, spent
+
+
+def child(module: str, constant: str, factor: float, names: list[str]) -> None:
+    """Plan the named problems with a constant moved, and print one line for each of them."""
+    if module:
+        vars(builtins)["__moved__"] = moved
+        Moving.constant, Moving.factor = constant, factor
+        sys.meta_path.insert(0, Finder(module))  # type: ignore[arg-type]
+    measured(names[0])  # Builds the programs.
+    for name in names:
+        print(json.dumps([name, *measured(name)]), flush=True)
+
+
+def run(module: str, constant: str, factor: float, names: list[str]) -> Iterator[list[Any]]:
+    """Yield the lines of a child process. The process ends with the iteration."""
+    command = [sys.executable, "-m", "tests.benchmarks.constants", "--child"]
+    arguments = [module, constant, str(factor), *names]
+    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    process = subprocess.Popen(
+        [*command, *arguments],
+        cwd=ROOT,
+        env={**os.environ, **one_thread},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    assert process.stdout is not None
+    try:
+        for line in process.stdout:
+            yield json.loads(line)
+        if process.wait():
+            yield ["any", 0.0, "the program fails", 0.0, 0.0]
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def effect(
+    constant: Constant, factor: float, base: dict[str, list[Any]]
+) -> tuple[str, str, str] | None:
+    """Return how a constant is moved, the first problem that changes, and by how much."""
+    how = f"× {factor:g}"
+    slower: list[tuple[float, str]] = []
+    for name, duration, outcome, effort, spent in run(
+        constant.module, constant.name, factor, list(base)
+    ):
+        if name not in base:
+            return how, name, outcome
+        old_duration, old_outcome, old_effort, old_spent = base[name]
+        if bool(duration) != bool(old_duration):
+            return how, name, "loses its motion" if old_duration else "gets a motion"
+        if duration and abs(duration / old_duration - 1) > GAP:
+            return how, name, f"duration {100 * (duration / old_duration - 1):+.2g} %"
+        if not same_outcome(outcome, old_outcome):
+            return how, name, "another relaxation"
+        change = (effort + LEAST_WORK) / (old_effort + LEAST_WORK) - 1
+        if abs(change) > WORK:
+            return how, name, f"effort {100 * change:+.0f} %"
+        share = (spent + LEAST_WORK) / (old_spent + LEAST_WORK) - 1
+        if abs(share) > WORK:
+            slower.append((abs(share), name))
+    for _, name in sorted(slower, reverse=True)[:2]:
+        share = confirmed_share(constant, factor, name)
+        if abs(share) > WORK:
+            return how, name, f"CPU time {100 * share:+.0f} %"
+    return None
+
+
+def same_outcome(text: str, other: str) -> bool:
+    """Return True if two texts state the same relaxation, with numbers of three digits."""
+
+    def rounded(words: str) -> list[str]:
+        result = []
+        for word in words.split():
+            try:
+                result.append(f"{float(word.strip(',;')):.2g}")
+            except ValueError:
+                result.append(word)
+        return result
+
+    return rounded(text) == rounded(other)
+
+
+def confirmed_share(constant: Constant, factor: float, name: str) -> float:
+    """Return the change of the smallest CPU time over alternating runs."""
+    times: tuple[list[float], list[float]] = ([], [])
+    for _ in range(REPEATS):
+        for module, found in zip(("", constant.module), times, strict=True):
+            lines = run(module, constant.name, factor, [name] * 3)
+            found += [line[-1] for line in lines if line[0] == name]
+    if not all(times):
+        return 0.0
+    return (min(times[1]) + LEAST_WORK) / (min(times[0]) + LEAST_WORK) - 1
+
+
+def row(constant: Constant, base: dict[str, list[Any]]) -> list[str]:
+    """Measure one constant."""
+    effects = (effect(constant, factor, base) for factor in FACTORS)
+    found = next((each for each in effects if each is not None), ("both ways", "none", "–"))
+    short = constant.value if len(constant.value) <= 40 else constant.value[:37] + "…"
+    label = f"{constant.module.removeprefix('ssm_planner.')}.{constant.name}"
+    return [f"`{label}`", f"`{short}`", constant.reason, *found]
+
+
+def read_rows(file: Path) -> dict[str, list[str]]:
+    """Return the rows of an earlier table by the name of their constant."""
+    if not file.is_file():
+        return {}
+    lines = file.read_text(encoding="utf-8").splitlines()
+    cells = [line.strip("| ").split(" | ") for line in lines if line.startswith("| `")]
+    return {line[0]: line for line in cells if len(line) == len(HEADER)}
+
+
+def document(rows: dict[str, list[str]]) -> str:
+    """Return the page with the table of the present constants."""
+    present = [f"`{c.module.removeprefix('ssm_planner.')}.{c.name}`" for c in constants()]
+    shown = [rows.get(label, [label, "", "", "", "not measured", ""]) for label in present]
+    lines = [
+        "# Constants of the planner",
+        "",
+        "`python -m tests.benchmarks.constants` writes this table. Every numeric constant of planning, pipeline and "
+        "interior is doubled, then halved. Numbers near 1 move by their difference from 1. The row names the first "
+        "problem whose duration changes by more than 1e-4, whose outcome changes, or whose work changes by more than "
+        "10 %. `none` marks constants that no problem of the benchmark needs.",
+        "",
+        f"{len(present)} constants.",
+        "",
+        "| " + " | ".join(HEADER) + " |",
+        "|---" * len(HEADER) + "|",
+        *("| " + " | ".join(cell.replace("|", "∣") for cell in line) + " |" for line in shown),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> int:
+    if sys.argv[1:2] == ["--child"]:
+        module, constant, factor, *names = sys.argv[2:]
+        child(module, constant, float(factor), names)
+        return 0
+    parser = argparse.ArgumentParser(description="Effect of every constant of the planner.")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    parser.add_argument("--list", action="store_true", help="only print the constants")
+    parser.add_argument("-o", "--output", type=Path, default=TABLE)
+    given = parser.parse_args()
+    chosen = list(constants(tuple(given.only)))
+    if given.list:
+        print(*(f"{c.module}.{c.name} = {c.value}" for c in chosen), sep="\n")
+        return 0
+    rows = read_rows(given.output)
+    base = {line[0]: line[1:] for line in run("", "", 1.0, NAMES)}
+    for constant in chosen:
+        line = row(constant, base)
+        rows[line[0]] = line
+        print(" | ".join(line), flush=True)
+        given.output.write_text(document(rows), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
