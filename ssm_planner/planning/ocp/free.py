@@ -97,7 +97,6 @@ It applies if another joint has a jerk limit.
 KINEMATIC = ("velocity", "acceleration", "jerk")
 AT_LIMIT = 8e-7
 """Share by which rows may exceed their limit at an end at which the motion has a given velocity."""
-LEAST_UNIT = 0.05
 
 
 def solve_free(
@@ -579,10 +578,7 @@ class FreeProblem(OcpProblem):
     @cached_property
     def unit(self) -> Array:
         """Length d of u = 1 for each joint, (4,)."""
-        extent = np.abs(np.diff(self.chain.points, axis=0)).max(axis=0)
-        if self.chain.fixed.all():
-            return np.asarray(extent)
-        return np.maximum(extent, LEAST_UNIT * self.joint_limits["velocity"] * self.time_scale)
+        return np.asarray(np.abs(np.diff(self.chain.points, axis=0)).max(axis=0))
 
     @cached_property
     def ranges(self) -> Array:

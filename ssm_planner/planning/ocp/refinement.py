@@ -44,10 +44,6 @@ TOLERANCE = 5e-7
 """Share by which a row may exceed its limit between collocation points."""
 COARSE = 4e-3
 """Excess of a row over its limit above which its element is cut."""
-ASTRAY = 1.0
-"""Excess of an inactive row above which the solution is no useful guess, so the first guess is used
-again.
-"""
 PARTS = 3
 """Number of elements into which an element is cut."""
 CUTS = 2
@@ -361,8 +357,6 @@ NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 class _Refinement:
     """State of a refinement."""
 
-    guess: Guess
-    """Guess at which the refinement began."""
     problem: OcpProblem
     active: frozenset[RowName]
     backoff: Array
@@ -380,11 +374,11 @@ class _Refinement:
             problem.row_names, problem.row_maxima(elements), NEAR
         )
         backoff = np.zeros((len(elements), len(problem.row_names)))
-        return cls(guess, problem, active, backoff, elements=elements, start=guess.point)
+        return cls(problem, active, backoff, elements=elements, start=guess.point)
 
     def restarted(self, guess: Guess) -> _Refinement:
         """Return the state with another guess, and with the same active rows and backoff."""
-        return replace(self, guess=guess, elements=guess.elements, start=guess.point)
+        return replace(self, elements=guess.elements, start=guess.point)
 
     def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
         """Return the program to solve next."""
@@ -433,18 +427,6 @@ class _Refinement:
                 solver="structured",
             )
         return Transcription.build(structure, element).solve(data, self.start)
-
-    def activated(
-        self, solution: NlpSolution, missed: frozenset[RowName], *, diverged: bool
-    ) -> _Refinement:
-        """Return the state with missed rows active too.
-
-        The next solve begins at the solution, or at the guess if the solution has diverged.
-        """
-        active = self.active | missed
-        if diverged and len(self.elements) == len(self.guess.elements):
-            return replace(self.restarted(self.guess), active=active)
-        return replace(self, active=active, start=InitialPoint(solution.point.x))
 
     def cut(self, solution: NlpSolution, coarse: Array) -> _Refinement:
         """Return the state with the coarse elements (n,) cut into PARTS.
@@ -583,10 +565,10 @@ def _next(
     2. Elements with large violations are cut, in the first CUTS rounds.
     3. The bounds of violated rows are lowered.
     """
-    row_excess = violation.max(axis=0)
     missed = chosen_rows(state.problem.row_names, violation, TOLERANCE) - state.active
     if missed:
-        return state.activated(solution, missed, diverged=bool(row_excess.max() > ASTRAY))
+        start = InitialPoint(solution.point.x)
+        return replace(state, active=state.active | missed, start=start)
     coarse = violation.max(axis=1) > COARSE
     if may_cut and k <= CUTS and coarse.any():
         return state.cut(solution, coarse)

@@ -79,7 +79,6 @@ def retime(
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     speeds: tuple[float, float] = (0.0, 0.0),
     *,
-    static: bool = True,
     list_active: bool = True,
 ) -> Retiming:
     """Return the time-optimal motion along a path.
@@ -96,8 +95,6 @@ def retime(
         Limits on task coordinates and on the tool.
     speeds : (float, float)
         ṡ at both ends, 1/s.
-    static : bool
-        Friction is static where joints start from rest.
     list_active : bool
         Determine which rows bind.
 
@@ -107,9 +104,7 @@ def retime(
         The motion, or the status "infeasible".
     """
     rough = (
-        retime(path, robot, COARSE, limits, speeds, static=static, list_active=False)
-        if points > COARSE
-        else None
+        retime(path, robot, COARSE, limits, speeds, list_active=False) if points > COARSE else None
     )
     grid = _grid(path.directions[0], points, rough)
     path_limits = PathLimits.on_grid(
@@ -126,7 +121,7 @@ def retime(
         path_limits,
         tangent,
         speeds,
-        static=static and speeds[0] == 0.0,
+        static=speeds[0] == 0.0,
         list_active=list_active,
     )
 
