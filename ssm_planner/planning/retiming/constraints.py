@@ -17,8 +17,7 @@ dynamics/transmission.py (the friction law).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +30,6 @@ from ssm_planner.kinematics.forward import tool_speed
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
-from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import TASK, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
@@ -122,18 +120,6 @@ class LinearConstraints:
     def curved(self) -> Indices:
         """Indices of the rows with a nonzero k."""
         return np.flatnonzero(self.k.any(axis=0))
-
-    def interval_maxima(self, grid: Array, speed_squared: Array) -> Array:
-        """Return the largest value of every row on each interval of the grid (n,), (n − 1, rows).
-
-        The values at both ends of an interval are compared.
-        """
-        acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
-        root = np.sqrt(speed_squared)[:, None]
-        remainder = self.b * speed_squared[:, None] + self.c + self.k * root
-        return np.maximum(
-            self.a[:-1] * acceleration + remainder[:-1], self.a[1:] * acceleration + remainder[1:]
-        )
 
     def active(self, grid: Array, speed_squared: Array) -> Array:
         """Return the row that binds on each grid interval, or CEILING or NONE, (n − 1,)."""
@@ -256,13 +242,6 @@ class PathLimits:
     """True where joints start from rest, (n, 4)."""
     stops: Array | None
     """|J q'| / (2d), (n,), for a limit d on the distance to stop. None without such a limit."""
-    actuations: tuple[Actuation, ...]
-    """Actuations with rows."""
-    left_out: tuple[Actuation, ...] = ()
-    """Actuations at other corners of a range of friction and payload.
-
-    They get rows if a motion exceeds a limit with them.
-    """
     laws: dict[tuple[int, int, int, bool], _TorqueLaw] = field(default_factory=dict)
     """Latest torque laws by joint, load, drive and static start.
 
@@ -278,12 +257,8 @@ class PathLimits:
         grid: Array,
         robot: Robot,
         limits: TaskLimits,
-        like: PathLimits | None = None,
     ) -> PathLimits:
-        """Evaluate the limits at the points s (n,) of a grid.
-
-        `like` gives the actuations with rows. It must belong to the same robot.
-        """
+        """Evaluate the limits at the points s (n,) of a grid."""
         knots, signs = path.directions
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
         samples = path.sample(grid)
@@ -295,9 +270,6 @@ class PathLimits:
             stops = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) / (
                 2 * limits.stop_travel.largest
             )
-        actuations, left_out = (
-            _first_actuations(robot) if like is None else (like.actuations, like.left_out)
-        )
         return cls(
             robot,
             samples,
@@ -306,8 +278,6 @@ class PathLimits:
             ceiling=ceiling,
             starts=path.starts(samples),
             stops=stops,
-            actuations=actuations,
-            left_out=left_out,
         )
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
@@ -323,7 +293,7 @@ class PathLimits:
         static_start : bool
             Friction is static where joints start.
         """
-        laws = self._laws(self.actuations, speed_squared, static_start)
+        laws = self._laws(speed_squared, static_start)
         if self.latest and all(map(_Law.same, self.latest[0][0], laws)):
             return self.latest[0][1]
         rows: list[tuple[PathTerm, float]] = []
@@ -341,40 +311,10 @@ class PathLimits:
         self.latest[:] = [(laws, result)]
         return result
 
-    def with_missed(self, grid: Array, speed_squared: Array, *, static_start: bool) -> PathLimits:
-        """Return the limits with rows for actuations that a motion exceeds.
-
-        For every joint these are the actuations that are the worst on some interval. ṡ² (n,) of the
-        motion is given on the grid.
-        """
-        rows = [
-            law.rows(self.ceiling) for law in self._laws(self.left_out, speed_squared, static_start)
-        ]
-        if not rows:
-            return self
-        values = LinearConstraints.from_rows(
-            [row for group in rows for row in group], self.ceiling
-        ).interval_maxima(grid, speed_squared)
-        offsets = np.cumsum([0, *map(len, rows[:-1])])
-        maxima = np.maximum.reduceat(values, offsets, axis=1)
-        missed: set[int] = set()
-        for i in {actuation[0] for actuation in self.left_out}:
-            indices = np.array(
-                [k for k, actuation in enumerate(self.left_out) if actuation[0] == i]
-            )
-            exceeded = maxima[:, indices].max(axis=1) > 1 + ROUNDING
-            missed |= set(indices[np.argmax(maxima[:, indices], axis=1)[exceeded]].tolist())
-        if not missed:
-            return self
-        added = tuple(actuation for k, actuation in enumerate(self.left_out) if k in missed)
-        left_out = tuple(actuation for k, actuation in enumerate(self.left_out) if k not in missed)
-        return replace(self, actuations=(*self.actuations, *added), left_out=left_out)
-
-    def _laws(
-        self, actuations: Sequence[Actuation], speed_squared: Array, static_start: bool
-    ) -> list[_Law]:
-        """Return the laws of actuations at ṡ² (n,)."""
+    def _laws(self, speed_squared: Array, static_start: bool) -> list[_Law]:
+        """Return the laws of all actuations at ṡ² (n,)."""
         laws = []
+        actuations = ((i, *actuation) for i in range(4) for actuation in self.robot.actuations(i))
         for i, load, drive, sides in actuations:
             motor = self.robot.joints[i].motor
             key = i, load, id(drive), static_start
@@ -427,21 +367,6 @@ class PathLimits:
     def _term(self, **coefficients: Array | float) -> PathTerm:
         """Build a term at all points."""
         return PathTerm.from_coefficients(len(self.ceiling), **coefficients)
-
-
-def _first_actuations(robot: Robot) -> tuple[tuple[Actuation, ...], tuple[Actuation, ...]]:
-    """Return the actuations that get rows at once, and the others.
-
-    The first corner of every joint and load gets rows at once.
-    """
-    every = [(i, *actuation) for i in range(4) for actuation in robot.actuations(i)]
-    immediate: dict[tuple[int, int, tuple[int, ...]], Actuation] = {}
-    left_out = []
-    for actuation in every:
-        i, load, _, sides = actuation
-        if immediate.setdefault((i, load, sides), actuation) is not actuation:
-            left_out.append(actuation)
-    return tuple(immediate.values()), tuple(left_out)
 
 
 def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:

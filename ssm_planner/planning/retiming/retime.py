@@ -58,8 +58,6 @@ class Retiming:
 
     Another pass would change it by about the square of that.
     """
-    limits: PathLimits | None = None
-    """Limits along the path, with the rows that were needed."""
 
     @property
     def solved(self) -> bool:
@@ -107,9 +105,7 @@ def retime(
         retime(path, robot, COARSE, limits, speeds, list_active=False) if points > COARSE else None
     )
     grid = _grid(path.directions[0], points, rough)
-    path_limits = PathLimits.on_grid(
-        path, grid, robot, limits, None if rough is None else rough.limits
-    )
+    path_limits = PathLimits.on_grid(path, grid, robot, limits)
     # The tangents of the rough motion have nearly converged, and its passes cost a fifth.
     tangent = (
         path_limits.ceiling
@@ -201,7 +197,7 @@ def _retimed(
     The first tangents are taken at ṡ² = tangent (n,).
     """
     message = "TOPP-RA finds no motion along the path within the limits"
-    infeasible = solution = Retiming(
+    solution = Retiming(
         "infeasible",
         message,
         duration=np.inf,
@@ -236,14 +232,10 @@ def _retimed(
             passes=count,
             active=solution.active,
             converged=converged,
-            limits=path_limits,
         )
         latest_rows = rows
         if converged:
-            extended = path_limits.with_missed(grid, squares, static_start=static)
-            if extended is path_limits:
-                break
-            path_limits, solution = extended, infeasible
+            break
         tangent = squares
     return (
         replace(solution, active=latest_rows.active(grid, solution.speed_squared))

@@ -27,7 +27,6 @@ from ssm_planner.planning.retiming.retime import _grid, _times, retime, stays_at
 from ssm_planner.problem.limits import StopTravel, TaskRate, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Samples
 
 START = np.array([0.3, 1.15, 0.1, -0.01])
@@ -81,13 +80,10 @@ def test_tangents_touch_and_over_estimate() -> None:
         assert (x is not x0) or above == pytest.approx(value)
 
 
-def test_values_are_those_at_the_ends_and_the_active_row_is_the_largest() -> None:
+def test_the_active_row_is_the_largest_in_the_middle() -> None:
     rows, grid = random_rows(2), np.array([0.0, 0.1, 0.2, 0.35, 0.5, 0.6, 0.8, 0.9, 1.0])
     x = np.linspace(0.5, 1.5, 9) ** 2
     u = np.diff(x) / (2 * np.diff(grid))
-    rest = rows.b * x[:, None] + rows.c + rows.k * np.sqrt(x)[:, None]
-    first, last = rows.a[:-1] * u[:, None] + rest[:-1], rows.a[1:] * u[:, None] + rest[1:]
-    assert rows.interval_maxima(grid, x) == pytest.approx(np.maximum(first, last))
 
     def middle(values: np.ndarray) -> np.ndarray:
         return (values[1:] + values[:-1]) / 2
@@ -333,61 +329,3 @@ def test_friction_is_static_at_a_start_and_falls_with_the_speed(
 def test_a_joint_without_motor_has_no_torque_rows(path: PolylinePath, robot: Robot) -> None:
     joints = tuple(replace(joint, motor=None, alternatives=()) for joint in robot.joints)
     assert rows_at(path, replace(robot, joints=joints), 1.0).a.shape[1] == 8
-
-
-def test_variants_that_a_motion_exceeds_get_rows_and_the_others_do_not(
-    path: PolylinePath, robot: Robot
-) -> None:
-    """Four frictions of every drive: of those left out, each joint gets the one that is worst somewhere."""
-    scales = (1.0, 0.9, 1.6, 1.3)
-
-    def scaled(scale: float) -> Robot:
-        joints = []
-        for joint in robot.joints:
-            if joint.drive is not None:
-                friction = replace(joint.drive.friction, b_c=scale * joint.drive.friction.b_c)
-                joint = replace(joint, drive=replace(joint.drive, friction=friction))
-            joints.append(joint)
-        return replace(robot, joints=tuple(joints))
-
-    corners = tuple(map(scaled, scales))
-    many = unchecked(robot, corners=corners, lightest=(corners[1],))
-    along = PathLimits.on_grid(path, GRID, many, TaskLimits())
-    driven = [i for i, joint in enumerate(robot.joints) if joint.motor is not None]
-    # the first variant of a joint and kind of rows has rows at once: driving, and driving and braking
-    assert len(along.actuations) == 2 * len(driven)
-    assert len(along.left_out) == 2 * len(driven)
-    slow = np.full(9, 1e-4)
-    assert along.with_missed(GRID, slow, static_start=False) is along
-    drives = {(i, id(corners[2].joints[i].drive)) for i in driven}
-    for weak in driven:
-        motor = robot.joints[weak].motor
-        largest = [
-            float(
-                PathLimits.on_grid(path, GRID, corner, TaskLimits())
-                .constraints(slow, static_start=False)
-                .interval_maxima(GRID, slow)[:, 8 + 3 * driven.index(weak) :][:, :3]
-                .max()
-            )
-            for corner in corners
-        ]
-        assert np.argmax(largest) == 2
-        for share, exceeded in ((largest[2] * 0.999, True), (largest[2] * 1.001, False)):
-            limited = replace(motor, max_torque=share * motor.max_torque, nominal_torque=1e-9)
-
-            def with_motor(one: Robot, limited: object = limited, weak: int = weak) -> Robot:
-                joints = list(one.joints)
-                joints[weak] = replace(joints[weak], motor=limited)
-                return unchecked(one, joints=tuple(joints))
-
-            variants = tuple(map(with_motor, corners))
-            own = unchecked(with_motor(many), corners=variants, lightest=(variants[1],))
-            before = PathLimits.on_grid(path, GRID, own, TaskLimits())
-            after = before.with_missed(GRID, slow, static_start=False)
-            added = after.actuations[len(before.actuations) :]
-            assert [each[0] for each in added] == ([weak] if exceeded else [])
-            assert after.actuations[: len(before.actuations)] == before.actuations
-            for each in added:
-                assert (weak, id(each[2])) in drives
-                assert each not in after.left_out
-            assert {*map(id, after.left_out), *map(id, added)} == {*map(id, before.left_out)}
