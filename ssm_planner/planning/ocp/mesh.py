@@ -15,7 +15,6 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp.nlp import cubics
@@ -35,27 +34,9 @@ little time on them.
 """
 FEWEST = 5
 """Number of elements of the shortest arc."""
-SAMPLES = 33
-"""Number of points of an arc at which the density of elements is evaluated."""
-DEGREE = 6
-"""Degree of the fits of s̈ within an arc."""
-EDGE = 0.02
-"""Share of an arc at either end that its fit omits, because the guess changes there from arc to
-arc.
-"""
-EVEN = 1.5
-"""Share of the mean density that is added everywhere."""
-LEAST_DENSITY = 0.1
-"""Smallest density that is added everywhere, in units of that of an s̈ that changes by itself.
-
-Rounding in a constant s̈ is far smaller and must not determine where elements lie.
-"""
 JUMP, LEAST_JUMP = 0.5, 0.05
 """A change of s⃛ over two elements is a jump above these shares of its local and of its global
 maximum.
-"""
-DENSEST = 5.0
-"""Largest density, divided by the mean density. Jerk in shorter elements would drown in rounding.
 """
 Side = Literal["left", "right"]
 """Side of an instant."""
@@ -111,13 +92,9 @@ class Mesh:
             if np.min(np.abs(np.array(ends) - switch)) > SHORTEST_ARC * times[-1]:
                 ends.append(float(switch))
         borders = np.array(sorted(ends))
-        duration = times[-1]
         if jerk is not None:
             borders, turns = _with_ramps(borders, turns, guess, jerk)
-            duration = borders[-1]
-        unit = np.sqrt(np.abs(_accelerations(guess)[1]).max()) / guess.duration
-        pieces = _element_starts(borders, _density(guess, borders), count, unit)
-        instants = np.append(np.concatenate(pieces), duration)
+        instants = _element_ends(borders, count)
         return cls(instants, _interval(instants, turns))
 
     def elements(self, motion: Retiming) -> Array:
@@ -133,8 +110,8 @@ class Mesh:
     def on(cls, elements: Array, interval: Indices, count: int) -> Mesh:
         """Return a mesh with at least `count` elements and ends at the jumps of s⃛ in a solution.
 
-        `interval` (n,) are the intervals of the elements. Between two jumps, elements are
-        distributed as in `_element_starts`. An element of the solution across a jump has the mean
+        `interval` (n,) are the intervals of the elements. Between two jumps, elements are equally
+        long. An element of the solution across a jump has the mean
         jerk of both sides, which tells where in the element the jump is.
         """
         lengths = elements[:, 4]
@@ -156,25 +133,7 @@ class Mesh:
             if np.abs(np.array(ends) - end).min() > max(lengths[k], SHORTEST_ARC / 2 * times[-1]):
                 ends.append(float(end))
         borders = np.array(sorted(ends))
-        middles = (times[1:] + times[:-1]) / 2
-        slope = np.abs(np.diff(jerk)) / np.diff(middles)
-        # Only neighbours within one arc count, neither of which contains a jump.
-        arc = [
-            np.searchsorted(borders, side)
-            for side in (times[:-1] + EDGE * lengths, times[1:] - EDGE * lengths)
-        ]
-        within = (arc[0][:-1] == arc[0][1:]) & (arc[0] == arc[1])[1:] & (arc[0] == arc[1])[:-1]
-        densities = np.zeros((len(borders) - 1, SAMPLES))
-        for k, (start, end) in enumerate(pairwise(borders)):
-            selected = within & (arc[0][1:] == k + 1)
-            if selected.any():
-                samples = np.linspace(start, end, SAMPLES)
-                densities[k] = np.sqrt(np.interp(samples, times[1:-1][selected], slope[selected]))
-        densities = np.minimum(densities, DENSEST * densities.mean())
-        unit = np.sqrt(np.abs(jerk).max() / times[-1])
-        instants = np.append(
-            np.concatenate(_element_starts(borders, densities, count, unit)), times[-1]
-        )
+        instants = _element_ends(borders, count)
         return cls(instants, _interval(instants, turns))
 
     def resample(self, elements: Array) -> Array:
@@ -211,57 +170,21 @@ def _short_start(times: Array, speed: Array, active: Array) -> list[float]:
     return []
 
 
-def _element_starts(borders: Array, density: Array, count: int, unit: float) -> list[Array]:
-    """Return the starts of the elements of every arc.
+def _element_ends(borders: Array, count: int) -> Array:
+    """Return the ends (n + 1,) of elements of equal length in every arc between borders.
 
-    There are `count` elements in all, or more if each arc would otherwise have less than FEWEST. s̈
-    is linear within an element, which costs h² |d²s̈/dt²|, so elements are short where √|d²s̈/dt²|
-    (`density`, at SAMPLES points of every arc) is large. The number is the same for most motions,
-    so one compiled program serves many of them. `unit` is the density at which s̈ changes by about
-    itself during the motion.
+    There are `count` elements in all, or more if each arc would otherwise have less than FEWEST.
+    The number is the same for most motions, so one compiled program serves many of them.
     """
     lengths = np.diff(borders)
-    grid = np.linspace(0.0, 1.0, SAMPLES)
-    mean = (np.trapezoid(density, grid, axis=1) * lengths).sum() / lengths.sum()
-    density = density + (max(EVEN * mean, LEAST_DENSITY * unit) or 1.0)
-    weight = np.trapezoid(density, grid, axis=1) * lengths
-    to_share = max(count, FEWEST * len(lengths)) - FEWEST * len(lengths)
-    shares = np.cumsum(weight / weight.sum()) * to_share
-    shared = np.round(shares - SAME).astype(int)
-    pieces = []
-    for start, length, local_density, extra in zip(
-        borders, lengths, density, np.diff(shared, prepend=0), strict=False
-    ):
-        integral = np.concatenate([[0.0], np.cumsum((local_density[1:] + local_density[:-1]) / 2)])
-        n = FEWEST + int(extra)
-        pieces.append(start + length * np.interp(np.arange(n) / n, integral / integral[-1], grid))
-    return pieces
-
-
-def _accelerations(guess: Retiming) -> tuple[Array, Array]:
-    """Return the middle instants of the grid intervals of a retimed motion, and s̈ there."""
-    return (guess.times[1:] + guess.times[:-1]) / 2, np.diff(guess.speed_squared) / (
-        2 * np.diff(guess.s)
-    )
-
-
-def _density(guess: Retiming, borders: Array) -> Array:
-    """Return √|d²s̈/dt²| at SAMPLES points of every arc, (arcs, SAMPLES), from fits."""
-    middle, acceleration = _accelerations(guess)
-    densities = []
-    for start, end in pairwise(borders):
-        mask = (middle > start + EDGE * (end - start)) & (middle < end - EDGE * (end - start))
-        if np.count_nonzero(mask) < 4 * DEGREE:
-            densities.append(np.zeros(SAMPLES))
-            continue
-        t = middle[mask]
-        centre, half = (t[-1] + t[0]) / 2, (t[-1] - t[0]) / 2
-        terms = np.linalg.lstsq(
-            chebvander((t - centre) / half, DEGREE), acceleration[mask], rcond=None
-        )[0]
-        grid = np.clip((np.linspace(start, end, SAMPLES) - centre) / half, -1.0, 1.0)
-        densities.append(np.sqrt(np.abs(chebval(grid, chebder(terms, 2)))) / half)
-    return np.array(densities)
+    to_share = max(count - FEWEST * len(lengths), 0)
+    shared = np.round(np.cumsum(lengths / lengths.sum()) * to_share - SAME).astype(int)
+    sizes = FEWEST + np.diff(shared, prepend=0)
+    starts = [
+        start + length * np.arange(n) / n
+        for start, length, n in zip(borders, lengths, sizes, strict=False)
+    ]
+    return np.append(np.concatenate(starts), borders[-1])
 
 
 def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> tuple[Array, Array]:
@@ -269,7 +192,8 @@ def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> t
 
     The motion becomes longer by the last ramp.
     """
-    middle, acceleration = _accelerations(guess)
+    middle = (guess.times[1:] + guess.times[:-1]) / 2
+    acceleration = np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
     window = SHORTEST_ARC / 2 * guess.duration
     ends = np.append(borders[1:], np.inf)
     result = []

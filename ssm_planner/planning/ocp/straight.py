@@ -47,7 +47,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array
 
-ELEMENTS = 72
+ELEMENTS = 84
 """Number of elements of a smooth path.
 
 A path with rounded corners has half as many for every end of a rounding.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.planning.ocp.mesh import SAMPLES, _element_starts, closed_form_guess
+from ssm_planner.planning.ocp.mesh import FEWEST, _element_ends, closed_form_guess
 
 LIMITS = np.array([[0.5, 0.5, 1.0, 0.01], [2.0, 1.0, 3.0, 0.05], [30.0, 20.0, 50.0, 1.0]])
 ways = st.lists(st.just(0.0) | st.floats(1e-9, 1.2), min_size=4, max_size=4).filter(
@@ -58,15 +58,22 @@ def test_its_halves_meet_where_one_joint_passes_a_place(
         assert (np.diff(half.states[0][:, 3]) * way_[3] >= -1e-12).all()
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_rounding_does_not_decide_where_elements_lie(seed: int) -> None:
-    """In a motion with constant s̈ the density of elements is rounding alone, in units of s̈.
-
-    The arcs claim 5, 17.5 and 2.5 of the 25 elements that are shared out.
-    """
-    borders = np.array([0.0, 0.2, 0.9, 1.0])
-    noise = 1e-8 * np.random.default_rng(seed).random((3, SAMPLES))
-    still, shaken = (
-        np.concatenate(_element_starts(borders, density, 40, 1.0)) for density in (0 * noise, noise)
-    )
-    np.testing.assert_allclose(shaken, still, atol=1e-6)
+@given(
+    st.lists(st.floats(1e-3, 1.0), min_size=1, max_size=12).map(
+        lambda lengths: np.cumsum([0, *lengths])
+    ),
+    st.integers(20, 120),
+)
+def test_arcs_get_elements_of_equal_length_in_proportion_to_their_own(
+    borders: np.ndarray, count: int
+) -> None:
+    ends = _element_ends(borders, count)
+    assert (ends[0], ends[-1]) == (borders[0], borders[-1])
+    assert len(ends) - 1 == max(count, FEWEST * (len(borders) - 1))
+    sizes = np.diff([np.argmin(np.abs(ends - border)) for border in borders])
+    assert sizes.min() >= FEWEST
+    shares = np.diff(borders) / borders[-1] * (len(ends) - 1 - FEWEST * len(sizes))
+    assert np.abs(sizes - FEWEST - shares).max() < 1 + 1e-5
+    for start, end, n in zip(borders[:-1], borders[1:], sizes, strict=True):
+        inside = ends[(ends >= start) & (ends < end)]
+        np.testing.assert_allclose(inside, start + (end - start) * np.arange(n) / n, atol=1e-12)
