@@ -97,6 +97,8 @@ It applies if another joint has a jerk limit.
 KINEMATIC = ("velocity", "acceleration", "jerk")
 AT_LIMIT = 8e-7
 """Share by which rows may exceed their limit at an end at which the motion has a given velocity."""
+LEAST_UNIT = 0.05
+"""Smallest unit of a joint that may reverse, as a share of its way at full velocity."""
 
 
 def solve_free(
@@ -578,7 +580,10 @@ class FreeProblem(OcpProblem):
     @cached_property
     def unit(self) -> Array:
         """Length d of u = 1 for each joint, (4,)."""
-        return np.asarray(np.abs(np.diff(self.chain.points, axis=0)).max(axis=0))
+        extent = np.abs(np.diff(self.chain.points, axis=0)).max(axis=0)
+        if self.chain.fixed.all():
+            return np.asarray(extent)
+        return np.maximum(extent, LEAST_UNIT * self.joint_limits["velocity"] * self.time_scale)
 
     @cached_property
     def ranges(self) -> Array:
