@@ -131,6 +131,7 @@ STANDS_FOR = {
     "my_drives.yaml": "problems/controllers/epos4.yaml",
     "csv|epos4|pvt|ros2|urdf|c": "csv",
     "TIME": "1s",
+    "PERCENT": "50%",
     **{
         name: f"problems/catalogues/{name}"
         for name in ("motors_24v.csv", "worms.csv", "screws.csv")
@@ -156,6 +157,7 @@ NOT_RUN = {
     "report results/tilt_insert --figures": "`report PLAN OTHER --figures DIR` draws them",
     "report PLAN --figures": "`report PLAN OTHER --figures DIR` draws them",
     "plan PROBLEM -o DIR --json": "`plan PROBLEM` is run",
+    "film results/eye_approach": "the test of the README's film runs it",
 }
 """Commands of the documents that no test here runs, and why."""
 FAILING = {"simulate PLAN --stall tilt@1s": 1}
