@@ -33,30 +33,27 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
         for name, value in signature.bind(*args, **kwargs).arguments.items():
             parameter = signature.parameters[name]
-            if value is parameter.default or parameter.kind is parameter.VAR_KEYWORD:
+            if value is parameter.default:
                 continue
-            if name in hints() and not _fits(hints()[name], value):
-                error = ProblemError(
-                    f"no argument for {function.__name__}()",
-                    key=name,
-                    value="None" if value is None else value,
-                    allowed=str(parameter.annotation)
-                    .replace("ArrayLike", "array of numbers")
-                    .replace(" | ", " or "),
-                )
-                raise GeometryError(str(error)) if "array" in str(error.allowed) else error
+            if not _matches(hints()[name], value):
+                allowed = parameter.annotation.replace("ArrayLike", "array of numbers")
+                allowed = allowed.replace(" | ", " or ")
+                reason = f"no argument for {function.__name__}()"
+                error = ProblemError(reason, key=name, value=str(value), allowed=allowed)
+                raise GeometryError(str(error)) if "array" in allowed else error
         return function(*args, **kwargs)
 
     return call
 
 
-def _fits(hint: Any, value: Any) -> bool:
+def _matches(hint: Any, value: Any) -> bool:
     """Return whether a value has the type of an annotation."""
-    kind, arguments = get_origin(hint) or hint, get_args(hint)
+    kind = get_origin(hint) or hint
+    arguments = get_args(hint)
     if kind is Any:
         return True
     if kind in (Union, types.UnionType):
-        return any(_fits(member, value) for member in arguments)
+        return any(_matches(member, value) for member in arguments)
     if kind is _Numbers:
         return _numeric(value)
     if kind in (float, int):
@@ -65,9 +62,10 @@ def _fits(hint: Any, value: Any) -> bool:
     if not isinstance(value, kind):
         return False
     if kind is Mapping:
-        return all(_fits(arguments[1], item) for item in value.values())
-    texts = isinstance(value, (str, bytes))
-    return kind is not Sequence or (not texts and all(_fits(arguments[0], x) for x in value))
+        return all(_matches(arguments[1], item) for item in value.values())
+    if kind is Sequence and isinstance(value, (str, bytes)):
+        return False
+    return kind is not Sequence or all(_matches(arguments[0], item) for item in value)
 
 
 def _numeric(value: Any) -> bool:

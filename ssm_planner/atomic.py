@@ -73,11 +73,9 @@ def staging(folder: Path) -> Iterator[Path]:
     """
     temporary = None
     try:
-        target = destination(folder, kind=stat.S_IFDIR)
-        parent, stem = (
-            target if target.is_dir() else target.parent,
-            f".{target.name[:LONGEST_STEM]}-",
-        )
+        target = destination(folder, file_type_wanted=stat.S_IFDIR)
+        parent = target if target.is_dir() else target.parent
+        stem = f".{target.name[:LONGEST_STEM]}-"
         parent.mkdir(parents=True, exist_ok=True)
         _sweep(parent, stem)
         temporary = parent / (stem + secrets.token_hex(6))
@@ -143,7 +141,7 @@ def locked(folder: Path, wait: bool = True) -> Iterator[None]:
         os.close(handle)
 
 
-def destination(path: Path, kind: int = stat.S_IFREG) -> Path:
+def destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
     """Return the path after following symbolic links.
 
     Raises ExportError for an object of another kind.
@@ -153,9 +151,11 @@ def destination(path: Path, kind: int = stat.S_IFREG) -> Path:
         file_type = stat.S_IFMT(target.stat().st_mode)
     except FileNotFoundError:
         return target
-    if file_type != kind:
+    if file_type != file_type_wanted:
         names = {stat.S_IFREG: "a file", stat.S_IFDIR: "a folder"}
-        requirement = "an export needs a folder" if kind == stat.S_IFDIR else "a file is needed"
+        requirement = (
+            "an export needs a folder" if file_type_wanted == stat.S_IFDIR else "a file is needed"
+        )
         description = names.get(file_type, "a device or another special file")
         raise ExportError(f"{path}: cannot be written: is {description}; {requirement}")
     return target
@@ -213,7 +213,8 @@ def first_interruption() -> Iterator[Callable[[], bool]]:
     The next one is handled as outside the block. In a thread that receives no signals, none
     arrives.
     """
-    handler, came = signal.getsignal(signal.SIGINT), threading.Event()
+    handler = signal.getsignal(signal.SIGINT)
+    came = threading.Event()
     if threading.current_thread() is not threading.main_thread() or not callable(handler):
         yield came.is_set
         return

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 _WATCH = """
@@ -17,19 +16,17 @@ if os.name == "posix":
 """
 
 
-def python_command(code: str, arguments: Sequence[str] = (), watch: bool = True) -> list[str]:
-    """Return the command that runs `code` in this interpreter with `arguments` as arguments.
+def python_command(code: str) -> list[str]:
+    """Return the command that runs `code` in this interpreter until its parent ends.
 
-    The child ends with its parent if watch is True. Otherwise the code must compare `os.getppid()`
-    with `parent` itself. The child imports modules from the same folders as this process and
-    ignores the
-    working directory and the environment.
+    The child imports modules from the same folders as this process and ignores the working
+    directory and the environment.
     """
     preamble = (
         f"import os, sys, threading, time; sys.path[:] = {module_folders()!r}; parent = "
         f"{os.getpid()}\n"
     )
-    return [sys.executable, "-I", "-c", preamble + (_WATCH if watch else "") + code, *arguments]
+    return [sys.executable, "-I", "-c", preamble + _WATCH + code]
 
 
 def module_folders() -> list[str]:

@@ -87,6 +87,6 @@ class ExportError(SsmPlannerError):
     """Plan that cannot be written in the requested format."""
 
 
-def _shorten(value: object, width: int = 80) -> str:
+def _shorten(value: object) -> str:
     text = value if isinstance(value, str) else repr(value)
-    return text if len(text) <= width else text[: width - 1] + "…"
+    return text if len(text) <= 80 else text[:79] + "…"

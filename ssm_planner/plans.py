@@ -31,22 +31,27 @@ from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.serialization import plain, problem_from_plain
 from ssm_planner.problem.value import attributes, built
 from ssm_planner.publishing import check_generation, file_name
-from ssm_planner.representation import ShortRepr
+from ssm_planner.representation import ShortRepr, html_table
 from ssm_planner.sizing.duty import pause_of
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.stopping import Stops, controlled_stops
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import JsonObject, record
+from ssm_planner.units import display_unit
 from ssm_planner.verification.certificate import Certificate, broken_seal
 from ssm_planner.verification.check import check
 
 if TYPE_CHECKING:  # the check reads plans and must not load the planner
+    from matplotlib.axes import Axes
+
     from ssm_planner.planning.reason import Reason
 
 FORMAT = "ssm_planner plan"
 VERSION = 1
 FILE = "plan.json"
+PLOT_RATE = 200.0
+"""Samples per second of a plotted motion."""
 LARGEST_FILE = 2_000_000_000
 """Largest size of a plan.json in bytes."""
 FOLDER_WRITER = "ssm_planner.pipeline.folder:write_folder"
@@ -132,7 +137,7 @@ class PhaseSummary(ShortRepr):
 
     def to_dict(self) -> JsonObject:
         """Return JSON types without the fields that do not apply to this phase."""
-        data: JsonObject = plain(asdict(self))
+        data = plain(asdict(self))
         return {
             name: value for name, value in data.items() if value is not None or name not in OF_SOME
         }
@@ -179,7 +184,8 @@ OF_SOME = (
     "constant_error",
 )
 """Fields that only free motions, or phases with rounded corners or constant speed have."""
-AGREES_STRAIGHT, AGREES_FREE = 3e-3, 1e-2
+AGREES_STRAIGHT = 3e-3
+AGREES_FREE = 1e-2
 """Allowed relative difference to TOPP-RA's duration for straight and free phases.
 
 docs/planning.md explains them.
@@ -295,6 +301,27 @@ class Plan(ShortRepr):
         """Raise TypeError, because a plan without a motion is also an object."""
         raise TypeError("a plan is neither true nor false: ask for plan.passed")
 
+    def _repr_html_(self) -> str:
+        limits = self.certificate._repr_html_() if self.certificate else ""
+        return html_table([attributes(self, SUMMARY)]) + limits
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw the joint positions over time with matplotlib, in deg and mm.
+
+        axes: axes to draw on. The default is the current axes of pyplot, which the function
+        returns. Raises TrajectoryError if the plan has no trajectory.
+        """
+        from matplotlib import pyplot
+
+        samples = self.motion.uniform(PLOT_RATE)
+        axes = axes or pyplot.gca()
+        for joint, values in zip(self.robot.joints, samples.q.T, strict=True):
+            unit, scale = display_unit(joint.unit)
+            axes.plot(samples.t, scale * values, label=f"{joint.name} ({unit})")
+        axes.set_xlabel("time (s)")
+        axes.legend()
+        return axes
+
     @property
     def passed(self) -> bool:
         """True if there is a motion and the independent check found no violated limit."""
@@ -343,11 +370,9 @@ class Plan(ShortRepr):
     @cached_property
     def sizing(self) -> Sizing | None:
         """Check of the robot's motors and gears at 25 °C with the problem's duty."""
-        return (
-            None
-            if self.trajectory is None
-            else size_motion(self.trajectory, self.robot, pause_of(self.problem))
-        )
+        if self.trajectory is None:
+            return None
+        return size_motion(self.trajectory, self.robot, pause_of(self.problem))
 
     @cached_property
     def stops(self) -> Stops | None:
@@ -357,9 +382,9 @@ class Plan(ShortRepr):
     @property
     def requirements(self) -> tuple[MotorRequirement, ...]:
         """Requirements of the motion on the motor of every driven joint."""
-        return (
-            () if self.sizing is None else tuple(joint.requirement for joint in self.sizing.joints)
-        )
+        if self.sizing is None:
+            return ()
+        return tuple(joint.requirement for joint in self.sizing.joints)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -402,7 +427,8 @@ class Plan(ShortRepr):
         of_plan = {limit.key: limit for limit in _limits_of(self.robot)}
         notes = []
         for key in {**of_plan, **of_robot}:
-            plan_bound, robot_bound = of_plan.get(key), of_robot.get(key)
+            plan_bound = of_plan.get(key)
+            robot_bound = of_robot.get(key)
             if plan_bound == robot_bound:
                 continue
             description = f"{key[0]} of joint {key[1]}" if key[1] else key[0]
@@ -412,8 +438,7 @@ class Plan(ShortRepr):
             ]
             notes.append(
                 f"the plan was made for another limit: {description}: {bounds[0]}; the robot given "
-                "has "
-                f"{bounds[1]}"
+                f"has {bounds[1]}"
             )
         return tuple(notes)
 
@@ -649,7 +674,8 @@ def _ways_round(
     problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSummary, ...]
 ) -> list[str]:
     """Return notes on changes of branch and on joints that turn by more than half a turn."""
-    mechanism, joints = Mechanism.from_geometry(problem.robot.geometry), problem.robot.joints
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    joints = problem.robot.joints
     if not any(isinstance(entry, Free) for entry in problem.motion):
         return []
     instants = np.concatenate([[0.0], np.cumsum([phase.duration for phase in phases])])
@@ -662,8 +688,7 @@ def _ways_round(
         if branch_before != branch_after:
             notes.append(
                 f"{phase.name}: goes from branch {branch_before:+d} of the inverse kinematics to "
-                "branch "
-                f"{branch_after:+d}"
+                f"branch {branch_after:+d}"
             )
         notes += [
             f"{phase.name}: joint {joint.name} turns by {angle:.6g} deg, not by "
@@ -694,7 +719,6 @@ def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
         return []
     return [
         f"joint {requirement.joint}: friction extrapolated "
-        f"{requirement.peak_speed / identified_speed:.1f}× "
-        "beyond the identified "
-        f"speeds ({identified_speed:.3g} rad/s, used up to {requirement.peak_speed:.3g} rad/s)"
+        f"{requirement.peak_speed / identified_speed:.1f}× beyond the identified speeds "
+        f"({identified_speed:.3g} rad/s, used up to {requirement.peak_speed:.3g} rad/s)"
     ]

@@ -30,8 +30,10 @@ from ssm_planner.atomic import (
 )
 from ssm_planner.errors import ExportError, TrajectoryError
 
-MANIFEST, PLAN = "manifest.json", "plan.json"
-EXPORT, RESULTS = "ssm_planner export", "ssm_planner results"
+MANIFEST = "manifest.json"
+PLAN = "plan.json"
+EXPORT = "ssm_planner export"
+RESULTS = "ssm_planner results"
 """Format keys of the manifests of an export folder and of a result folder."""
 VERSION = 1
 INCOMPLETE = "incomplete"
@@ -68,7 +70,7 @@ def publishing(folder: Path) -> Iterator[Path]:
     """
     with staging(folder) as temporary:
         yield temporary
-        _publish(temporary, destination(folder, kind=stat.S_IFDIR), folder)
+        _publish(temporary, destination(folder, file_type_wanted=stat.S_IFDIR), folder)
 
 
 @contextmanager
@@ -124,11 +126,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return (
-        document
-        if isinstance(document, dict) and document.get("format") in (EXPORT, RESULTS)
-        else {}
-    )
+    if isinstance(document, dict) and document.get("format") in (EXPORT, RESULTS):
+        return document
+    return {}
 
 
 def listed_files(manifest: Mapping[str, Any]) -> dict[str, str]:
@@ -157,8 +157,7 @@ def check_generation(folder: Path) -> None:
         if os.path.exists(folder / name) and not _is(folder / name, sha):
             raise TrajectoryError(
                 f"{folder / name}: is not the file that {MANIFEST} lists; re-create the results, "
-                "or "
-                f"remove {MANIFEST} if you changed the file yourself"
+                f"or remove {MANIFEST} if you changed the file yourself"
             )
 
 
@@ -179,7 +178,8 @@ def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
 
 def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
     """Move the content of source into a folder, and move replaced files away."""
-    manifest, old = read_manifest(source), read_manifest(folder)
+    manifest = read_manifest(source)
+    old = read_manifest(folder)
     file_format = manifest.get("format")
     if file_format and old and old["format"] != file_format:
         description = "an export" if old["format"] == EXPORT else "the results of a plan"
@@ -191,8 +191,7 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
         if old.get("plan") != manifest["plan"]:
             raise ExportError(
                 f"{displayed_path}: holds results of another plan: choose another folder (nothing "
-                "was "
-                "written)"
+                "was written)"
             )
         unchanged = {name: sha for name, sha in ours.items() if _is(folder / name, sha)}
         manifest["files"] = dict(sorted({**unchanged, **manifest["files"]}.items()))
@@ -235,15 +234,14 @@ def _check_way(
     """Raise ExportError if a file or folder that no export wrote must be replaced."""
     if not os.path.lexists(target):
         return
-    destination(target, kind=stat.S_IFDIR if is_folder else stat.S_IFREG)
+    destination(target, file_type_wanted=stat.S_IFDIR if is_folder else stat.S_IFREG)
     files = [path for path in target.rglob("*") if not path.is_dir()] if is_folder else [target]
     for path in files:
         name = path.relative_to(target.parent).as_posix()
         if (strict or is_folder) and name not in ours:
             raise ExportError(
                 f"{displayed_path}: is in the way, and no export wrote {name}: choose another "
-                "folder, or "
-                "move it away; nothing is written"
+                "folder, or move it away; nothing is written"
             )
 
 

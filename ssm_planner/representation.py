@@ -1,12 +1,16 @@
-"""A short text for values that hold long arrays or many other values."""
+"""Values as short texts, as tables of notebooks and as data frames."""
 
 from __future__ import annotations
 
 import dataclasses
 import reprlib
+from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
+
+from ssm_planner.errors import SsmPlannerError
 
 LONGEST = 400
 LONGEST_FIELD = 60
@@ -39,3 +43,20 @@ def _abbreviated(value: object) -> str:
         return f"<array {value.shape}>" if value.size > 4 else repr(value.tolist())
     text = repr(value) if dataclasses.is_dataclass(value) else reprlib.repr(value)
     return text if len(text) <= LONGEST_FIELD else f"<{type(value).__name__}>"
+
+
+def html_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return an HTML table with a row for each mapping, all with the same keys."""
+    cells = [*rows[:1], *(row.values() for row in rows)]
+    texts = ([f"{x:.6g}" if isinstance(x, float) else str(x) for x in row] for row in cells)
+    lines = ("".join(f"<td>{escape(text)}</td>" for text in row) for row in texts)
+    return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
+
+
+def data_frame(columns: Any) -> Any:
+    """Return a pandas DataFrame. Raises SsmPlannerError without pandas."""
+    try:
+        import pandas
+    except ImportError:
+        raise SsmPlannerError("needs pandas: python3 -m pip install pandas") from None
+    return pandas.DataFrame(columns)

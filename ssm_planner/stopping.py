@@ -42,7 +42,8 @@ class Stops(ShortRepr):
 
     def to_dict(self) -> JsonObject:
         """Return `stops` of plan.json, in SI units."""
-        slowest_stop, longest_travel = int(np.argmax(self.duration)), int(np.argmax(self.travel))
+        slowest_stop = int(np.argmax(self.duration))
+        longest_travel = int(np.argmax(self.travel))
         return {
             "passed": self.passed,
             "longest": {

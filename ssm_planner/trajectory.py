@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.representation import ShortRepr
+from ssm_planner.representation import ShortRepr, data_frame, html_table
 from ssm_planner.typing import Array, Indices, JsonObject, record
 
 DEGREE = 5
-SHORTEST, LONGEST = 1e-12, 1e9
+SHORTEST = 1e-12
+LONGEST = 1e9
 """Shortest piece and largest absolute time, s."""
 LARGEST = 1e9
 """Largest displacement within a piece, rad or m. Derivatives of larger ones overflow."""
@@ -46,6 +47,18 @@ class Samples(ShortRepr):
     qd: Array
     qdd: Array
     qddd: Array
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas DataFrame with the columns t, q1 … q4, qd1 … qddd4 in rad, m and s.
+
+        Raises SsmPlannerError without pandas.
+        """
+        columns = {
+            f"{name}{i + 1}": getattr(self, name)[:, i]
+            for name in ("q", "qd", "qdd", "qddd")
+            for i in range(4)
+        }
+        return data_frame({"t": self.t} | columns)
 
 
 @record
@@ -118,11 +131,7 @@ class Trajectory(ShortRepr):
 
     @classmethod
     def from_samples(
-        cls,
-        t: ArrayLike,
-        q: ArrayLike,
-        qd: ArrayLike | None = None,
-        qdd: ArrayLike | None = None,
+        cls, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None
     ) -> Trajectory:
         """Interpolate samples of a joint motion.
 
@@ -159,6 +168,9 @@ class Trajectory(ShortRepr):
         interpolate = cubics if len(states) == 2 else quintics
         ends = (tuple(x[rows] for x in states) for rows in (slice(-1), slice(1, None)))
         return cls(times, interpolate(np.diff(times), *ends), ())
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.duration:.6g} s</p>{html_table([vars(span) for span in self.phases])}"
 
     @property
     def duration(self) -> float:
@@ -252,7 +264,8 @@ class Trajectory(ShortRepr):
 
         The start time does not change.
         """
-        start, powers = self.breaks[0], speed ** np.arange(DEGREE + 1)[None, :, None]
+        start = self.breaks[0]
+        powers = speed ** np.arange(DEGREE + 1)[None, :, None]
         spans = (
             Span(p.name, start + (p.start - start) / speed, start + (p.end - start) / speed)
             for p in self.phases
@@ -332,7 +345,8 @@ def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> A
     (q0, v0), (q1, v1) = start, end
     slope = (q1 - q0) / h
     zero = np.zeros_like(q0)
-    c2, c3 = (3 * slope - 2 * v0 - v1) / h, (v0 + v1 - 2 * slope) / h**2
+    c2 = (3 * slope - 2 * v0 - v1) / h
+    c3 = (v0 + v1 - 2 * slope) / h**2
     return np.stack([q0, v0, c2, c3, zero, zero], axis=1)
 
 
@@ -353,7 +367,8 @@ class Cubic:
 
     def evaluate(self, c: Any) -> tuple[Any, Any, Any]:
         """Return u, u̇ and ü at t = c h."""
-        t, rise = c * self.h, self.a1 - self.a0
+        t = c * self.h
+        rise = self.a1 - self.a0
         return (
             self.u + t * (self.v + t * (self.a0 / 2 + c * rise / 6)),
             self.v + t * (self.a0 + c * rise / 2),
@@ -362,7 +377,8 @@ class Cubic:
 
     def at_time(self, t: Any) -> tuple[Any, Any, Any]:
         """Return u, u̇ and ü at the time t."""
-        a0, jerk = self.a0, self.jerk
+        a0 = self.a0
+        jerk = self.jerk
         return (
             self.u + t * (self.v + t * (a0 / 2 + t * jerk / 6)),
             self.v + t * (a0 + t * jerk / 2),

@@ -10,9 +10,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-deg, rpm = math.pi / 180, math.pi / 30
+deg = math.pi / 180
+rpm = math.pi / 30
 """SI factors: `85 * deg` is an angle in rad, `8000 * rpm` a speed in rad/s."""
-mm, mNm, ms = 1e-3, 1e-3, 1e-3
+mm = 1e-3
+mNm = 1e-3
+ms = 1e-3
 """SI factors: `20 * mm` is a length in m, `80 * mNm` a torque in N·m, `50 * ms` a time in s."""
 
 Dimensions = tuple[tuple[str, int], ...]
@@ -113,14 +116,14 @@ class BadQuantity(ValueError):
         self.allowed = allowed
 
 
-def quantity(value: object, kind: str) -> float:
+def quantity(value: object, unit_kind: str) -> float:
     """Return the SI value of `65 deg/s` for a kind in KINDS, or of a bare number for "number".
 
     Raises BadQuantity.
     """
-    if kind == "number":
+    if unit_kind == "number":
         return number(value)
-    target = KINDS[kind]
+    target = KINDS[unit_kind]
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise BadQuantity(f"{describe(value)} where {target.name} is needed", target.expected)
     if not isinstance(value, str):
@@ -162,9 +165,9 @@ def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     return tuple(quantity(item, kind) for item, kind in zip(value, kinds, strict=True))
 
 
-def interval(value: object, kind: str) -> tuple[float, float]:
+def interval(value: object, unit_kind: str) -> tuple[float, float]:
     """Return the SI bounds of `[-139 deg, -81 deg]`, lower bound first. Raises BadQuantity."""
-    low, high = vector(value, (kind, kind))
+    low, high = vector(value, (unit_kind, unit_kind))
     if not low < high:
         raise BadQuantity("the lower bound is not below the upper one", "[lower, upper]")
     return low, high
@@ -208,7 +211,8 @@ def _parsed(text: str) -> tuple[float, Dimensions]:
 
     Raises KeyError with the name of an unknown unit.
     """
-    factor, powers = 1.0, Counter[str]()
+    factor = 1.0
+    powers = Counter[str]()
     for slash, name, exponent in _FACTORS.findall(text):
         power = int(exponent or 1) * (-1 if slash else 1)
         scale, dimensions = _unit_by_name(name)

@@ -9,6 +9,7 @@ import runpy
 from collections.abc import Collection, Iterator
 from functools import cache
 from pathlib import Path
+from unicodedata import combining
 
 import jinja2
 import pytest
@@ -165,3 +166,22 @@ def test_python_names_every_attribute_and_filter_of_a_template(file: Path) -> No
 def test_the_page_of_public_names_is_up_to_date() -> None:
     script = runpy.run_path(str(PACKAGE.parent / "docs" / "make_api.py"))
     assert script["TARGET"].read_text(encoding="utf-8") == script["page"](), "run `make api`"
+
+
+TO_WRAP = {"cli", "identification", "planning", "reporting", "view"}
+"""Rooms that still have longer lines."""
+
+
+def long_lines(text: str) -> list[int]:
+    """Return the numbers of the lines above 100 columns. A combining accent takes no column."""
+    widths = [sum(not combining(letter) for letter in line) for line in text.splitlines()]
+    return [number for number, width in enumerate(widths, 1) if width > 100]
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name.split(".")[0] not in TO_WRAP])
+def test_lines_have_at_most_100_columns(name: str) -> None:
+    assert not long_lines(FILES[name].read_text(encoding="utf-8"))
+
+
+def test_long_lines_are_noticed() -> None:
+    assert long_lines("a" * 100 + "\n" + "a" * 101 + "\n" + "s\u0307" * 100) == [2]

@@ -43,11 +43,9 @@ class Argument:
 
     def element(self, index: int) -> str:
         """Return the C expression of the number at `index`."""
-        return (
-            self.name
-            if self.size == 0
-            else f"{self.name}[{index if self.places is None else self.places[index]}]"
-        )
+        if self.size == 0:
+            return self.name
+        return f"{self.name}[{index if self.places is None else self.places[index]}]"
 
 
 def write_function(

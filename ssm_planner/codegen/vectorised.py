@@ -270,7 +270,8 @@ class Vectorised:
         with np.errstate(invalid="ignore", divide="ignore"):
             for start in range(0, n, BLOCK):
                 count = min(BLOCK, n - start)
-                pointers, samples = addresses + start * moves, ctypes.c_long(count)
+                pointers = addresses + start * moves
+                samples = ctypes.c_long(count)
                 slots = ctypes.c_void_p(pointers.ctypes.data)
                 rows = {
                     k: tables[index][row]

@@ -73,24 +73,25 @@ class Clock(ShortRepr):
     planned = Renamed("planned_time")
 
 
-def align(planned_time: Array, planned: Array, time: Array, measured: Array) -> Alignment:
+def align(planned_time: Array, planned_speed: Array, time: Array, measured: Array) -> Alignment:
     """Align a measured speed with a planned one.
 
     planned_time, planned: times (m,) from 0, s, and speeds (m,), at rest before and after. time,
     measured: times (n,), s, and speeds (n,) of the recording. The unit of the speeds is arbitrary.
     """
     step = max(1, len(time) // SAMPLES)
-    t, w = time[::step], measured[::step]
-    if not planned.any() or not w.any():
-        still = float(not planned.any() and np.abs(measured).max(initial=0.0) == 0.0)
+    t = time[::step]
+    w = measured[::step]
+    if not planned_speed.any() or not w.any():
+        still = float(not planned_speed.any() and np.abs(measured).max(initial=0.0) == 0.0)
         return Alignment(float(time[0]), still, 0.0)
-    moves = np.flatnonzero(np.abs(w) > ENDS * np.abs(planned).max())
+    moves = np.flatnonzero(np.abs(w) > ENDS * np.abs(planned_speed).max())
     stop = int(moves[-1]) + 2 if len(moves) else len(w)
     forward, reverse = (
-        _search(planned_time, planned, t[:stop], sign * w[:stop]) for sign in (1, -1)
+        _search(planned_time, planned_speed, t[:stop], sign * w[:stop]) for sign in (1, -1)
     )
-    delay, rate, size, errors = _refine(forward[0], planned_time, planned, t[:stop], w[:stop])
-    expected = planned_speed_at(planned_time, planned, rate * (t - delay))
+    delay, rate, size, errors = _refine(forward[0], planned_time, planned_speed, t[:stop], w[:stop])
+    expected = planned_speed_at(planned_time, planned_speed, rate * (t - delay))
     return Alignment(
         delay,
         correlation=correlation(expected, w),
@@ -117,7 +118,8 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
     ]
     reliable = good or [max(axes, key=lambda axis: axis.agreement)]
     weights = np.array([1 / axis.rate_error**2 for axis in good])
-    rate, error = 1.0, np.inf
+    rate = 1.0
+    error = np.inf
     if good:
         rate = float(np.median([axis.rate for axis in good]))
         error = float(1 / np.sqrt(weights.sum()))
@@ -130,30 +132,33 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
     return Clock(delay, rate if certain and not slower else 1.0, rate, error, slower)
 
 
-def planned_speed_at(planned_time: Array, planned: Array, t: Array) -> Array:
+def planned_speed_at(planned_time: Array, planned_speed: Array, t: Array) -> Array:
     """Return a planned speed at times t (n,), 0 before and after the motion."""
-    return np.interp(t, planned_time, planned, left=0.0, right=0.0)
+    return np.interp(t, planned_time, planned_speed, left=0.0, right=0.0)
 
 
-def _search(planned_time: Array, planned: Array, t: Array, w: Array) -> tuple[float, float]:
+def _search(planned_time: Array, planned_speed: Array, t: Array, w: Array) -> tuple[float, float]:
     """Return (delay, correlation) with the smallest squared difference of the speeds.
 
     Grids of delays zoom in on the minimum; large differences count with a constant only.
     """
     duration = float(planned_time[-1])
-    low, high = float(t[0]) - duration, float(t[-1])
-    cutoff = FAR * float(np.abs(planned).max())
+    low = float(t[0]) - duration
+    high = float(t[-1])
+    cutoff = FAR * float(np.abs(planned_speed).max())
     # the first grid is finer than the features of the motion
     count = int(np.clip((high - low) / (duration / 100), DELAYS, 20 * DELAYS))
     delay = low
     while high - low > FINEST:
         delays = np.linspace(low, high, count)
-        speeds = (planned_speed_at(planned_time, planned, t - shift) for shift in delays)
+        speeds = (planned_speed_at(planned_time, planned_speed, t - shift) for shift in delays)
         cost = [float(np.sum(np.minimum(np.abs(w - v), cutoff) ** 2)) for v in speeds]
         delay = float(delays[int(np.argmin(cost))])
         margin = 2 * (high - low) / (count - 1)
-        low, high, count = delay - margin, delay + margin, 41
-    return delay, correlation(planned_speed_at(planned_time, planned, t - delay), w)
+        low = delay - margin
+        high = delay + margin
+        count = 41
+    return delay, correlation(planned_speed_at(planned_time, planned_speed, t - delay), w)
 
 
 def correlation(x: Array, y: Array) -> float:
@@ -163,7 +168,7 @@ def correlation(x: Array, y: Array) -> float:
 
 
 def _refine(
-    start: float, planned_time: Array, planned: Array, t: Array, w: Array
+    start: float, planned_time: Array, planned_speed: Array, t: Array, w: Array
 ) -> tuple[float, float, float, tuple[float, float]]:
     """Return (delay, rate, size, errors of delay and rate) by Gauss–Newton steps.
 
@@ -171,14 +176,17 @@ def _refine(
     the values, the function returns the first delay with infinite errors.
     """
     unknown = start, 1.0, 1.0, (np.inf, np.inf)
-    slope, cutoff = np.gradient(planned, planned_time), FAR * float(np.abs(planned).max())
+    slope = np.gradient(planned_speed, planned_time)
+    cutoff = FAR * float(np.abs(planned_speed).max())
     duration = float(planned_time[-1])
     # the planned time of the middle sample barely depends on the rate
     middle = float(np.clip(np.mean(t) - start, 0.0, duration))
-    centre, rate, size = start + middle, 1.0, 1.0
+    centre = start + middle
+    rate = 1.0
+    size = 1.0
     for _ in range(12):
         s = rate * (t - centre) + middle
-        p = planned_speed_at(planned_time, planned, s)
+        p = planned_speed_at(planned_time, planned_speed, s)
         dp = size * planned_speed_at(planned_time, slope, s)
         residual = w - size * p
         used = (np.abs(residual) < cutoff) & ((p != 0) | (dp != 0))
@@ -188,12 +196,15 @@ def _refine(
             return unknown
         change = np.linalg.solve(normal, jacobian.T @ residual[used])
         rate = float(np.clip(rate + change[1], 1 - FASTEST, 1 + FASTEST))
-        centre, size = centre + float(change[0]), size + float(change[2])
+        centre += float(change[0])
+        size += float(change[2])
     errors = np.sqrt(np.diag(np.linalg.inv(normal)) * float(np.mean(residual[used] ** 2)))
     delay = centre - middle / rate
-    cost = np.sum((w - size * planned_speed_at(planned_time, planned, rate * (t - delay))) ** 2)
+    cost = np.sum(
+        (w - size * planned_speed_at(planned_time, planned_speed, rate * (t - delay))) ** 2
+    )
     if (
-        not cost <= np.sum((w - planned_speed_at(planned_time, planned, t - start)) ** 2)
+        not cost <= np.sum((w - planned_speed_at(planned_time, planned_speed, t - start)) ** 2)
         or abs(delay - start) > 0.1 * duration
     ):
         return unknown

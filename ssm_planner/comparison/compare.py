@@ -50,7 +50,8 @@ class Difference:
     def from_samples(cls, planned: Array, measured: Array) -> Difference:
         """Compute the difference of values (n,)."""
         error = planned - measured
-        rms, spread = float(np.sqrt(np.mean(error**2))), float(np.ptp(measured))
+        rms = float(np.sqrt(np.mean(error**2)))
+        spread = float(np.ptp(measured))
         return cls(rms, float(np.abs(error).max()), rms / spread if spread > 0 else None)
 
     of = Renamed("from_samples")
@@ -190,14 +191,14 @@ def compare(
 
 def _reject_other_motion(axis: AlignedAxis) -> None:
     """Raise RecordingError if a recording does not resemble the planned motion."""
-    alignment, measured = axis.alignment, axis.measured
+    alignment = axis.alignment
+    measured = axis.measured
     if alignment.correlation >= ALIKE or find_stall(axis) is not None or follows_plan(axis):
         return
     hint = "is it another joint's or another motion's?"
     if alignment.reversed_correlation > max(ALIKE, alignment.correlation):
         hint = (
-            "reversed it is; motor_direction of the joint in the robot file, or the "
-            "recording's "
+            "reversed it is; motor_direction of the joint in the robot file, or the recording's "
             "sign, is wrong"
         )
     raise RecordingError(
@@ -208,7 +209,9 @@ def _reject_other_motion(axis: AlignedAxis) -> None:
 
 def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float) -> AxisComparison:
     """Compare one axis. Raises RecordingError if the recording does not cover the motion."""
-    plan, measured, t = axis.plan, axis.measured, axis.t
+    plan = axis.plan
+    measured = axis.measured
+    t = axis.t
     is_planned = (t >= 0) & (t <= plan.duration)
     covered = float(min(t[-1], plan.duration) - max(t[0], 0.0)) / plan.duration
     if covered <= 0 or np.count_nonzero(is_planned) < 3:
@@ -224,8 +227,8 @@ def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float
     return AxisComparison(
         measured.joint,
         measured.name,
-        alignment=axis.alignment,
-        covered=covered,
+        axis.alignment,
+        covered,
         differences={
             name: Difference.from_samples(
                 np.interp(t[is_planned], plan.time, predictions[name]), values[is_planned]

@@ -127,12 +127,10 @@ class AlignedAxis:
     def moving(self) -> Mask:
         """Return (n,): whether the plan moves the joint; true throughout if it barely moves."""
         peak = self.plan.peak
-        moving: Mask = np.abs(self.speed) > STANDS * peak
-        return (
-            moving
-            if moving.sum() > 8 * windows(self.step)[-1][0]
-            else np.ones(len(self.t), dtype=bool)
-        )
+        moving = np.abs(self.speed) > STANDS * peak
+        if moving.sum() > 8 * windows(self.step)[-1][0]:
+            return moving
+        return np.ones(len(self.t), dtype=bool)
 
     @property
     def sigma(self) -> float:
@@ -157,7 +155,8 @@ def map_to_clock(
         q = np.empty(len(t))
         starts = [0, *(np.flatnonzero(np.diff(t) > max(GAP, 3 * step)) + 1), len(t)]
         for start, end in pairwise(starts):
-            w, times = measured.w[start:end], t[start:end]
+            w = measured.w[start:end]
+            times = t[start:end]
             distance = (
                 np.concatenate([[0.0], np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2)])
                 / plan.ratio
@@ -173,7 +172,7 @@ def map_to_clock(
         measured,
         clock,
         alignment,
-        t=t,
+        t,
         speed=speed,
         q=q,
         integrated=measured.q is None,
@@ -198,7 +197,9 @@ def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
 
 def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
     """Report gaps, missing samples and missing parts of the motion."""
-    t, step, duration = axis.t, axis.step, axis.plan.duration
+    t = axis.t
+    step = axis.step
+    duration = axis.plan.duration
     covered = (min(float(t[-1]), duration) - max(float(t[0]), 0.0)) / duration
     if covered < COVERED:
         text = f"the recording holds {100 * covered:.0f} % of the motion"
@@ -207,7 +208,8 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
     steps = np.diff(axis.measured.time)[during]
     if not len(steps):
         return
-    gap, allowed = float(steps.max()), max(GAP, 3 * step)
+    gap = float(steps.max())
+    allowed = max(GAP, 3 * step)
     if gap > allowed:
         time = float(t[during[int(np.argmax(steps))]])
         text = f"no samples for {gap:.3g} s, {time:.3g} s after the motion's start"
@@ -230,7 +232,8 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
 
     lag: permitted delay, s.
     """
-    plan, joint = axis.plan, axis.plan.joint
+    plan = axis.plan
+    joint = axis.plan.joint
     error = axis.q - np.interp(axis.t, plan.time, plan.position)
     n = windows(axis.step)[1][0]
     if len(error) < n:
@@ -239,19 +242,18 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     limit = lag * joint.velocity
     k = int(np.argmax(np.abs(smoothed(error, n))))
     error_there = float(np.abs(smoothed(error, n)[k]))
-    unit, scale = f"m{joint.unit}", 1e3
+    unit = f"m{joint.unit}"
+    scale = 1e3
     allowed = limit + noise
     if error_there > allowed:
         text = (
             f"{scale * error_there:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
-            "the start "
-            f"(allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
+            f"the start (allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
         )
         yield Finding("tracking", "not held", text, error_there, allowed)
     elif noise > limit:
         text = (
-            f"noise of {scale * noise:.3g} {unit} hides a tracking error of "
-            f"{scale * limit:.3g} "
+            f"noise of {scale * noise:.3g} {unit} hides a tracking error of {scale * limit:.3g} "
             f"{unit}"
         )
         yield Finding("tracking", "cannot tell", text, noise, limit)
@@ -280,18 +282,17 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
 
     A motor whose remaining motion differs from the plan does not count as stalled.
     """
-    w, planned_speed, peak, n = (
-        axis.measured.w,
-        axis.speed,
-        axis.plan.peak,
-        windows(axis.step)[1][0],
-    )
+    w = axis.measured.w
+    planned_speed = axis.speed
+    peak = axis.plan.peak
+    n = windows(axis.step)[1][0]
     if peak == 0.0 or len(w) < n:
         return None
     level = max(
         STANDS * peak, CERTAIN * noise_of(w - planned_speed, n, axis.measured.speed_resolution)
     )
-    mean, planned_mean = smoothed(np.abs(w), n), smoothed(np.abs(planned_speed), n)
+    mean = smoothed(np.abs(w), n)
+    planned_mean = smoothed(np.abs(planned_speed), n)
     when = smoothed(axis.t, n)
     still = smoothed(w, n)
     stands = (np.abs(still) < level) & (planned_mean > 5 * level) & (mean < planned_mean / 5)
@@ -306,15 +307,16 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     torque = float(np.abs(axis.measured.tau[start : stop + n]).max())
     text = (
         f"the motor stands for {length:.3g} s, {float(when[start]):.3g} s after the start, where "
-        "the plan moves it "
-        f"(torque up to {1e3 * torque:.3g} mN·m)"
+        f"the plan moves it (torque up to {1e3 * torque:.3g} mN·m)"
     )
     return Finding("stall", "not held", text, length, STALL)
 
 
 def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     """Report torque at one value while the speed drops, or at the largest torque of the motor."""
-    tau, w, motor = axis.measured.tau, axis.measured.w, axis.plan.joint.motor
+    tau = axis.measured.tau
+    w = axis.measured.w
+    motor = axis.plan.joint.motor
     size = np.abs(tau)
     band = 2 * max(
         axis.measured.torque_resolution, noise_of(tau, 1, axis.measured.torque_resolution)
@@ -344,16 +346,16 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     if deficit > allowed and needed > top:
         text = (
             f"torque stays at {1e3 * top:.3g} mN·m for {length:.3g} s, from "
-            f"{float(axis.t[start]):.3g} s on, while the "
-            f"speed sags by {100 * deficit / axis.plan.peak:.2g} % of the largest: the torque is "
-            "cut off"
+            f"{float(axis.t[start]):.3g} s on, while the speed sags by "
+            f"{100 * deficit / axis.plan.peak:.2g} % of the largest: the torque is cut off"
         )
         yield Finding("saturation", "not held", text, deficit, allowed)
 
 
 def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     """Compare the torque in motion, averaged over the longest window, with its predicted band."""
-    plan, n = axis.plan, windows(axis.step)[-1][0]
+    plan = axis.plan
+    n = windows(axis.step)[-1][0]
     tau = axis.measured.tau
     moving = (
         (np.abs(axis.speed) > STANDS * plan.peak)
@@ -367,14 +369,16 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
         np.interp(axis.t, plan.time, values)
         for values in (_extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
     )
-    mean, expected = smoothed(tau, n), smoothed(np.interp(axis.t, plan.time, plan.torque), n)
+    mean = smoothed(tau, n)
+    expected = smoothed(np.interp(axis.t, plan.time, plan.torque), n)
     noise = CERTAIN * noise_of(
         (tau - np.interp(axis.t, plan.time, plan.torque))[axis.moving],
         n,
         axis.measured.torque_resolution,
     )
     moving_windows = smoothed(moving.astype(float), n) > 1 - 0.5 / n
-    low, high = smoothed(low, n), smoothed(high, n)
+    low = smoothed(low, n)
+    high = smoothed(high, n)
     outside = moving_windows & ((mean > high + noise) | (mean < low - noise))
     share = float(outside.sum() / max(moving_windows.sum(), 1))
     if share > OUTSIDE:
@@ -392,20 +396,20 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
 def _extreme(values: Array, reach: int, sign: int) -> Array:
     """Return the largest (sign +1) or smallest (−1) of values (n,) within ± `reach` samples."""
     padded = np.pad(sign * values, reach, mode="edge")
-    return np.asarray(
-        sign * np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
-    )
+    return sign * np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
 
 
 def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
     """Compare position, velocity, motor speed and motor torque with their limits."""
-    plan, joint, measured = axis.plan, axis.plan.joint, axis.measured
+    plan = axis.plan
+    joint = axis.plan.joint
+    measured = axis.measured
     planned_margins = {}
     if certificate is not None:
         planned_margins = {c.name: c.margin for c in certificate.limits if c.joint == joint.name}
 
     def result(
-        limit: Limit, bound: float, worst: float, margin: float, noise: float, window: float
+        limit: Limit, bound: float, value: float, margin: float, noise: float, window: float
     ) -> Kept:
         """Judge the worst measured value. The noise is that of this value."""
         verdict: Verdict = "cannot tell"
@@ -417,7 +421,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
             limit.name,
             bound,
             planned_margin=planned_margins.get(limit.name),
-            measured=worst,
+            measured=value,
             margin=margin,
             held=verdict == "held",
             unit=limit.unit,
@@ -430,18 +434,22 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
         limit_type: type[JointLimit], values: Array, departure: Array, resolution: float
     ) -> Kept:
         limit = joint.limit(limit_type)
-        worst, noise, window = worst_excess(
+        excess, noise, window = worst_excess(
             values, departure[axis.moving], limit.largest, axis.step, resolution
         )
-        margin = 1 - worst / limit.largest
-        return result(limit, limit.largest, worst, margin, noise=noise, window=window)
+        margin = 1 - excess / limit.largest
+        return result(limit, limit.largest, excess, margin, noise=noise, window=window)
 
-    position, highest, lowest = joint.limit(JointPosition), float(axis.q.max()), float(axis.q.min())
-    above, below = position.high - highest, lowest - position.low
+    position = joint.limit(JointPosition)
+    highest = float(axis.q.max())
+    lowest = float(axis.q.min())
+    above = position.high - highest
+    below = lowest - position.low
     end, extreme = (position.high, highest) if above <= below else (position.low, lowest)
     margin = min(above, below) / position.half_width
     limits = [result(position, end, extreme, margin, noise=position_noise(axis), window=0.0)]
-    ratio, speed_error = plan.ratio, measured.w - axis.speed
+    ratio = plan.ratio
+    speed_error = measured.w - axis.speed
     resolution = measured.speed_resolution
     velocity = measured.w / ratio, speed_error / ratio, resolution / ratio
     limits.append(compare_limit(JointVelocity, *velocity))
@@ -458,8 +466,7 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
     if clock.rate != 1.0:
         text = (
             f"the recordings' clock is off by {100 * (1 / clock.estimated_rate - 1):+.3g} %: their "
-            "times, and what follows "
-            "from them, are corrected by it"
+            "times, and what follows from them, are corrected by it"
         )
         yield Finding(
             "clock", "cannot tell", text, abs(clock.rate - 1), DRIFT + CERTAIN * clock.rate_error
@@ -474,10 +481,8 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
     errors = [
         axis.alignment.delay_error for axis in axes if np.isfinite(axis.alignment.delay_error)
     ]
-    spread, allowed = (
-        float(np.ptp(list(delays.values()))) if delays else 0.0,
-        STEP + CERTAIN * max(errors, default=0.0),
-    )
+    spread = float(np.ptp(list(delays.values()))) if delays else 0.0
+    allowed = STEP + CERTAIN * max(errors, default=0.0)
     if spread > allowed:
         offsets = ", ".join(
             f"{name} {1e3 * (delay - min(delays.values())):.3g} ms"

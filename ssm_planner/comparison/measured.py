@@ -60,9 +60,9 @@ def read_measured(
     return Measured(
         joint,
         recording.name,
-        time=time,
-        w=recording.w,
-        tau=recording.tau,
+        time,
+        recording.w,
+        recording.tau,
         q=q,
         speed_resolution=recording.quantum,
         torque_resolution=float(steps.min()) if len(steps) else 0.0,
@@ -96,8 +96,7 @@ def _recorded_position(
     if counts is None:
         raise RecordingError(
             f"{path}: its position channel is in increments, and the motor of joint {joint.name} "
-            "has no encoder_counts "
-            "or a placeholder: give --counts-per-turn"
+            "has no encoder_counts or a placeholder: give --counts-per-turn"
         )
     raw = table.values[:, clock] * TIMES.get(table.units[clock].strip().lower(), 1.0)
     increment = 2 * np.pi / counts / joint.drive.ratio
@@ -117,7 +116,8 @@ def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
     for text in texts:
         joint, separator, file = text.partition("=")
         if not separator:
-            joint, file = _joint_in(Path(text).stem.lower(), names), text
+            joint = _joint_in(Path(text).stem.lower(), names)
+            file = text
         if joint not in names:
             raise RecordingError(
                 f"{text}: of which joint? write JOINT=FILE with one of {', '.join(names)}"

@@ -14,14 +14,15 @@ CERTAIN_ALONE = 8.0
 """Significant standard deviations of a sample, because the distribution of its noise is unknown."""
 LEAST = 4
 """Smallest number of samples in a window."""
-_SHARE, _TO_SIGMA = 0.9, 1 / 1.6449
+_SHARE = 0.9
+_TO_SIGMA = 1 / 1.6449
 """Quantile of the second differences, and the factor to a standard deviation if they are normal."""
 
 
 def smoothed(values: Array, n: int) -> Array:
     """Return the means of n consecutive samples, (samples − n + 1,)."""
     total = np.concatenate([[0.0], np.cumsum(values)])
-    return np.asarray((total[n:] - total[:-n]) / n)
+    return (total[n:] - total[:-n]) / n
 
 
 def noise_of(departure: Array, n: int, resolution: float) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -109,7 +108,7 @@ def _band(
     friction = friction_of(drive)
     if friction.posterior is None:
         return None
-    sets: dict[str, Any] = {
+    sets = {
         name: column[:, None]
         for name, column in friction.posterior.values().items()
         if name != LOAD_OFFSET

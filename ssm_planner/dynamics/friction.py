@@ -94,7 +94,8 @@ def remembered_speed(friction: Friction, time: ArrayLike, w: ArrayLike) -> Array
 
     time: increasing times in s, (samples,). w: motor speed, (samples,).
     """
-    time, w = np.asarray(time, dtype=float), np.asarray(w, dtype=float)
+    time = np.asarray(time, dtype=float)
+    w = np.asarray(w, dtype=float)
     if friction.memory == 0.0:
         return w
     return np.interp(time - friction.memory, time, w)

@@ -69,7 +69,8 @@ def motor_motion(
     ratio = np.array(
         [np.nan if joint.drive is None else joint.drive.ratio for joint in robot.joints]
     )
-    torque, effort = np.full(tau.shape, np.nan), np.full(tau.shape, np.nan)
+    torque = np.full(tau.shape, np.nan)
+    effort = np.full(tau.shape, np.nan)
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None:
             motion = (samples.qd[:, i], samples.qdd[:, i], direction[:, i])
@@ -88,7 +89,8 @@ def motor_law(
     that stands while its drive holds it. breakaway (4,): 1 for a joint that starts to move.
     """
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
-    torque, effort = ca.SX.zeros(4), ca.SX.zeros(4)
+    torque = ca.SX.zeros(4)
+    effort = ca.SX.zeros(4)
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None:
             motion = (qd[i], qdd[i], direction[i])
@@ -119,9 +121,11 @@ def drive_torque(
     breakaway : array or expression
         Whether the drive starts to move.
     """
-    friction, w, wd = friction_of(drive), drive.ratio * qd, drive.ratio * qdd
-    where = namespace_of(breakaway, qd).where
-    mu = where(breakaway, breakaway_coefficient(friction, w), friction_coefficient(friction, w))
+    friction = friction_of(drive)
+    w = drive.ratio * qd
+    wd = drive.ratio * qdd
+    select = namespace_of(breakaway, qd).where
+    mu = select(breakaway, breakaway_coefficient(friction, w), friction_coefficient(friction, w))
     effort = output_effort(drive, tau_rigid, qd, qdd, direction)
     return motor_torque(drive, effort, w, wd, direction=direction, mu=mu), effort
 
@@ -160,7 +164,8 @@ def joint_direction(
     joint without any motion has direction 0.
     """
     xp = namespace_of(qd, qdd, qddd)
-    limit, bend = joint.velocity, joint.acceleration
+    limit = joint.velocity
+    bend = joint.acceleration
     standing = abs(qd) <= STILL * limit
     # just beside an instant at rest, velocity has the sign of ±acceleration, or of the jerk where
     # that is zero too

@@ -73,18 +73,19 @@ def _newton_euler(
         q, qd and qdd.
     """
     q, qd, qdd = motion
-    omega, omega_dot, base_acceleration = ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(base)
-    moments, turns = [], []
+    omega = ca.SX.zeros(3)
+    omega_dot = ca.SX.zeros(3)
+    base_acceleration = ca.SX(base)
+    moments = []
+    turns = []
     for i, (mass, com, inertia) in enumerate(bodies):
         if i < 3:
             # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with
             # the bodies before it
             back = rotations[i].T
-            omega, omega_dot, base_acceleration = (
-                back @ omega,
-                back @ omega_dot,
-                back @ base_acceleration,
-            )
+            omega = back @ omega
+            omega_dot = back @ omega_dot
+            base_acceleration = back @ base_acceleration
             omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
             omega = omega + axes[i] * qd[i]
             turns.append(back.T)
@@ -95,12 +96,11 @@ def _newton_euler(
                     + ca.cross(com, base_acceleration)
                 )
                 continue
-            position, sliding = ca.SX(com), ca.SX.zeros(3)
+            position = ca.SX(com)
+            sliding = ca.SX.zeros(3)
         else:
-            position, sliding = (
-                com + axes[2] * q[3],
-                axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3],
-            )
+            position = com + axes[2] * q[3]
+            sliding = axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3]
         force = mass * (
             base_acceleration
             + sliding
@@ -183,7 +183,8 @@ def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.S
 
     θ2 must include the offset of `axes_frames`.
     """
-    f, axis = LOAD.unpack(inertias), constant(np.array([0.0, 0.0, 1.0]))
+    f = LOAD.unpack(inertias)
+    axis = constant(np.array([0.0, 0.0, 1.0]))
     turn = [rotation_symbolic(np.array([0.0, 0.0, 1.0]), q[i]) for i in range(3)]
     turns = [_about_y(f.first_turn), _about_y(f.second_turn)]
     bodies: list[tuple[Any, Any, Any]] = []
@@ -235,7 +236,9 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
 
 @lru_cache(maxsize=4)
 def _static_load(gravity: tuple[float, ...]) -> ca.Function:
-    q, robot, still = ca.SX.sym("q", 4), ca.SX.sym("robot", 25), ca.SX.zeros(4)
+    q = ca.SX.sym("q", 4)
+    robot = ca.SX.sym("robot", 25)
+    still = ca.SX.zeros(4)
     axes = [robot[3 * i : 3 * i + 3] for i in range(3)]
     hats = [ca.skew(axis) for axis in axes]
     # Rodrigues with a symbolic axis
@@ -254,7 +257,7 @@ def inertia_about_com(body: Body) -> Array:
     It follows from the parallel-axis theorem.
     """
     c = body.com
-    return np.asarray(body.inertia - body.mass * (c @ c * np.eye(3) - np.outer(c, c)))
+    return body.inertia - body.mass * (c @ c * np.eye(3) - np.outer(c, c))
 
 
 @record
@@ -273,7 +276,9 @@ class RigidBody:
         """
         global _last
         # every robot copies its gravity
-        key, gravity, cached = (robot.geometry, *robot.bodies), robot.gravity.tobytes(), _last
+        key = (robot.geometry, *robot.bodies)
+        gravity = robot.gravity.tobytes()
+        cached = _last
         if cached is None or cached[1] != gravity or not all(map(is_, cached[0], key)):
             content = pickle.dumps((robot.geometry, robot.bodies, robot.gravity))
             cached = _last = key, gravity, _rigid_body(content)
@@ -314,9 +319,7 @@ class RigidBody:
         return kinetic[:, 0], potential[:, 0]
 
     def symbolic(self, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-        return inverse_dynamics_symbolic(
-            self.geometry, self.bodies, gravity=self.gravity, q=q, qd=qd, qdd=qdd
-        )
+        return inverse_dynamics_symbolic(self.geometry, self.bodies, self.gravity, q, qd, qdd=qdd)
 
     @cached_property
     def _inverse_dynamics(self) -> ca.Function:
@@ -355,13 +358,15 @@ class RigidBody:
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:
-        q, qdd = ca.SX.sym("q", 4), ca.SX.sym("qdd", 4)
+        q = ca.SX.sym("q", 4)
+        qdd = ca.SX.sym("qdd", 4)
         tau = self.symbolic(q, ca.SX.zeros(4), qdd)
         return ca.Function("mass_matrix", [q], [ca.vec(ca.densify(ca.jacobian(tau, qdd)))])
 
     @cached_property
     def _energy(self) -> ca.Function:
-        q, qd = ca.SX.sym("q", 4), ca.SX.sym("qd", 4)
+        q = ca.SX.sym("q", 4)
+        qd = ca.SX.sym("qd", 4)
         mass_matrix = ca.reshape(self._mass_matrix(q), 4, 4)
         kinetic = ca.dot(qd, mass_matrix @ qd) / 2
         return ca.Function("energy", [q, qd], [kinetic, self._potential(q)])

@@ -41,7 +41,7 @@ class Moments:
     @property
     def inertia(self) -> Array:
         """Inertia tensor (3, 3) about the origin, kg·m², with the products −∫xy dm."""
-        return np.asarray(np.trace(self.second) * np.eye(3) - self.second)
+        return np.trace(self.second) * np.eye(3) - self.second
 
 
 def point(mass: float, position: Array) -> Moments:
@@ -92,10 +92,12 @@ def arc(
     angle = math.atan2(float(np.linalg.norm(across)), float(start @ end))
     normal = across / np.linalg.norm(across)
     frame = np.column_stack([start, np.cross(normal, start), normal])
-    inner, outer = radius - width / 2, radius + width / 2
+    inner = radius - width / 2
+    outer = radius + width / 2
     # ∫ r^(k+1) dr over the section, times its height
     zeroth, moment_1, moment_2 = (density * height * (outer**k - inner**k) / k for k in (2, 3, 4))
-    sine, cosine = math.sin(angle), math.cos(angle)
+    sine = math.sin(angle)
+    cosine = math.cos(angle)
     mass = zeroth * angle
     plane = moment_2 * np.array(
         [

@@ -96,7 +96,7 @@ class FrictionSpread:
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         normal = np.random.default_rng(SEED).standard_normal((count, len(self.names)))
         factors = np.exp(normal @ root.T - np.diag(root @ root.T) / 2)
-        return np.asarray(self.mean * (factors - 1.0))
+        return self.mean * (factors - 1.0)
 
     def values(self, deviations: Array) -> dict[str, Array]:
         """Return the parameters by name, each (count,), for deviations (count, k) from the
@@ -116,7 +116,8 @@ class FrictionSpread:
             inverse = np.linalg.pinv(np.atleast_2d(np.cov(scaled, rowvar=False)), 1e-9)
             distance = np.einsum("ni,ij,nj->n", scaled, inverse, scaled)
             deviations = deviations[distance <= np.quantile(distance, share)]
-        corners, values = self.corners(), self.values(deviations)
+        corners = self.corners()
+        values = self.values(deviations)
         sets = {name: np.tile(column, len(corners)) for name, column in values.items()}
         ends = {name: [corner[name] for corner in corners] for name in corners[0]}
         return sets | {name: np.repeat(column, len(deviations)) for name, column in ends.items()}
@@ -188,9 +189,7 @@ def drive_with(drive: Drive, values: Mapping[str, Any]) -> Drive:
     The static coefficient keeps its ratio to the kinetic one unless it is among the values.
     """
     drive_values = {name: values[name] for name in ("preload", "input_inertia") if name in values}
-    friction: dict[str, Any] = {
-        name: value for name, value in values.items() if name not in drive_values
-    }
+    friction = {name: value for name, value in values.items() if name not in drive_values}
     nominal = friction_of(drive)
     if LAW in friction and not np.ndim(friction[LAW]):
         friction[LAW] = LAWS[int(friction[LAW])]

@@ -47,7 +47,8 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
     self-locking. Both have the shape of mu, an array or a CasADi expression, and are finite while
     λ + φ < 90°. The tangents of sums use tan φ = μ / cos θ_n.
     """
-    tan_lead, tan_phi = drive.lead_slope, mu * drive.wedging
+    tan_lead = drive.lead_slope
+    tan_phi = mu * drive.wedging
     up = (tan_lead + tan_phi) * drive.gamma / (1.0 - tan_lead * tan_phi)
     down = (tan_lead - tan_phi) * drive.gamma / (1.0 + tan_lead * tan_phi)
     return up, down
@@ -121,7 +122,8 @@ def motor_torque_rows(
     xp = namespace_of(direction, mu)
     # the main nut carries F − P, the second one P + m₂·qdd: each on the branch that the direction
     # alone decides
-    main, secondary = xp.where(direction > 0, down, up), xp.where(direction > 0, up, down)
+    main = xp.where(direction > 0, down, up)
+    secondary = xp.where(direction > 0, up, down)
     inertia = drive.input_inertia + secondary * drive.second_nut_mass / drive.ratio
     return TorqueRows(
         (main, main), inertia, f.b_c * direction + drive.preload * (secondary - main), f.b_v

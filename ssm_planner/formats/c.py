@@ -41,7 +41,8 @@ from ssm_planner.verification.ends import end_velocities
 
 PACKAGE = "ssm_planner.formats"
 """Package that contains the templates."""
-ROBOT, TRAJECTORY = "ssm_robot", "ssm_trajectory"
+ROBOT = "ssm_robot"
+TRAJECTORY = "ssm_trajectory"
 UNITS = f"rad, m, N*m, N, s; joints in the order {', '.join(JOINTS)}"
 LIMITS: dict[str, type[Limit]] = {
     "velocity": JointVelocity,
@@ -176,7 +177,8 @@ def c_text(name: str) -> str:
 
 def c_functions(robot: Robot) -> list[CFunction]:
     """Build the C functions: forward and inverse kinematics, inverse dynamics, motor torques."""
-    mechanism, body = Mechanism.from_geometry(robot.geometry), RigidBody.from_robot(robot)
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    body = RigidBody.from_robot(robot)
     q, qd, qdd, qddd, task, guess = (
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "task", "near")
     )
@@ -185,7 +187,7 @@ def c_functions(robot: Robot) -> list[CFunction]:
     # The closed form needs a numeric branch, so the code contains both branches and selects one.
     ahead, behind = (joints_from_task_symbolic(mechanism, task, k, guess) for k in (1, -1))
     direction, breakaway = directions_law(robot, qd, qdd, qddd, 1)
-    _, torque, _ = motor_law(robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway)
+    _, torque, _ = motor_law(robot, q, qd, qdd, direction, breakaway=breakaway)
     four = (Argument("q", 4), Argument("qd", 4), Argument("qdd", 4))
     return [
         CFunction(

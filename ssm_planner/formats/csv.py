@@ -43,7 +43,8 @@ from ssm_planner.typing import Array, Indices, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
-RATE, ROWS = 1000.0, 100_000
+RATE = 1000.0
+ROWS = 100_000
 """Default rate (Hz), and the number of rows beyond which it is divided by 10, 100, …."""
 LARGEST_RATE = 100_000.0
 """Largest rate of an export, Hz."""
@@ -92,7 +93,8 @@ def table(
     at_end (n,) is nonzero for samples at the end of the motion. These rows hold the motor torques
     just before the end.
     """
-    header, values = ["time_s"], [samples.t]
+    header = ["time_s"]
+    values = [samples.t]
     names = [f"{i + 1}_{joint.unit}" for i, joint in enumerate(robot.joints)]
     for symbol, per in STATES.items():
         if symbol in columns:
@@ -122,21 +124,15 @@ def table(
     return header, np.stack(values, axis=1)
 
 
-def write_csv(
-    path: Path,
-    trajectory: Trajectory,
-    robot: Robot,
-    rate: float | None = None,
-    columns: Sequence[str] = DEFAULT,
-) -> Path:
+def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | None = None) -> Path:
     """Write a trajectory to a CSV file with 12 significant digits and return its path.
 
-    rate: Hz. The default is `RATE`, divided by 10 until the file has at most `ROWS` rows. robot and
-    columns: see `trajectory_table`.
+    rate: Hz. The default is `RATE`, divided by 10 until the file has at most `ROWS` rows. robot:
+    see `trajectory_table`.
     """
     if rate is None:
         rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
-    header, rows = trajectory_table(trajectory, robot, rate, columns)
+    header, rows = trajectory_table(trajectory, robot, rate, DEFAULT)
     with replacing(path) as temporary:
         _write(temporary, header, rows, "%.12g")
     return path
@@ -219,11 +215,7 @@ def _rows(
 
 
 def _write_counts(
-    plan: Plan,
-    folder: Path,
-    suffix: str,
-    rate: float,
-    counts_per_turn: CountsPerTurn,
+    plan: Plan, folder: Path, suffix: str, rate: float, counts_per_turn: CountsPerTurn
 ) -> list[str]:
     """Write the target positions of every driven joint in increments and return the notes.
 
@@ -264,11 +256,9 @@ def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
     violation = certificate.worst
     return [
         f"in a controller that interpolates them ({reading.interpolation}), the rows exceed the "
-        f"{violation.name} limit "
-        "of "
-        f"{violation.joint or 'the tool'} by {-100 * violation.margin:.3g} % at "
-        f"{violation.time:.4f} s: rows at a fixed rate miss the instants at which the plan's "
-        "acceleration jumps; export without a rate to include them"
+        f"{violation.name} limit of {violation.joint or 'the tool'} by "
+        f"{-100 * violation.margin:.3g} % at {violation.time:.4f} s: rows at a fixed rate miss the "
+        "instants at which the plan's acceleration jumps; export without a rate to include them"
     ]
 
 
@@ -361,7 +351,7 @@ class _InFile:
             return np.concatenate([self[k : k + 1] for k in index.tolist()])
         start, end, _ = index.indices(count)
         self.file.seek(8 * width * start)
-        rows: Array = np.frombuffer(self.file.read(8 * width * (end - start))).reshape(-1, width)
+        rows = np.frombuffer(self.file.read(8 * width * (end - start))).reshape(-1, width)
         return rows[:, self.selected].copy()
 
 
@@ -380,8 +370,7 @@ def layout_of(path: Path) -> Layout:
         if all(_number(name) for name in names):
             raise TrajectoryError(
                 f"{path}:{k + 1}: no header: the first row must name each column with its unit, "
-                "such as "
-                "time_s,q1_rad,q2_rad,q3_rad,q4_m"
+                "such as time_s,q1_rad,q2_rad,q3_rad,q4_m"
             )
         return Layout(k, separator, names)
     raise TrajectoryError(f"{path}: the file is empty")
@@ -389,14 +378,13 @@ def layout_of(path: Path) -> Layout:
 
 def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> _Rows:
     """Read the selected columns of all rows in SI units."""
-    columns, factors = (
-        [heading.column for heading in selected],
-        [heading.factor for heading in selected],
-    )
+    columns = [heading.column for heading in selected]
+    factors = [heading.factor for heading in selected]
     all_columns = sorted(columns) == list(
         range(len(layout.names))
     )  # Only then can rows with extra columns be detected.
-    rows, block = _Rows(), None
+    rows = _Rows()
+    block = None
     try:
         with path.open(encoding="utf-8-sig") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # numpy warns about an empty last block.
@@ -427,18 +415,18 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> _Rows:
     if not rows.count:
         raise TrajectoryError(f"{path}: no row follows the header")
     width = len(layout.names)
-    last = _last_line(path)
-    if last and len(last.split(layout.separator)) < width:
+    last_line = _last_line(path)
+    if last_line and len(last_line.split(layout.separator)) < width:
         raise TrajectoryError(
             f"{path}: the last row has fewer than {width} columns: the file is incomplete"
         )
     return rows
 
 
-def _fault(path: Path, layout: Layout, message: str, first: int) -> str:
-    """Return the message for the first bad row, searched from row `first`."""
+def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
+    """Return the message for the first bad row, searched from row `start`."""
     width = len(layout.names)
-    for k, line in islice(_data_lines(path, layout), first, None):
+    for k, line in islice(_data_lines(path, layout), start, None):
         fields = [field.strip() for field in line.split(layout.separator)]
         if len(fields) != width:
             return f"{path}:{k + 1}: the row has {len(fields)} columns, but the header has {width}"

@@ -151,19 +151,17 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
     (n,) count in s from the start.
     """
     count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
-    t: Array = np.arange(count, dtype=float) * (period / 1000)
+    t = np.arange(count, dtype=float) * (period / 1000)
     moving = bool(np.abs(end_velocities(plan.motion)[1]).max() > REST)
     return t, float(t[-1]) / plan.motion.duration if moving else 1.0
 
 
-def setpoints(
-    plan: Plan, axes: Mapping[str, Axis], period: int, mode: str = "csp"
-) -> dict[str, Stream]:
+def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, Stream]:
     """Return the streams of all driven joints as the export writes them, by joint.
 
-    axes: axes by joint. period: ms. mode: csp, csv or cst.
+    axes: axes by joint. period: ms. The streams have the positions of the mode csp.
     """
-    return _streams(axes, _motion(plan, *setpoint_times(plan, period)), mode)
+    return _streams(axes, _motion(plan, *setpoint_times(plan, period)), "csp")
 
 
 def period_ms(rate: float) -> int:
@@ -179,8 +177,7 @@ def period_ms(rate: float) -> int:
     ):
         raise ExportError(
             f"the rate {rate:g} Hz has a period of {period:.6g} ms, but object 0x60C2 needs whole "
-            f"ms from 1 to {LARGEST_PERIOD} "
-            "(allowed: 1000, 500, 250, 200, 125, 100 Hz and so on)"
+            f"ms from 1 to {LARGEST_PERIOD} (allowed: 1000, 500, 250, 200, 125, 100 Hz and so on)"
         )
     return round(period)
 
@@ -224,7 +221,8 @@ def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
     ended = (t >= plan.motion.duration * stretch * (1 - 1e-12))[:, None] & ~moving
     samples.qd[ended], samples.qdd[ended] = 0.0, 0.0
     direction, breakaway = directions(plan.robot, samples, 1)
-    direction, starting = np.where(ended, 0.0, direction), breakaway.astype(bool) & ~ended
+    direction = np.where(ended, 0.0, direction)
+    starting = breakaway.astype(bool) & ~ended
     motor = motor_motion(
         plan.robot,
         RigidBody.from_robot(plan.robot),
@@ -300,21 +298,17 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> 
         )
         notes.append(
             f"joint {joint.name}: rounding to increments moves setpoints by up to {position} "
-            f"{unit}, "
-            f"the speed between setpoints by {speed} {unit}/s "
-            f"({100 * effects['speed'] / joint.velocity:.2g} % "
-            f"of its limit), and the acceleration by {difference} {unit}/s²; the errors do not "
-            "accumulate"
+            f"{unit}, the speed between setpoints by {speed} {unit}/s "
+            f"({100 * effects['speed'] / joint.velocity:.2g} % of its limit), and the acceleration "
+            f"by {difference} {unit}/s²; the errors do not accumulate"
         )
     return [*notes, *encoder_notes(axes)]
 
 
-TIME, POSITION, VELOCITY, TORQUE = (
-    "time_s",
-    "target_position_inc",
-    "velocity_offset_mrpm",
-    "torque_offset_permille",
-)
+TIME = "time_s"
+POSITION = "target_position_inc"
+VELOCITY = "velocity_offset_mrpm"
+TORQUE = "torque_offset_permille"
 COLUMNS = {
     "csp": (POSITION, VELOCITY, TORQUE),
     "csv": ("target_velocity_mrpm", TORQUE),
@@ -325,9 +319,7 @@ SAME = 1e-9
 """Relative tolerance for equal values in the manifest and in the robot."""
 
 
-def read_epos4(
-    folder: Path, manifest: JsonObject, listed: Collection[str], robot: Robot
-) -> Reading:
+def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
     """Read the target positions of an export as a trajectory of straight lines.
 
     The velocity and torque offsets are compared with the positions. Positions of joints without a
@@ -337,7 +329,7 @@ def read_epos4(
     ----------
     folder : Path
     manifest : dict
-    listed : Collection[str]
+    names : Collection[str]
         Files of the manifest whose content is unchanged since the export.
     robot : Robot
 
@@ -346,9 +338,11 @@ def read_epos4(
     TrajectoryError
         If a stream is missing or damaged, or the robot has other drives than the manifest states.
     """
-    columns, resolution, offsets = [], np.zeros(4), {}
+    columns = []
+    resolution = np.zeros(4)
+    offsets = {}
     time: Array | None = None
-    for i, (joint, path, per_unit) in enumerate(read_axes(folder, manifest, listed, robot)):
+    for i, (joint, path, per_unit) in enumerate(read_axes(folder, manifest, names, robot)):
         if per_unit is not None:
             t, (counts, speed, torque) = read_table(path, TIME, (POSITION, VELOCITY, TORQUE))
             values = counts / per_unit
@@ -370,7 +364,7 @@ def read_epos4(
 
 
 def read_axes(
-    folder: Path, manifest: JsonObject, listed: Collection[str], robot: Robot
+    folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot
 ) -> Iterator[tuple[Joint, Path, float | None]]:
     """Yield every joint with its file and its increments per rad or m, None without a drive.
 
@@ -385,7 +379,7 @@ def read_axes(
     for joint in robot.joints:
         axis = axes[joint.name]
         name = axis.get("file") if isinstance(axis, dict) else None
-        if not isinstance(name, str) or name not in listed:
+        if not isinstance(name, str) or name not in names:
             raise TrajectoryError(f"{folder}: the manifest lists no file for joint {joint.name}")
         yield (
             joint,
@@ -399,20 +393,21 @@ def _per_unit(folder: Path, joint: Joint, axis: JsonObject) -> float:
 
     Raises TrajectoryError if they do not follow from the drive of the joint.
     """
-    stated, turn = axis["increments_per_unit"], axis.get("increments_per_motor_turn")
+    numbers = axis["increments_per_unit"]
+    turn = axis.get("increments_per_motor_turn")
     if joint.drive is None or joint.motor is None:
         raise TrajectoryError(
             f"{folder}: joint {joint.name} has a stream, but the robot has no drive or no motor "
             "for it"
         )
-    if type(turn) is not int or not 0 < turn <= INT32 or type(stated) not in (int, float):
+    if type(turn) is not int or not 0 < turn <= INT32 or type(numbers) not in (int, float):
         raise TrajectoryError(
             f"{folder}: the manifest does not give the increments of joint {joint.name}"
         )
     expected = joint.motor_direction * joint.drive.ratio * turn / (2 * np.pi)
-    if not abs(stated - expected) <= SAME * abs(expected):
+    if not abs(numbers - expected) <= SAME * abs(expected):
         raise TrajectoryError(
-            f"{folder}: joint {joint.name}: the manifest states {stated:.9g} increments per "
+            f"{folder}: joint {joint.name}: the manifest states {numbers:.9g} increments per "
             f"{joint.unit}, but the robot's drive and {turn} increments per motor turn give "
             f"{expected:.9g}"
         )
@@ -423,7 +418,7 @@ def _per_unit(folder: Path, joint: Joint, axis: JsonObject) -> float:
         raise TrajectoryError(
             f"{folder}: joint {joint.name}: the rated torque differs from that of the robot's motor"
         )
-    return float(stated)
+    return float(numbers)
 
 
 def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
@@ -440,7 +435,8 @@ def read_table(path: Path, time: str, columns: Sequence[str]) -> tuple[Array, li
 
     Raises TrajectoryError if a column is missing or a value is not a finite number.
     """
-    layout, selected = layout_of(path), []
+    layout = layout_of(path)
+    selected = []
     for column in (time, *columns):
         if column not in layout.names:
             raise TrajectoryError(
@@ -448,7 +444,8 @@ def read_table(path: Path, time: str, columns: Sequence[str]) -> tuple[Array, li
             )
         selected.append(Heading(layout.names.index(column), column, 1.0))
     rows = data_rows(path, layout, selected)
-    times, values = np.concatenate(rows.times), rows.columns(0, len(columns))[:]
+    times = np.concatenate(rows.times)
+    values = rows.columns(0, len(columns))[:]
     if len(times) < 2 or not (np.isfinite(times).all() and np.isfinite(values).all()):
         raise TrajectoryError(
             f"{path}: the file has fewer than two rows or contains numbers that are not finite"

@@ -107,7 +107,8 @@ def _torque_range(
     lowest, highest = _accelerations(robot, t, qd, offsets)
     body = RigidBody.from_robot(robot)
     rest_speed = np.array([_slow(robot, i, offsets) for i in range(4)])
-    low, high = np.full(q.shape, np.inf), np.full(q.shape, -np.inf)
+    low = np.full(q.shape, np.inf)
+    high = np.full(q.shape, -np.inf)
     standing = np.abs(qd) <= rest_speed
     standing_rows = np.flatnonzero(standing.any(axis=1))
     all_rows = np.arange(len(t))
@@ -140,10 +141,12 @@ def _accelerations(
     h = np.diff(t)
     mean = np.diff(qd, axis=0) / h[:, None]
     n = len(t)
-    low, high = np.full((n, 4), np.inf), np.full((n, 4), -np.inf)
+    low = np.full((n, 4), np.inf)
+    high = np.full((n, 4), -np.inf)
     for shift in range(-NEAR, NEAR):
         interval = np.clip(np.arange(n) + shift, 0, n - 2)
-        low, high = np.minimum(low, mean[interval]), np.maximum(high, mean[interval])
+        low = np.minimum(low, mean[interval])
+        high = np.maximum(high, mean[interval])
     limit = np.array([joint.acceleration for joint in robot.joints])
     rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
     pad = limit * np.minimum(1.0, h.max() / FULL) + 2 * rounding / h.min()

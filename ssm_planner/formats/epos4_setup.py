@@ -19,7 +19,8 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import rpm
 
-INT16, INT32 = 2**15 - 1, 2**31 - 1
+INT16 = 2**15 - 1
+INT32 = 2**31 - 1
 PLACEHOLDER = "PLACEHOLDER: "
 QUADRATURE = 4
 """Increments (quadcounts) per encoder count."""
@@ -77,7 +78,8 @@ def axes_of(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
     """
     axes = {}
     for joint in robot.joints:
-        drive, motor = joint.drive, joint.motor
+        drive = joint.drive
+        motor = joint.motor
         if drive is None:
             continue
         if motor is None:
@@ -99,8 +101,7 @@ def axes_of(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
     if not axes:
         raise ExportError(
             f"{robot.file}: no joint of robot {robot.name} has a drive: name one in "
-            "joints.NAME.drive, "
-            "and its motor in joints.NAME.motor"
+            "joints.NAME.drive, and its motor in joints.NAME.motor"
         )
     return axes
 
@@ -114,13 +115,13 @@ def encoder_notes(axes: Mapping[str, Axis]) -> list[str]:
     ]
 
 
-def require_range(values: Array, largest: int, joint: str, what: str, unit: str) -> Array:
+def require_range(values: Array, bound: int, joint: str, quantity_name: str, unit: str) -> Array:
     """Return integers (n,) after checking that an object of the drive can hold them.
 
     Parameters
     ----------
     values : (n,)
-    largest : int
+    bound : int
         Largest absolute value of the object.
     joint, what, unit : str
         Joint, quantity and unit for the message.
@@ -131,10 +132,11 @@ def require_range(values: Array, largest: int, joint: str, what: str, unit: str)
         If a value is too large or not finite.
     """
     k = int(np.argmax(np.abs(values)))
-    if not np.isfinite(values).all() or abs(values[k]) > largest:
+    if not np.isfinite(values).all() or abs(values[k]) > bound:
         raise ExportError(
-            f"joint {joint}: {what} of {values[k]:.6g} {unit} does not fit (allowed: −{largest} to "
-            f"{largest})"
+            f"joint {joint}: {quantity_name} of {values[k]:.6g} {unit} does not fit (allowed: "
+            f"−{bound} to "
+            f"{bound})"
         )
     return values + 0.0
 
@@ -154,12 +156,10 @@ def following_error_window(axis: Axis, period: int) -> int:
 
 def _counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
     """Increments per motor turn, and where they come from."""
-    counts, motor = (
-        counts_per_turn.get(joint.name)
-        if isinstance(counts_per_turn, Mapping)
-        else counts_per_turn,
-        joint.motor,
+    counts = (
+        counts_per_turn.get(joint.name) if isinstance(counts_per_turn, Mapping) else counts_per_turn
     )
+    motor = joint.motor
     if counts is None and motor is not None and motor.encoder_counts is not None:
         mark = PLACEHOLDER if "encoder_counts" in motor.placeholders else ""
         return QUADRATURE * motor.encoder_counts, mark + motor.sources.get(
@@ -200,9 +200,11 @@ STREAMED = {
 }
 """Objects of the stream by mode and PDO. A PDO holds at most 64 bits."""
 RETURNED = (("0x6041:00", "0x6061:00"), ("0x6064:00", "0x606C:00"), ("0x6077:00",))
-AT_ONCE, AT_SYNC = 255, 1
+AT_ONCE = 255
+AT_SYNC = 1
 """Transmission types: on change (commands and status) and at each SYNC (all other objects)."""
-QUOTED, UNVERIFIED = "quoted", "not verified"
+QUOTED = "quoted"
+UNVERIFIED = "not verified"
 DOUBTFUL = {"0x60B1:00", "0x6080:00"}
 """Objects whose meaning follows from CiA 402 alone.
 
@@ -315,7 +317,8 @@ def setup_objects(
     ExportError
         If a value does not fit its object.
     """
-    joint, motor = axis.joint, axis.joint.motor
+    joint = axis.joint
+    motor = axis.joint.motor
     assert motor is not None
     turns = (
         60 * abs(axis.increments_per_unit) / axis.counts_per_turn
@@ -346,7 +349,7 @@ def setup_objects(
                 f"joint {axis.name}: {name} ({key}) = {value} does not fit (allowed: up to "
                 f"{largest})"
             )
-        shown = f"0x{value:08X}" if name == "velocity unit" else str(value)
-        row = {"object": key, "name": name, "value": shown, "unit": unit, "reason": reason}
+        text = f"0x{value:08X}" if name == "velocity unit" else str(value)
+        row = {"object": key, "name": name, "value": text, "unit": unit, "reason": reason}
         rows.append({"joint": axis.name, **row, "known": UNVERIFIED if key in DOUBTFUL else QUOTED})
     return rows

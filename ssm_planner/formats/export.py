@@ -170,8 +170,7 @@ def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> 
         violation = stops.certificate.worst
         raise ExportError(
             f"{plan.path}: a stop exceeds {violation.name} of {violation.joint or 'the tool'}: "
-            "stops not "
-            "exported"
+            "stops not exported"
         )
     per_unit = [axes.get(joint.name, {}).get("increments_per_unit") for joint in plan.robot.joints]
     names = [
@@ -179,14 +178,14 @@ def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> 
         for joint, scale in zip(plan.robot.joints, per_unit, strict=True)
     ]
     stop_rows = []
-    for begin, stop in zip(stops.time, stops.motions, strict=True):
+    for start, stop in zip(stops.time, stops.motions, strict=True):
         if stop is not None:
             t = np.append(np.arange(0.0, stop.duration, STOP_PERIOD), stop.duration)
             columns = [
                 q if scale is None else np.round(scale * q)
                 for q, scale in zip(stop.sample(t).q.T, per_unit, strict=True)
             ]
-            stop_rows.append(np.column_stack([np.full(len(t), begin), t, *columns]))
+            stop_rows.append(np.column_stack([np.full(len(t), start), t, *columns]))
     rows = np.vstack(stop_rows) if stop_rows else np.empty((0, 2 + len(names)))
     forms = ["%.6f", "%.6f", *("%.12g" if scale is None else "%d" for scale in per_unit)]
     np.savetxt(
@@ -224,8 +223,7 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
         )
         raise ExportError(
             f"{plan.path}: {plan.uncertified_reason or reason}: plan again, or use --force to "
-            "export files that "
-            "are marked unverified"
+            "export files that are marked unverified"
         )
     violation = certificate.worst
     raise ExportError(

@@ -126,7 +126,7 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
     return read_message(message_from(content, str(path)), robot, str(path))
 
 
-def message_from(data: Any, where: str) -> Message:
+def message_from(data: Any, location: str) -> Message:
     """Build a message from plain dictionaries and lists.
 
     where: beginning of error messages. Raises TrajectoryError if keys are missing or have wrong
@@ -137,17 +137,22 @@ def message_from(data: Any, where: str) -> Message:
         or not isinstance(data.get("points"), list)
         or "joint_names" not in data
     ):
-        raise TrajectoryError(f"{where}: not a JointTrajectory (it needs joint_names and points)")
-    names, points = data["joint_names"], data["points"]
+        raise TrajectoryError(
+            f"{location}: not a JointTrajectory (it needs joint_names and points)"
+        )
+    names = data["joint_names"]
+    points = data["points"]
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise TrajectoryError(f"{where}: joint_names is not a list of names")
-    time = np.array([_time(point, k, where) for k, point in enumerate(points)])
-    fields = [[_numbers(point, key, k, where) for k, point in enumerate(points)] for key in FIELDS]
+        raise TrajectoryError(f"{location}: joint_names is not a list of names")
+    time = np.array([_time(point, k, location) for k, point in enumerate(points)])
+    fields = [
+        [_numbers(point, key, k, location) for k, point in enumerate(points)] for key in FIELDS
+    ]
     return Message(tuple(names), time, *fields)
 
 
 def read_message(
-    message: Message, robot: Robot, where: str, notes: tuple[str, ...] = ()
+    message: Message, robot: Robot, location: str, notes: tuple[str, ...] = ()
 ) -> Reading:
     """Return the trajectory that a controller runs for a message.
 
@@ -155,7 +160,7 @@ def read_message(
     ----------
     message : Message
     robot : Robot
-    where : str
+    location : str
         Beginning of error messages.
     notes : tuple[str, ...]
         Notes to pass on with the trajectory.
@@ -168,7 +173,8 @@ def read_message(
     faults, remarks = controller_faults(message, [joint.name for joint in robot.joints])
     if faults:
         raise TrajectoryError(
-            f"{where}: {faults[0]}" + (f" (and {len(faults) - 1} more)" if len(faults) > 1 else "")
+            f"{location}: {faults[0]}"
+            + (f" (and {len(faults) - 1} more)" if len(faults) > 1 else "")
         )
     order = [message.names.index(joint.name) for joint in robot.joints]
     q, _ = _table(message.positions, order)
@@ -181,7 +187,7 @@ def read_message(
         qdd=qdd if has_qdd.any() else None,
         has_qd=None if has_qd.all() else has_qd,
         has_qdd=None if has_qdd.all() else has_qdd,
-        place=lambda k: f"{where}: point {k}",
+        place=lambda k: f"{location}: point {k}",
     )
     return join_points(points, robot, (*notes, *remarks))
 
@@ -192,7 +198,8 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
     Faults are the reasons for which joint_trajectory_controller rejects the message. Remarks depend
     on the configuration of the controller. joints: names of the robot's joints.
     """
-    names, time = message.names, message.time
+    names = message.names
+    time = message.time
     faults = [
         f"joint {name!r} is not one of {', '.join(joints)}" for name in names if name not in joints
     ]
@@ -244,21 +251,23 @@ def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
     return table[:, order], has
 
 
-def _time(point: Any, k: int, where: str) -> float:
+def _time(point: Any, k: int, location: str) -> float:
     stamp = point.get("time_from_start") if isinstance(point, dict) else None
     if isinstance(stamp, dict):
-        sec, nanosec = stamp.get("sec", 0), stamp.get("nanosec", 0)
-        whole = type(sec) is int and type(nanosec) is int
-        if whole and abs(sec) <= LONGEST and 0 <= nanosec < TICKS:
+        sec = stamp.get("sec", 0)
+        nanosec = stamp.get("nanosec", 0)
+        is_integer = type(sec) is int and type(nanosec) is int
+        if is_integer and abs(sec) <= LONGEST and 0 <= nanosec < TICKS:
             return float((sec * TICKS + nanosec) / TICKS)
     raise TrajectoryError(
-        f"{where}: point {k}: time_from_start is {str(stamp)[:80]}, but it must have whole numbers sec and "
+        f"{location}: point {k}: time_from_start is {str(stamp)[:80]}, but it must have whole "
+        "numbers sec and "
         f"nanosec, with nanosec from 0 to {TICKS - 1}"
     )
 
 
-def _numbers(point: JsonObject, key: str, k: int, where: str) -> Sequence[float]:
+def _numbers(point: JsonObject, key: str, k: int, location: str) -> Sequence[float]:
     values = point.get(key) or []
     if not isinstance(values, list) or not all(type(value) in (int, float) for value in values):
-        raise TrajectoryError(f"{where}: point {k}: {key} is not a list of numbers")
+        raise TrajectoryError(f"{location}: point {k}: {key} is not a list of numbers")
     return values

@@ -151,7 +151,8 @@ def check_points(points: Points, robot: Robot) -> None:
     Faults are too few points, values that are not finite, times that do not increase, wrong units
     and swapped columns.
     """
-    t, n = points.t, len(points.t)
+    t = points.t
+    n = len(points.t)
     if n < 2:
         raise TrajectoryError(f"{points.place(0)}: {n} point; a trajectory needs at least two")
     row_name = (
@@ -210,7 +211,9 @@ class PiecesOfPoints:
     ) -> Array:
         points = self.points
         length = points.t[right] - points.t[left]
-        h, q0, q1 = length[:, None], points.q[left], points.q[right]
+        h = length[:, None]
+        q0 = points.q[left]
+        q1 = points.q[right]
         if points.qd is not None and points.qdd is not None and quintic.all():
             return quintics(
                 length,
@@ -220,7 +223,8 @@ class PiecesOfPoints:
         coefficients = np.zeros((len(h), DEGREE + 1, 4))
         coefficients[:, 0], coefficients[:, 1] = q0, (q1 - q0) / h
         if points.qd is not None and cubic.any():
-            v0, v1 = points.qd[left], points.qd[right]
+            v0 = points.qd[left]
+            v1 = points.qd[right]
             coefficients[cubic] = cubics(length, (q0, v0), (q1, v1))[cubic]
             if points.qdd is not None and quintic.any():
                 quintic_pieces = quintics(
@@ -248,7 +252,7 @@ FACTORS = (
 )
 
 
-def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], first: int) -> None:
+def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], start: int) -> None:
     """Raise TrajectoryError if a position in q (n, 4) is too large for its kind of joint.
 
     place: function that names a point. first: index of the first row.
@@ -259,7 +263,7 @@ def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], first:
         if abs(value) > (LARGEST_STROKE if joint.slides else LARGEST_ANGLE):
             unit = "millimetres" if joint.slides else "degrees"
             raise TrajectoryError(
-                f"{place(first + k)}: position of joint {joint.name} = {value:.6g} {joint.unit}: "
+                f"{place(start + k)}: position of joint {joint.name} = {value:.6g} {joint.unit}: "
                 "this is "
                 f"too large for this kind of joint; are these {unit}, or are columns swapped?"
             )
@@ -289,8 +293,7 @@ def check_derivatives(
             if _same(*_compare(slopes[:, i], means[:, k])):
                 raise TrajectoryError(
                     f"the {names[1]} given for joint {neighbour.name} are those of joint "
-                    f"{joint.name}: "
-                    "swapped columns?"
+                    f"{joint.name}: swapped columns?"
                 )
         if residual < ALIKE:
             hint = next(

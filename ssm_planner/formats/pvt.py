@@ -58,7 +58,9 @@ FREE = 1e5
 """Units per rad or m of a joint without a drive, whose rows are not rounded."""
 EXCESS = 1e6
 """Cost, in increments, of exceeding an acceleration bound by the whole limit."""
-TIME, POSITION, VELOCITY = "time_ms", "position", "velocity"
+TIME = "time_ms"
+POSITION = "position"
+VELOCITY = "velocity"
 FORM = {
     "time_ms": "time since the previous row, 1 to 255; 0 in the first row, whose time is not used",
     "position_inc": "absolute, INT32",
@@ -185,7 +187,9 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
     folder, manifest, listed, robot: see `read_epos4`. Raises TrajectoryError if a table is damaged
     or does not belong to the robot.
     """
-    q, qd, time = [], [], None
+    q = []
+    qd = []
+    time = None
     for joint, path, per_unit in read_axes(folder, manifest, names, robot):
         steps, (position, velocity) = read_table(path, TIME, _columns(joint, per_unit is not None))
         if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
@@ -199,7 +203,8 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
         q.append(position / (per_unit or 1.0))
         qd.append(velocity / (per_unit or 1.0))
     assert time is not None
-    t, row_name = np.cumsum(time) / 1000, f"{folder}: row {{}}".format
+    t = np.cumsum(time) / 1000
+    row_name = f"{folder}: row {{}}".format
     return join_points(Points(t, np.stack(q, axis=1), np.stack(qd, axis=1), place=row_name), robot)
 
 
@@ -224,9 +229,8 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
         jerk = "; cubics have acceleration jumps at the rows, which jerk limits forbid"
     raise ExportError(
         f"{plan.path}: no PVT table was found that keeps the limits: at best the {violation.name} "
-        "limit of "
-        f"{violation.joint or 'the tool'} is exceeded by {-100 * violation.margin:.3g} % at "
-        f"{violation.time:.4f} s{jerk}"
+        f"limit of {violation.joint or 'the tool'} is exceeded by {-100 * violation.margin:.3g} % "
+        f"at {violation.time:.4f} s{jerk}"
     )
 
 
@@ -238,7 +242,8 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
             if total < len(t) - 1:
                 raise ExportError(f"{plan.path}: the motion of {total} ms is too short for a table")
             stretch = total / 1000 / plan.motion.duration
-            rows, state = {}, np.empty((2, len(t), 4))
+            rows = {}
+            state = np.empty((2, len(t), 4))
             for i, joint in enumerate(plan.robot.joints):
                 axis = axes.get(joint.name)
                 unit = FREE if axis is None else axis.increments_per_unit
@@ -292,10 +297,14 @@ class _Fit:
     """
 
     def __init__(self, plan: Plan, i: int, t: Array, stretch: float, unit: float) -> None:
-        joint, motion, n = plan.robot.joints[i], plan.motion, len(t)
+        joint = plan.robot.joints[i]
+        motion = plan.motion
+        n = len(t)
         tau = float(t[-1]) / (n - 1)
         q, qd = _samples(plan, t, stretch, i)
-        self.rate, self.positions, self.velocities = 1 / tau, q * unit, qd * unit * tau
+        self.rate = 1 / tau
+        self.positions = q * unit
+        self.velocities = qd * unit * tau
         low, high = sorted(bound * unit for bound in joint.position)
         self.range = np.ceil(low - 1e-6), np.floor(high + 1e-6)
         breaks = (motion.breaks - motion.breaks[0]) * stretch
@@ -317,7 +326,8 @@ class _Fit:
         # rarely by half of that.
         maximum = max(limit, float(np.abs(bend).max())) - 3 / h**2
         a = np.maximum(a[0] - SLACK * limit, -maximum), np.minimum(a[1] + SLACK * limit, maximum)
-        zero, ones = np.zeros(n - 1), np.ones(n - 1)
+        zero = np.zeros(n - 1)
+        ones = np.ones(n - 1)
         self.rows_of = (
             ((-6 / h**2, 6 / h**2, -4 / h, -2 / h), a, limit),
             ((6 / h**2, -6 / h**2, 2 / h, 4 / h), a, limit),
@@ -363,7 +373,9 @@ class _Fit:
         from scipy.optimize import Bounds, LinearConstraint, milp
 
         n = len(d)
-        lower, next_node, eye = sparse.eye(n - 1, n), sparse.eye(n - 1, n, k=1), sparse.eye(n)
+        lower = sparse.eye(n - 1, n)
+        next_node = sparse.eye(n - 1, n, k=1)
+        eye = sparse.eye(n)
         is_fixed = free == 0
         fixed_positions = np.where(is_fixed, d, 0.0) + self.positions
         blocks: list[list[Any]] = []
@@ -385,7 +397,8 @@ class _Fit:
             blocks.append([sign * eye, None, -eye, None])
             upper.append(np.zeros(n))
         velocity_range = np.r_[0.0, np.full(n - 2, np.inf), 0.0]
-        low, high = np.where(is_fixed, d, -np.inf), np.where(is_fixed, d, np.inf)
+        low = np.where(is_fixed, d, -np.inf)
+        high = np.where(is_fixed, d, np.inf)
         solution = milp(
             np.r_[np.zeros(2 * n), np.ones(n), EXCESS],
             constraints=LinearConstraint(

@@ -51,7 +51,8 @@ def read_trajectory(path: str | Path, robot: Robot) -> Reading:
     """
     path = Path(path)
     try:
-        exists, folder = path.exists(), path.is_dir()
+        exists = path.exists()
+        folder = path.is_dir()
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"{path}: cannot be read: {error}") from error
     if not exists:

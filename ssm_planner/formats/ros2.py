@@ -40,7 +40,8 @@ LARGEST_RATE = 1000.0
 LARGEST_METADATA = 10_000_000
 """Largest size of metadata.yaml, bytes."""
 INSTALL = "reading and writing rosbags needs the package rosbags: pip install 'ssm-planner[ros2]'"
-TRAJECTORY, STATE = "trajectory_msgs/msg/JointTrajectory", "sensor_msgs/msg/JointState"
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+STATE = "sensor_msgs/msg/JointState"
 PUBLISH = (
     "Publish this file with ros2 topic pub --once /joint_trajectory_controller/joint_trajectory",
     "trajectory_msgs/msg/JointTrajectory and --yaml-file, if this option exists. The message is "
@@ -162,7 +163,8 @@ def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
         put(description, 0.0, messages.make("std_msgs/String", data=urdf(plan.robot)))
         trajectory = topic("/joint_trajectory", TRAJECTORY)
         put(trajectory, 0.0, messages.trajectory(message))
-        states, transforms = topic("/joint_states", STATE), topic("/tf", "tf2_msgs/msg/TFMessage")
+        states = topic("/joint_states", STATE)
+        transforms = topic("/tf", "tf2_msgs/msg/TFMessage")
         s = at_times(plan, plan.motion.breaks[0] + state_times(plan.motion.duration, rate))
         for k, t in enumerate(s.t - plan.motion.breaks[0]):
             put(states, t, messages.state(t, message.names, s.q[k], s.qd[k]))
@@ -181,14 +183,17 @@ def link_poses(robot: Robot, q: Array) -> list[tuple[str, str, Array, Array]]:
     The pose is that of the child in the frame of its parent, with rotation (3, 3) and translation
     (3,) in m.
     """
-    geometry, parent, frame = robot.geometry, "base", np.eye(3)
+    geometry = robot.geometry
+    parent = "base"
+    frame = np.eye(3)
     poses = []
     for i, (link, body) in enumerate(zip(LINKS, robot.bodies, strict=True)):
         # parent ← child = (parent frame)ᵀ e^{ξ̂ q} (child frame), both frames as placed at q = 0
         turn = rotation(geometry.axes[i], q[i]) if i < 3 else np.eye(3)
         shift = np.zeros(3) if i < 3 else frame.T @ (geometry.axes[i] * q[i])
         poses.append((parent, link, frame.T @ turn @ body.frame, shift))
-        parent, frame = link, body.frame
+        parent = link
+        frame = body.frame
     poses.append((parent, TOOL, frame.T @ geometry.tool_home, np.zeros(3)))
     return poses
 
@@ -219,7 +224,8 @@ class _Messages:
             )
             for k, t in enumerate(message.time)
         ]
-        header, names = self.header(0.0, "base"), list(message.names)
+        header = self.header(0.0, "base")
+        names = list(message.names)
         return self.make(
             "trajectory_msgs/JointTrajectory", header=header, joint_names=names, points=points
         )
@@ -259,7 +265,7 @@ def quaternion(orientation: Array) -> Array:
     """Return the unit quaternion (x, y, z, w) of a rotation matrix (3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    return np.asarray(Rotation.from_matrix(orientation).as_quat())
+    return Rotation.from_matrix(orientation).as_quat()
 
 
 def _latched() -> Any:
@@ -322,10 +328,7 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
             )
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
-    except (
-        Exception,
-        RecursionError,
-    ) as error:  # rosbags raises many types for damaged bags.
+    except (Exception, RecursionError) as error:  # rosbags raises many types for damaged bags.
         reason = f"{type(error).__name__}: {str(error)[:200]}"
         raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {reason}") from error
     if not messages:

@@ -94,11 +94,9 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     violation = candidate.certificate.worst
     raise ExportError(
         f"{plan.path}: the spline through {len(candidate.samples.t)} points exceeds the "
-        f"{violation.name} "
-        "limit of "
-        f"{violation.joint or 'the tool'} by {-100 * violation.margin:.3g} % at "
-        f"{violation.time:.4f} s: no "
-        "points that keep it were found"
+        f"{violation.name} limit of {violation.joint or 'the tool'} by "
+        f"{-100 * violation.margin:.3g} % at {violation.time:.4f} s: no points that keep it were "
+        "found"
     )
 
 
@@ -107,7 +105,8 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
 
     The joints rest after the end. A time within `ROUNDED` of the end counts as the end.
     """
-    start, end = plan.motion.breaks[0], plan.motion.breaks[-1]
+    start = plan.motion.breaks[0]
+    end = plan.motion.breaks[-1]
     s = plan.motion.sample(np.minimum(start + (t - start) / stretch, end))
     moving = (s.t < end)[:, None] | (t <= start + plan.motion.duration * stretch + ROUNDED)[:, None]
     qd, qdd, qddd = (x * moving / stretch**k for k, x in enumerate((s.qd, s.qdd, s.qddd), start=1))

@@ -31,7 +31,7 @@ class Heading:
 
 
 def headings(
-    names: list[str], robot: Robot, where: str
+    names: list[str], robot: Robot, location: str
 ) -> tuple[dict[tuple[int, int], Heading], list[str]]:
     """Identify the columns of a table.
 
@@ -41,7 +41,7 @@ def headings(
         Column names in the order of the file.
     robot : Robot
         Robot that defines the joint names and whether a joint has angles or lengths.
-    where : str
+    location : str
         Beginning of error messages: the file and the line.
 
     Returns
@@ -63,26 +63,26 @@ def headings(
         try:
             meaning = _meaning(name, robot)
         except ValueError as error:
-            raise TrajectoryError(f"{where}: column {name!r}: {error}") from error
+            raise TrajectoryError(f"{location}: column {name!r}: {error}") from error
         if meaning is None:
             ignored.append(name)
             continue
         key, factor = meaning
         if key in columns:
             raise TrajectoryError(
-                f"{where}: columns {columns[key].name!r} and {name!r} are the same quantity"
+                f"{location}: columns {columns[key].name!r} and {name!r} are the same quantity"
             )
         columns[key] = Heading(column, name, factor)
-    _complete(columns, names, robot, where)
+    _complete(columns, names, robot, location)
     return columns, ignored
 
 
 def _complete(
-    columns: dict[tuple[int, int], Heading], names: list[str], robot: Robot, where: str
+    columns: dict[tuple[int, int], Heading], names: list[str], robot: Robot, location: str
 ) -> None:
     if (-1, 0) not in columns:
         raise TrajectoryError(
-            f"{where}: no time column with a unit (for example time_s); the columns are {names}"
+            f"{location}: no time column with a unit (for example time_s); the columns are {names}"
         )
     for order in range(3):
         present = [i for i in range(4) if (order, i) in columns]
@@ -94,10 +94,10 @@ def _complete(
                 else "; examples of column names: q1_rad, q4_m, 'roll [deg]', 'joint1_position_rad'"
             )
             raise TrajectoryError(
-                f"{where}: no {ORDER_NAMES[order]} of joint {', '.join(missing)}{unit}"
+                f"{location}: no {ORDER_NAMES[order]} of joint {', '.join(missing)}{unit}"
             )
     if (2, 0) in columns and (1, 0) not in columns:
-        raise TrajectoryError(f"{where}: accelerations need velocities")
+        raise TrajectoryError(f"{location}: accelerations need velocities")
 
 
 def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
@@ -132,7 +132,8 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
 
 def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
     """Return the joint and the derivative that the words name, or None where a name is missing."""
-    joint, order = None, None
+    joint = None
+    order = None
     names = [joint.name for joint in robot.joints]
     unknown = []
     for k, token in enumerate(tokens):
@@ -167,11 +168,9 @@ def _base(unit: str) -> tuple[str, int]:
 
 
 def _unit_fault(unit: str, allowed: str) -> str:
-    return (
-        f"unit {unit!r} is not allowed (allowed: {allowed})"
-        if unit
-        else f"the unit is missing (allowed: {allowed})"
-    )
+    if unit:
+        return f"unit {unit!r} is not allowed (allowed: {allowed})"
+    return f"the unit is missing (allowed: {allowed})"
 
 
 def _joint_motion(robot: Robot, joint: int) -> str:

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 LINKS = ("link1", "link2", "link3", "stage")
 TOOL = "tool"
-SMALLEST_MASS, SMALLEST_INERTIA = 1e-12, 1e-14
+SMALLEST_MASS = 1e-12
+SMALLEST_INERTIA = 1e-14
 """Mass (kg) and inertia (kg·m²) of a link whose body has none.
 
 Some readers refuse a moving link without inertia. Others assume 1 kg.
@@ -96,7 +97,9 @@ def urdf(robot: Robot, mark: str = "") -> str:
 
 def _links(robot: Robot) -> Iterator[dict[str, Any]]:
     """Yield every link with its joint, both in the frame of the previous link."""
-    parent, frame, geometry = "base", np.eye(3), robot.geometry
+    parent = "base"
+    frame = np.eye(3)
+    geometry = robot.geometry
     links = zip(LINKS, robot.bodies, robot.joints, geometry.axes, strict=True)
     for name, body, joint, axis in links:
         yield {
@@ -110,7 +113,8 @@ def _links(robot: Robot) -> Iterator[dict[str, Any]]:
             "axis": body.frame.T @ axis,
             "effort": effort_limit(joint),
         }
-        parent, frame = name, body.frame
+        parent = name
+        frame = body.frame
 
 
 def rpy(rotation: Array) -> Array:
@@ -121,7 +125,8 @@ def rpy(rotation: Array) -> Array:
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     if math.hypot(rotation[0, 0], rotation[1, 0]) < 1e-12:
         yaw = 0.0
-    s, c = math.sin(yaw), math.cos(yaw)
+    s = math.sin(yaw)
+    c = math.cos(yaw)
     pitch = math.atan2(-rotation[2, 0], c * rotation[0, 0] + s * rotation[1, 0])
     roll = math.atan2(
         s * rotation[0, 2] - c * rotation[1, 2], c * rotation[1, 1] - s * rotation[0, 1]
@@ -131,7 +136,8 @@ def rpy(rotation: Array) -> Array:
 
 def effort_limit(joint: Joint) -> float:
     """Return the largest steady effort (N·m or N) that the motor provides through its drive."""
-    drive, motor = joint.drive, joint.motor
+    drive = joint.drive
+    motor = joint.motor
     if drive is None or motor is None:
         return NO_EFFORT
     rows = motor_torque_rows(drive, 1)
@@ -145,7 +151,7 @@ def _templates(escape: bool) -> Environment:
 
     return environment(
         "ssm_planner.formats",
-        escape=escape,
+        escape,
         exact=_exact,
         triple=_triple,
         identifier=lambda text: (

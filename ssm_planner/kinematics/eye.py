@@ -49,11 +49,9 @@ def lens_limit(eye: Eye) -> float:
     E + (r/a) E = (1 + r/a) E. A shaft axis outside (1 + r/a) E is therefore at least r away from E.
     Without a lens the result is 1.
     """
-    return (
-        1.0
-        if eye.lens is None
-        else LensClearance(eye.shaft_radius, float(np.min(eye.lens.semi_axes))).low
-    )
+    if eye.lens is None:
+        return 1.0
+    return LensClearance(eye.shaft_radius, float(np.min(eye.lens.semi_axes))).low
 
 
 def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]]:

@@ -81,7 +81,7 @@ class Family:
         """
         low, high = self.tilt_magnitudes
         size = np.abs(tilts)
-        margin: Array = np.minimum(size.min() - low, high - size.max())
+        margin = np.minimum(size.min() - low, high - size.max())
         sides = np.unique(np.sign(tilts))
         elsewhere = self.side != sides[0] if len(sides) == 1 else np.full(len(low), True)
         return np.where(elsewhere & (low > 0), -np.inf, margin)

@@ -32,14 +32,15 @@ BLOCK = 1024
 def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     """Return the tool pose (R (n, 3, 3), p (n, 3)) for joints q (n, 4), rad and m (eq. 2)."""
     q = batch("q", q, 4)
-    rotations, positions = np.empty((len(q), 9)), np.empty((len(q), 3))
+    rotations = np.empty((len(q), 9))
+    positions = np.empty((len(q), 3))
     for block in blocks(len(q)):
-        one, two, three = (_terms(q[block, i]) for i in range(3))
+        term_1, term_2, term_3 = (_terms(q[block, i]) for i in range(3))
         _pose(
             mechanism,
             q[block, 3],
-            _products(one, two),
-            three,
+            _products(term_1, term_2),
+            term_3,
             results=(rotations[block], positions[block]),
         )
     return rotations.reshape(-1, 3, 3), positions
@@ -98,11 +99,11 @@ def _pose(
 
 def _space_terms(mechanism: Mechanism) -> Array:
     """Return the constant (9, 24) that maps products of joints 1 and 2 to the space Jacobian."""
-    one, two, _ = mechanism.exponentials
+    term_1, term_2, _ = mechanism.exponentials
     terms = np.zeros((3, 3, 6, 4))
     terms[0, 0, 3:, 0] = mechanism.omega1
-    terms[:, 0, 3:, 1] = one @ mechanism.omega2
-    tool = np.einsum("aij,bjk,k->abi", one, two, mechanism.omega3)
+    terms[:, 0, 3:, 1] = term_1 @ mechanism.omega2
+    tool = np.einsum("aij,bjk,k->abi", term_1, term_2, mechanism.omega3)
     terms[:, :, 3:, 2] = tool
     terms[:, :, :3, 3] = tool
     return terms.reshape(9, 24)
@@ -111,9 +112,9 @@ def _space_terms(mechanism: Mechanism) -> Array:
 def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
     """Return (R (3, 3), p (3, 1)) for joints q (4, 1) (paper, eq. 2)."""
     axes = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
-    one, two, three = (rotation_symbolic(axis, q[i]) for i, axis in enumerate(axes))
-    elbow = one @ two
-    return elbow @ three @ constant(mechanism.tool_home), elbow @ constant(mechanism.omega3) * q[3]
+    turn_1, turn_2, turn_3 = (rotation_symbolic(axis, q[i]) for i, axis in enumerate(axes))
+    elbow = turn_1 @ turn_2
+    return elbow @ turn_3 @ constant(mechanism.tool_home), elbow @ constant(mechanism.omega3) * q[3]
 
 
 def tip_position_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
@@ -138,7 +139,7 @@ def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd:
     """Return the limited speed |J(q) q̇| (n,) in SI units for joints q and rates qd (n, 4)."""
     from ssm_planner.codegen.vectorised import call
 
-    return np.asarray(call(_speed(limit_type, mechanism), q, qd)[0][:, 0])
+    return call(_speed(limit_type, mechanism), q, qd)[0][:, 0]
 
 
 def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
@@ -158,7 +159,8 @@ def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
 def _speed(limit_type: type[SpeedLimit], mechanism: Mechanism) -> casadi.Function:
     import casadi
 
-    q, qd = casadi.SX.sym("q", 4), casadi.SX.sym("qd", 4)
+    q = casadi.SX.sym("q", 4)
+    qd = casadi.SX.sym("qd", 4)
     return casadi.Function(
         "speed", [q, qd], [casadi.norm_2(JACOBIANS[limit_type](mechanism, q) @ qd)]
     )

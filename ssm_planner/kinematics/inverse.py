@@ -83,7 +83,9 @@ def inverse(
             f"rotations of shape {matrix.shape} and positions of shape {p.shape}: not of one length"
         )
     n = len(p)
-    joints, orientation_error, tip_error = np.empty((n, 2, 4)), np.empty(n), np.empty(n)
+    joints = np.empty((n, 2, 4))
+    orientation_error = np.empty(n)
+    tip_error = np.empty(n)
     # columns of frameᵀ R Rz(−tool_angle), as one product with the entries of R
     spin = rotation((0.0, 0.0, 1.0), -mechanism.tool_angle)
     to_frame = np.einsum("ik,cj->jkic", mechanism.frame, spin).reshape(9, 9)
@@ -116,7 +118,9 @@ def inverse_task(
     task = task_batch("task", task)
     n = len(task)
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
-    joints, orientation_error, tip_error = np.empty((n, 2, 4)), np.empty(n), np.empty(n)
+    joints = np.empty((n, 2, 4))
+    orientation_error = np.empty(n)
+    tip_error = np.empty(n)
     for block in blocks(n, BLOCK):
         roll, tilt, spin, depth = task[block].T
         clipped = np.clip(np.abs(tilt), low, high)
@@ -199,8 +203,11 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
 
     # θ2: Subproblem 2 (eq. 14), e^{ω̂1θ1} e^{ω̂2θ2} ω3 = u. The triangle ω1, ω2, u gives x = ±(θ2 −
     # δ)
-    c, s = np.sqrt(c2), np.sqrt(s2)
-    x, cos_x, sin_x = 2.0 * np.arctan2(s, c), c2 - s2, 2.0 * (s * c)
+    c = np.sqrt(c2)
+    s = np.sqrt(s2)
+    x = 2.0 * np.arctan2(s, c)
+    cos_x = c2 - s2
+    sin_x = 2.0 * (s * c)
     on_t = math.sin(mech.alpha - mech.beta) * c2 + math.sin(mech.alpha + mech.beta) * s2
     joints = np.empty((2, 4, len(x)))
     for (theta1, theta2, theta3, depth), branch in zip(joints, BRANCHES, strict=True):
@@ -210,7 +217,8 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
         # θ1: from the azimuth of e^{ω̂2θ2} ω3 = cos φ ω1 + P t + Q n to that of u, both about ω1
         sin_branch = branch * sin_x
         on_n = -math.sin(mech.beta) * sin_branch
-        cosine, sine = on_t * u[1] + on_n * u[2], on_t * u[2] - on_n * u[1]
+        cosine = on_t * u[1] + on_n * u[2]
+        sine = on_t * u[2] - on_n * u[1]
         size = np.sqrt(cosine**2 + sine**2)
         any_angle = size == 0.0
         cosine[any_angle] = size[any_angle] = 1.0
@@ -220,7 +228,8 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
         # e^{−ω̂1θ1} w along t and n,
         cosine /= size
         sine /= size
-        w_t, w_n = cosine * w[1] + sine * w[2], cosine * w[2] - sine * w[1]
+        w_t = cosine * w[1] + sine * w[2]
+        w_n = cosine * w[2] - sine * w[1]
         # then in the frame of ω2, g = sin α ω1 − cos α t (which points from ω2 toward ω1) and n,
         w_omega2 = math.cos(mech.alpha) * w[0] + math.sin(mech.alpha) * w_t
         w_g = math.sin(mech.alpha) * w[0] - math.cos(mech.alpha) * w_t
@@ -282,7 +291,7 @@ def _solutions(
     reachable = (orientation_error <= TOLERANCE) & (tip_error <= TOLERANCE)
     shape = joints.shape[:2]
     result = Solutions(
-        joints=joints,
+        joints,
         branch=np.broadcast_to(BRANCHES, shape),
         reaches=np.repeat(reachable[:, np.newaxis], 2, axis=1),
         in_limits=np.broadcast_to(True, shape),
@@ -333,7 +342,9 @@ def _are_rotations(columns: Array) -> bool:
 
     The result is False if a value is NaN.
     """
-    x, y, z = columns[0:3], columns[3:6], columns[6:9]
+    x = columns[0:3]
+    y = columns[3:6]
+    z = columns[6:9]
     defect = (_square(x) - 1.0) ** 2 + (_square(y) - 1.0) ** 2 + _dot(x, y) ** 2
     defect += (x[1] * y[2] - x[2] * y[1] - z[0]) ** 2
     defect += (x[2] * y[0] - x[0] * y[2] - z[1]) ** 2
@@ -343,7 +354,7 @@ def _are_rotations(columns: Array) -> bool:
 
 def _dot(a: Array, b: Array) -> Array:
     """Return the inner products (n,) of columns (3, n)."""
-    product: Array = a[0] * b[0]
+    product = a[0] * b[0]
     product += a[1] * b[1]
     product += a[2] * b[2]
     return product

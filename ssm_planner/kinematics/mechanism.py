@@ -111,18 +111,18 @@ class Mechanism:
             If an angle is out of range or the mechanism cannot reach `home_tilt`.
         """
         check_angles(alpha, beta)
-        low, high = abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - alpha - beta)
+        low = abs(alpha - beta)
+        high = min(alpha + beta, 2.0 * math.pi - alpha - beta)
         tilt = -(low + high) / 2.0 if home_tilt is None else float(home_tilt)
         if not low - 1e-9 <= abs(tilt) <= high + 1e-9:
             raise GeometryError(
                 f"home_tilt = {tilt!r} rad: |tilt| must be in [{low:.6g}, {high:.6g}] rad (paper, "
                 "eq. 9)"
             )
-        x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-        omega2, omega3 = (
-            np.array([math.cos(alpha), math.sin(alpha), 0.0]),
-            _omega3(alpha, beta, tilt),
-        )
+        x = np.array([1.0, 0.0, 0.0])
+        y = np.array([0.0, 1.0, 0.0])
+        omega2 = np.array([math.cos(alpha), math.sin(alpha), 0.0])
+        omega3 = _omega3(alpha, beta, tilt)
         sign = math.copysign(1.0, tilt)
         roll = math.atan2(sign * omega3[1], -sign * omega3[2])
         pointing = rotation(x, roll) @ rotation(y, tilt)
@@ -186,7 +186,8 @@ class Mechanism:
     @cached_property
     def home_roll(self) -> float:
         """Roll ψ_h in (−90°, 90°] with ω3 = e^{ω̂1 ψ_h} e^{t̂ φ_h} ω1."""
-        along_t, along_n = self.omega3 @ self.tilt_axis, self.omega3 @ self.frame[:, 2]
+        along_t = self.omega3 @ self.tilt_axis
+        along_n = self.omega3 @ self.frame[:, 2]
         return math.atan2(self.side * along_t, -self.side * along_n) + 0.0
 
     @cached_property
@@ -207,8 +208,8 @@ class Mechanism:
         Each entry of R is a linear combination of the products of (1, cos θ_i, sin θ_i) of joints 1
         to 3.
         """
-        one, two, three = self.exponentials
-        terms = np.einsum("aij,bjk,ckl,lm->abcim", one, two, three, self.tool_home)
+        term_1, term_2, term_3 = self.exponentials
+        terms = np.einsum("aij,bjk,ckl,lm->abcim", term_1, term_2, term_3, self.tool_home)
         return read_only_array(terms, (27, 9))
 
     @cached_property
@@ -269,7 +270,7 @@ def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
     side = _side(float(omega3 @ tilt_axis), float(omega3 @ normal))
     tilt_axis = tilt_axis / np.linalg.norm(tilt_axis)
     return Mechanism(
-        omega1, omega2, omega3, home, tilt_axis=tilt_axis, side=side, insertion_sign=insertion_sign
+        omega1, omega2, omega3, home, tilt_axis, side=side, insertion_sign=insertion_sign
     )
 
 
@@ -318,8 +319,10 @@ def _omega3(alpha: float, beta: float, tilt: float) -> Array:
 
 def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
     """Return |φ| in [0, π] for x = θ2 − δ (paper, eq. 4). The result is accurate at both ends."""
-    c, s = xp.cos(x / 2.0), xp.sin(x / 2.0)
-    half_difference, half_sum = (alpha - beta) / 2.0, (alpha + beta) / 2.0
+    c = xp.cos(x / 2.0)
+    s = xp.sin(x / 2.0)
+    half_difference = (alpha - beta) / 2.0
+    half_sum = (alpha + beta) / 2.0
     sine2 = xp.sin(half_difference) ** 2 * (c * c) + xp.sin(half_sum) ** 2 * (s * s)
     cosine2 = xp.cos(half_difference) ** 2 * (c * c) + xp.cos(half_sum) ** 2 * (s * s)
     return 2.0 * xp.arctan2(xp.sqrt(sine2), xp.sqrt(cosine2))
@@ -332,9 +335,12 @@ def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) 
     Each vanishes at one end of the workspace and is negative beyond it. Their sum is sin α sin β
     times the squared norm of (cosine, sine).
     """
-    half_difference, half_sum = (alpha - beta) / 2.0, (alpha + beta) / 2.0
-    far_a, far_b = xp.sin(half_sum) * cosine, xp.cos(half_sum) * sine
-    near_a, near_b = xp.cos(half_difference) * sine, xp.sin(half_difference) * cosine
+    half_difference = (alpha - beta) / 2.0
+    half_sum = (alpha + beta) / 2.0
+    far_a = xp.sin(half_sum) * cosine
+    far_b = xp.cos(half_sum) * sine
+    near_a = xp.cos(half_difference) * sine
+    near_b = xp.sin(half_difference) * cosine
     return (far_a + far_b) * (far_a - far_b), (near_a + near_b) * (near_a - near_b)
 
 
@@ -343,7 +349,8 @@ def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any,
 
     c and s may share a positive factor.
     """
-    minus, plus = xp.sin(alpha - beta) * (c * c), xp.sin(alpha + beta) * (s * s)
+    minus = xp.sin(alpha - beta) * (c * c)
+    plus = xp.sin(alpha + beta) * (s * s)
     cross = -2.0 * (s * c)
     zeta = xp.arctan2(xp.sin(beta) * cross, minus + plus)
     eta = xp.arctan2(xp.sin(alpha) * cross, minus - plus)

@@ -131,11 +131,9 @@ def fk(robot: Robot, q: ArrayLike) -> ToolPose:
     rows = joints[None] if joints.ndim == 1 else joints
     rotation, position = forward(mechanism, rows)
     task = task_from_joints(mechanism, rows)
-    return (
-        ToolPose(rotation[0], position[0], task[0])
-        if joints.ndim == 1
-        else ToolPose(rotation, position, task)
-    )
+    if joints.ndim == 1:
+        return ToolPose(rotation[0], position[0], task[0])
+    return ToolPose(rotation, position, task)
 
 
 @checked
@@ -170,7 +168,8 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
     """
     mechanism = Mechanism.from_geometry(robot.geometry)
     screws = space_jacobian(mechanism, q)
-    velocity, turning = screws[:, :3], screws[:, 3:]
+    velocity = screws[:, :3]
+    turning = screws[:, 3:]
     tips = tip_position(mechanism, q)[:, :, None]
     result = np.concatenate([velocity + np.cross(turning, tips, axis=1), turning], axis=1)
     return result if np.ndim(q) == 2 else result[0]
@@ -236,17 +235,18 @@ def ik(
         limits=np.array([joint.position for joint in robot.joints]),
         reference=np.zeros(4) if reference is None else reference,
     )
-    joints, in_limits = solutions.joints, solutions.in_limits
+    joints = solutions.joints
+    in_limits = solutions.in_limits
     distance = boundary_distance(mechanism, points[..., 1])
     if points.ndim == 2:
         if within_limits:
             joints[~in_limits] = np.nan
         return JointSolutions(
-            joints=joints,
-            in_limits=in_limits,
-            reachable=solutions.reachable,
-            orientation_error=solutions.orientation_error,
-            tip_error=solutions.tip_error,
+            joints,
+            in_limits,
+            solutions.reachable,
+            solutions.orientation_error,
+            solutions.tip_error,
             boundary_distance=distance,
         )
     distinct: list[int] = []
@@ -281,8 +281,8 @@ def workspace(robot: Robot) -> Workspace:
     """
     mechanism = Mechanism.from_geometry(robot.geometry)
     return Workspace(
-        alpha=mechanism.alpha,
-        beta=mechanism.beta,
+        mechanism.alpha,
+        mechanism.beta,
         tilt_range=tilt_interval(mechanism),
         home_roll=mechanism.home_roll,
         home_tilt=mechanism.home_tilt,

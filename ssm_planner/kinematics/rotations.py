@@ -24,7 +24,9 @@ ROTATION_TOLERANCE = 1e-6
 def hat(omega: ArrayLike) -> Array:
     """Return the matrix of the cross product ω × ·, (..., 3, 3), for ω (..., 3)."""
     omega = np.asarray(omega, dtype=float)
-    x, y, z = omega[..., 0], omega[..., 1], omega[..., 2]
+    x = omega[..., 0]
+    y = omega[..., 1]
+    z = omega[..., 2]
     zero = np.zeros_like(x)
     rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
     return np.stack(rows, axis=-2)
@@ -53,7 +55,9 @@ def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
 
     if isinstance(omega, casadi.SX):
         projection = omega @ omega.T
-        still, cosine, sine = projection, casadi.SX.eye(3) - projection, casadi.skew(omega)
+        still = projection
+        cosine = casadi.SX.eye(3) - projection
+        sine = casadi.skew(omega)
     else:
         still, cosine, sine = (constant(term) for term in exponential_terms(omega))
     return still + casadi.cos(angle) * cosine + casadi.sin(angle) * sine

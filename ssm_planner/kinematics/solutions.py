@@ -119,8 +119,7 @@ def joint_limits(name: str, value: ArrayLike) -> Array:
         row = int(np.argmax(revolute.max(axis=1)))
         raise GeometryError(
             f"{name}[{row}] = {limits[row].tolist()}, of shape (4, 2): more than four turns from "
-            "zero; revolute joints"
-            " are in radians, not degrees (a joint without limits: infinity)"
+            "zero; revolute joints are in radians, not degrees (a joint without limits: infinity)"
         )
     return limits
 
@@ -130,7 +129,7 @@ def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
 
     The shapes of both arguments broadcast.
     """
-    shifted: Array = angle - TURN * np.ceil((angle - np.asarray(centre)) / TURN - 0.5)
+    shifted = angle - TURN * np.ceil((angle - np.asarray(centre)) / TURN - 0.5)
     return shifted
 
 

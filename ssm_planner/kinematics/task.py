@@ -38,7 +38,8 @@ def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any)
     cosine2, sine2 = elbow_squares(
         xp, mech.alpha, mech.beta, xp.cos(tilt / 2.0), xp.sin(tilt / 2.0)
     )
-    c, s = xp.sqrt(xp.nonnegative(cosine2)), branch * xp.sqrt(xp.nonnegative(sine2))
+    c = xp.sqrt(xp.nonnegative(cosine2))
+    s = branch * xp.sqrt(xp.nonnegative(sine2))
     zeta, eta = azimuths(xp, mech.alpha, mech.beta, c, s)
     half_turn = xp.where(tilt * mech.side >= 0.0, 0.0, math.pi)
     theta1 = roll - zeta - mech.side * math.pi / 2.0 + half_turn
@@ -71,8 +72,10 @@ def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four)
     """
     mech, (speed1, speed2, speed3, speed4) = mechanism, qd
     x = q[1] - mech.delta
-    c, s = xp.cos(x / 2.0), xp.sin(x / 2.0)
-    minus, plus = xp.sin(mech.alpha - mech.beta) * (c * c), xp.sin(mech.alpha + mech.beta) * (s * s)
+    c = xp.cos(x / 2.0)
+    s = xp.sin(x / 2.0)
+    minus = xp.sin(mech.alpha - mech.beta) * (c * c)
+    plus = xp.sin(mech.alpha + mech.beta) * (s * s)
     sine2 = (minus + plus) ** 2 + (2.0 * xp.sin(mech.beta) * s * c) ** 2
     sine2 = xp.where(sine2 > 0.0, sine2, 1.0)
     roll = speed1 - xp.sin(mech.beta) * (minus - plus) / sine2 * speed2
@@ -101,8 +104,7 @@ def task_batch(name: str, value: ArrayLike) -> Array:
     if bad.size:
         raise GeometryError(
             f"{name}[{bad[0]}, 1] of shape {task.shape}: tilt = {task[bad[0], 1]:.6g} rad, must be "
-            "in [-pi, pi] rad;"
-            " degrees are not meant"
+            "in [-pi, pi] rad; degrees are not meant"
         )
     return task
 
@@ -128,7 +130,8 @@ def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
     Units are rad/s and m/s. The rates of roll and spin grow without bound towards a tilt of 0 or
     180°, where both are the same rotation.
     """
-    q, qd = batch("q", q, 4), batch("qd", qd, 4)
+    q = batch("q", q, 4)
+    qd = batch("qd", qd, 4)
     return np.stack(task_rates_of_joints(NUMPY, mechanism, q.T, qd.T), axis=1)
 
 

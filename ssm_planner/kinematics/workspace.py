@@ -21,12 +21,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
-from ssm_planner.kinematics.mechanism import (
-    PARALLEL,
-    Mechanism,
-    check_angles,
-    elbow_squares,
-)
+from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, record
@@ -75,7 +70,8 @@ def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
     smallest |φ|. Raises GeometryError if ω1 and ω2, or ω2 and ω3, are parallel, because φ is then
     constant.
     """
-    alpha, beta = mechanism.alpha, mechanism.beta
+    alpha = mechanism.alpha
+    beta = mechanism.beta
     if min(math.sin(alpha), math.sin(beta)) < PARALLEL:
         raise GeometryError(
             f"alpha = {alpha:.6g}, beta = {beta:.6g} rad: two axes are parallel, the tilt is "
@@ -83,10 +79,8 @@ def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
         )
     results = []
     for sign, tilt in zip((1, -1), tilt_magnitudes(alpha, beta), strict=True):
-        c1, c2 = (
-            sign * math.sin(beta) / math.sin(alpha),
-            math.sin(alpha - sign * beta) / math.sin(alpha),
-        )
+        c1 = sign * math.sin(beta) / math.sin(alpha)
+        c2 = math.sin(alpha - sign * beta) / math.sin(alpha)
         theta2 = math.remainder(mechanism.delta + (0.0 if sign > 0 else math.pi), 2.0 * math.pi)
         direction = c1 * mechanism.omega1 + c2 * mechanism.omega2
         results.append(Extreme(theta2, c1, c2, direction, tilt))
@@ -105,7 +99,7 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
         NUMPY, mechanism.alpha, mechanism.beta, np.cos(half), np.sin(half)
     )
     x = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))
-    theta2: Array = mechanism.delta + check_branch(branch) * x
+    theta2 = mechanism.delta + check_branch(branch) * x
     return theta2
 
 
@@ -136,7 +130,7 @@ def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     magnitude = np.abs(_tilts(tilt))
-    distance: Array = np.minimum(magnitude - low, high - magnitude)
+    distance = np.minimum(magnitude - low, high - magnitude)
     return distance
 
 
@@ -158,7 +152,8 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
     dθ3/dφ = −P / (sin β sin x sin φ).
     The result is infinite at the workspace boundary and NaN outside.
     """
-    alpha, beta = mechanism.alpha, mechanism.beta
+    alpha = mechanism.alpha
+    beta = mechanism.beta
     tilts = _tilts(tilt)
     half = np.abs(tilts) / 2.0
     c2, s2 = elbow_squares(NUMPY, alpha, beta, np.cos(half), np.sin(half))
@@ -176,7 +171,7 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
         joint_2 = sine / (product * sin_x)
         third = -on_t / (math.sin(beta) * sin_x * sine)
     side = np.where(tilts < 0.0, -1.0, 1.0)
-    speeds: Array = np.stack((joint_1, joint_2, third), axis=-1) * side[..., np.newaxis]
+    speeds = np.stack((joint_1, joint_2, third), axis=-1) * side[..., np.newaxis]
     return speeds
 
 
@@ -259,11 +254,9 @@ class DesignRegion(ShortRepr):
     @property
     def smallest_alpha(self) -> tuple[float, float]:
         """The (α, β) with the smallest α, which is the most compact design. (nan, nan) if empty."""
-        return (
-            (math.nan, math.nan)
-            if self.empty
-            else (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
-        )
+        if self.empty:
+            return (math.nan, math.nan)
+        return (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
 
     def contains(self, alpha: float, beta: float) -> bool:
         """Return whether (α, β) reaches the range with the margin."""
@@ -294,7 +287,8 @@ def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> Des
     low, high = magnitude_range("tilt range", (tilt_low, tilt_high))
     if not 0.0 <= margin <= math.pi:
         raise GeometryError(f"margin = {margin!r}: must be in [0, pi] rad")
-    difference, low_sum = low - margin, high + margin
+    difference = low - margin
+    low_sum = high + margin
     if difference < 0.0 or low_sum > math.pi:
         return DesignRegion((tilt_low, tilt_high), margin, np.empty((0, 2)))
     high_sum = 2.0 * math.pi - low_sum

@@ -266,7 +266,8 @@ def _value_beside(file: Path, row: Row, name: str) -> float | None:
 
 def _geared(file: Path, row: Row, drive: Drive) -> Drive:
     """Return the present drive with the gear of a row."""
-    friction, slides = friction_of(drive), drive.slides
+    friction = friction_of(drive)
+    slides = drive.slides
     effort, inertia = ("N", "kg") if slides else ("N*m", "kg*m^2")
     values: JsonObject = {
         "name": row.label,

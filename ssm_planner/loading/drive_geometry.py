@@ -51,8 +51,7 @@ def resolve(family: str, numbers: Mapping[str, float]) -> dict[str, float]:
             if abs(dimensions[name] / value - 1) > TOLERANCE:
                 raise BadGeometry(
                     "contradicts the other dimensions, which give "
-                    f"{_text(name, dimensions[name])}; "
-                    "omit or correct one of them",
+                    f"{_text(name, dimensions[name])}; omit or correct one of them",
                     key,
                 )
             continue

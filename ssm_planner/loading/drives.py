@@ -123,11 +123,11 @@ def _numbers(value: Any) -> tuple[float, ...]:
 _Numbers = Annotated[
     tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")
 ]
-RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)), of=(Ripple,))
+RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)), value_types=(Ripple,))
 
 HarmonicsModel = model_from(
     dict.fromkeys(("orders", "cosine", "sine"), (_Numbers, ...)) | {"phased": (bool, ...)},
-    of=(Harmonics,),
+    value_types=(Harmonics,),
 )
 
 
@@ -245,7 +245,8 @@ def drive_model(drive_kind: str) -> Any:
 
     It is built on first use because this is slow.
     """
-    slides, threaded = drive_kind not in TURNING, drive_kind in THREADED
+    slides = drive_kind not in TURNING
+    threaded = drive_kind in THREADED
     only_of_screws = () if slides else OF_SCREWS
     ratings = model_of(
         Ratings, {"source": SOURCE}, slides=slides, sourced=True, without=only_of_screws
@@ -284,7 +285,7 @@ def _keys_of_thread(slides: bool) -> dict[str, Any]:
     rig = {
         "payload_direction": (Literal["positive", "negative"], "positive"),
         "published": optional(
-            nested(model_from({**published, "source": SOURCE}, of=(Drive, Friction)))
+            nested(model_from({**published, "source": SOURCE}, value_types=(Drive, Friction)))
         ),
         "source": SOURCE,
     }
@@ -297,7 +298,7 @@ def _keys_of_thread(slides: bool) -> dict[str, Any]:
             nested(friction_model) | None,
             PydanticField(None, description=_OF_FRICTION, json_schema_extra=_may_be_identified),
         ),
-        "friction_ranges": optional(nested(model_from(ranges, of=(Friction,)))),
+        "friction_ranges": optional(nested(model_from(ranges, value_types=(Friction,)))),
         "rig": optional(nested(model_of(Rig, rig, slides=slides, without=("payload_arm",)))),
     }
 
@@ -340,8 +341,8 @@ def drive_from(section: Section) -> Drive:
         ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
     with located(section):
         drive = Drive(
-            name=model.name,
-            kind=model.kind,
+            model.name,
+            model.kind,
             sources=sources,
             placeholders=placeholders,
             file=section.file_name,
@@ -357,7 +358,8 @@ def drive_from(section: Section) -> Drive:
 def _of_thread(section: Section, model: Any) -> dict[str, Any]:
     """Return the fields of a worm or screw that follow from its geometry and friction."""
     dimensions = _dimensions(section, model)
-    lead_angle, thread_angle = dimensions["lead_angle"], dimensions["thread_angle"]
+    lead_angle = dimensions["lead_angle"]
+    thread_angle = dimensions["thread_angle"]
     gamma = (
         dimensions["worm_diameter"] / dimensions["wheel_diameter"]
         if model.kind == "worm"
@@ -471,7 +473,7 @@ def _posterior(model: PosteriorModel) -> Posterior:
             key="posterior.draws",
             allowed="as many sets of each parameter",
         )
-    fields: dict[str, Any] = dict(model)
+    fields = dict(model)
     for name, part_of in OF_DIRECTIONS.items():
         if fields[name] is not None:
             fields[name] = part_of(**dict(fields[name]))

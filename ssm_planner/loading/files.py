@@ -34,7 +34,8 @@ def find(name: str | Path, folder: Folder) -> Path:
 
     Raises ProblemError if there is neither.
     """
-    path, names = Path(name), shipped_names(folder)
+    path = Path(name)
+    names = shipped_names(folder)
     try:
         if path.is_file() or (path.exists() and str(name) not in names):
             return path
@@ -80,11 +81,11 @@ def _section(file: Path | None, root: Node) -> Section:
     raise ProblemError(reason, file=file, line=root.line, allowed="a mapping of key: value lines")
 
 
-def follow(section: Section, *path: str | int, kind: str | None = None) -> Section:
+def follow(section: Section, *path: str | int, file_kind: str | None = None) -> Section:
     """Return the mapping under a key, or the one in the file that the key names.
 
-    The file is relative to the file that names it, or shipped. kind is robot, drive or motor, by
-    default the name of the key.
+    The file is relative to the file that names it, or shipped. file_kind is robot, drive or
+    motor, by default the name of the key.
     """
     reference = section.sub(*path)
     if isinstance(reference.value, dict):
@@ -95,7 +96,8 @@ def follow(section: Section, *path: str | int, kind: str | None = None) -> Secti
         )
     )
     try:
-        shipped = shipped_names(f"{kind or path[-1]}s").get(reference.value)  # type: ignore[arg-type]
+        names = shipped_names(f"{file_kind or path[-1]}s")  # type: ignore[arg-type]
+        shipped = names.get(reference.value)
         if shipped is not None and not target.exists():
             return read(shipped)
         problem = (

@@ -35,30 +35,30 @@ LONGEST_INTEGER = 18
 """Largest number of digits of an integer."""
 
 
-def read_json(path: Path, largest: int) -> Any:
-    """Return the content of a JSON file of at most `largest` bytes.
+def read_json(path: Path, max_size: int) -> Any:
+    """Return the content of a JSON file of at most `max_size` bytes.
 
     Raises TrajectoryError with file and fault.
     """
-    return parse_json(path, read_bytes(path, largest))
+    return parse_json(path, read_bytes(path, max_size))
 
 
-def read_json_in_parts(path: Path, largest: int, longest: tuple[str, ...]) -> tuple[Any, str]:
+def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> tuple[Any, str]:
     """Return the content of a JSON file and its SHA-256.
 
-    In a large file, the list under the keys `longest` becomes an array. Its numbers never become
+    In a large file, the list under the keys `long_key` becomes an array. Its numbers never become
     Python objects, which need four times the memory of an array in addition to the text. Raises
     TrajectoryError with file and fault.
     """
     if not path.is_file() or path.stat().st_size <= IN_PARTS:
-        data = read_bytes(path, largest)
+        data = read_bytes(path, max_size)
         return parse_json(path, data), hashlib.sha256(data).hexdigest()
-    if path.stat().st_size > largest:
-        read_bytes(path, largest)  # raises the appropriate error
+    if path.stat().st_size > max_size:
+        read_bytes(path, max_size)  # raises the appropriate error
     with path.open("rb") as file:
         stream = _Stream(path, file)
         try:
-            content = stream.mapping(longest)
+            content = stream.mapping(long_key)
             if stream.peek():
                 stream.refuse("more than one value")
         except UnicodeDecodeError as error:
@@ -77,10 +77,14 @@ class _Stream:
     """Incremental parser of a JSON file."""
 
     def __init__(self, path: Path, file: IO[bytes]) -> None:
-        self.path, self.file = path, file
+        self.path = path
+        self.file = file
         self.decoder = _decoder(path)
-        self.text, self.at, self.line = "", 0, 1
-        self.digest, self.decoded = hashlib.sha256(), codecs.getincrementaldecoder("utf-8-sig")()
+        self.text = ""
+        self.at = 0
+        self.line = 1
+        self.digest = hashlib.sha256()
+        self.decoded = codecs.getincrementaldecoder("utf-8-sig")()
 
     def read_more(self) -> bool:
         """Double the buffered text, so that long values are rarely parsed twice.
@@ -90,7 +94,8 @@ class _Stream:
         data = self.file.read(max(CHUNK, len(self.text) - self.at))
         self.digest.update(data)
         self.line += self.text.count("\n", 0, self.at)
-        self.text, self.at = self.text[self.at :] + self.decoded.decode(data, not data), 0
+        self.text = self.text[self.at :] + self.decoded.decode(data, not data)
+        self.at = 0
         return bool(data)
 
     def peek(self) -> str:
@@ -120,7 +125,8 @@ class _Stream:
             try:
                 value, end = self.decoder.raw_decode(self.text, self.at)
             except json.JSONDecodeError as error:
-                fault, end = error, len(self.text)
+                fault = error
+                end = len(self.text)
             if _NUMBER.match(self.text, end).end() < len(self.text):  # type: ignore[union-attr]
                 break
             if len(self.text) - self.at > LARGEST_VALUE or not self.read_more():
@@ -130,8 +136,8 @@ class _Stream:
         self.at = end
         return value
 
-    def mapping(self, longest: tuple[str, ...]) -> JsonObject:
-        """Consume the next mapping, and convert the list under the keys `longest` to an array."""
+    def mapping(self, long_key: tuple[str, ...]) -> JsonObject:
+        """Consume the next mapping, and convert the list under the keys `long_key` to an array."""
         self.take("{")
         mapping: JsonObject = {}
         while self.peek() != "}" or mapping:
@@ -140,10 +146,10 @@ class _Stream:
                 self.refuse("a key is not text")
             self.take(":")
             character = self.peek()
-            if (key,) == longest and character == "[":
+            if (key,) == long_key and character == "[":
                 mapping[key] = self.array()
-            elif key == longest[0] and len(longest) > 1 and character == "{":
-                mapping[key] = self.mapping(longest[1:])
+            elif key == long_key[0] and len(long_key) > 1 and character == "{":
+                mapping[key] = self.mapping(long_key[1:])
             else:
                 mapping[key] = self.value()
             if self.take(",}") == "}":
@@ -180,17 +186,17 @@ class _Stream:
         raise TrajectoryError(f"{self.path}:{line}: invalid JSON ({fault})")
 
 
-def read_bytes(path: Path, largest: int) -> bytes:
-    """Return the content of a regular file of at most `largest` bytes. Raises TrajectoryError."""
+def read_bytes(path: Path, max_size: int) -> bytes:
+    """Return the content of a regular file of at most `max_size` bytes. Raises TrajectoryError."""
     try:
         if path.is_dir():
             raise TrajectoryError(f"{path}: is a folder, not a file")
         if path.exists() and not path.is_file():
             raise TrajectoryError(f"{path}: not a regular file")
         size = path.stat().st_size
-        if size > largest:
+        if size > max_size:
             raise TrajectoryError(
-                f"{path}: {size} bytes are too many for this kind of file (allowed: {largest})"
+                f"{path}: {size} bytes are too many for this kind of file (allowed: {max_size})"
             )
         return path.read_bytes()
     except (OSError, ValueError) as error:
@@ -226,11 +232,9 @@ def _decoder(path: Path) -> json.JSONDecoder:
         raise TrajectoryError(f"{path}: contains {constant[:40]}; only finite numbers are allowed")
 
     def parse_integer(digits: str) -> int:
-        return (
-            int(digits)
-            if len(digits) <= LONGEST_INTEGER + 1
-            else refuse(f"{digits[:12]}… ({len(digits)} digits)")
-        )
+        if len(digits) <= LONGEST_INTEGER + 1:
+            return int(digits)
+        return refuse(f"{digits[:12]}… ({len(digits)} digits)")
 
     return json.JSONDecoder(parse_constant=refuse, parse_int=parse_integer)
 

@@ -58,7 +58,8 @@ def _from_yaml(text: str) -> Problem:
     return problem_from(of_text(text))
 
 
-Problem.from_dict, Problem.from_yaml = problem_from_dict, _from_yaml
+Problem.from_dict = problem_from_dict
+Problem.from_yaml = _from_yaml
 
 
 @checked
@@ -90,7 +91,8 @@ def _joint_parts(cls: Any) -> Any:
     return by_joint(model_of(cls), model_of(cls, slides=True))
 
 
-_Axes, _Compliance = _joint_parts(AxisController), _joint_parts(JointCompliance)
+_Axes = _joint_parts(AxisController)
+_Compliance = _joint_parts(JointCompliance)
 ControllerModel = model_of(
     Controller,
     {
@@ -175,7 +177,7 @@ def load_motorisation(name: str | Path) -> Motorisation:
 Kind = Literal["problem", "robot", "drive", "motor", "motorisation", "controller"]
 
 
-def _models(kind: Kind) -> tuple[Any, ...]:
+def _models(file_kind: Kind) -> tuple[Any, ...]:
     models = {
         "problem": ProblemModel,
         "robot": RobotModel,
@@ -183,15 +185,15 @@ def _models(kind: Kind) -> tuple[Any, ...]:
         "motorisation": MotorisationModel,
         "controller": ControllerModel,
     }
-    return tuple(map(drive_model, KINDS)) if kind == "drive" else (models[kind],)
+    return tuple(map(drive_model, KINDS)) if file_kind == "drive" else (models[file_kind],)
 
 
-def json_schema(kind: Kind) -> dict[str, Any]:
+def json_schema(file_kind: Kind) -> dict[str, Any]:
     """Return the JSON schema of a kind of file, for editors that complete and check YAML."""
-    every: Any = Union[_models(kind)]  # noqa: UP007 - of a tuple
+    every: Any = Union[_models(file_kind)]  # noqa: UP007 - of a tuple
     return TypeAdapter(every).json_schema()
 
 
-def file_keys(kind: Kind) -> tuple[Key, ...]:
+def file_keys(file_kind: Kind) -> tuple[Key, ...]:
     """Return every key of a kind of file with unit, allowed values, default and meaning."""
-    return tuple(dict.fromkeys(key for model in _models(kind) for key in keys(model)))
+    return tuple(dict.fromkeys(key for model in _models(file_kind) for key in keys(model)))

@@ -34,7 +34,8 @@ def written_out(section: Section, within: tuple[Section, ...] = ()) -> Section:
 
     within contains the sections that include this one. Raises ProblemError.
     """
-    points, children = _points(section), dict(section.root.children)
+    points = _points(section)
+    children = dict(section.root.children)
     for key in ("start", "motion"):
         if points and key in children:
             children[key] = _with_points(section.sub(key), children[key], points)
@@ -123,7 +124,8 @@ class _Motions:
     """Expansion of a list of motions."""
 
     def __init__(self, section: Section, within: tuple[Section, ...]) -> None:
-        self.section, self.within = section, within
+        self.section = section
+        self.within = within
 
     def expand(self, list_section: Section, node: Node) -> list[Node]:
         """Return the motions of the list at a key of the file. Raises ProblemError."""
@@ -175,7 +177,7 @@ class _Motions:
             raise key.error(
                 "invalid problem", allowed="a problem file, relative to this one, or a shipped name"
             )
-        included = follow(motion_section, "include", kind="problem")
+        included = follow(motion_section, "include", file_kind="problem")
         chain = (*self.within, self.section)
         if included.file is not None and any(
             including.file is not None and including.file.samefile(included.file)

@@ -41,10 +41,7 @@ MotorModel = model_of(
     Motor,
     {
         "source": SOURCE,
-        "placeholder": (
-            Truth,
-            Field(False, description="True if every figure is a placeholder."),
-        ),
+        "placeholder": (Truth, Field(False, description="True if every figure is a placeholder.")),
         **CHECKS,
     },
     sourced=True,
@@ -95,7 +92,7 @@ def motor_from(section: Section) -> Motor:
     _check_heat(section, values)
     with located(section):
         return Motor(
-            name=model.name,
+            model.name,
             sources={name: entry.source or model.source for name, entry in sourced.items()},
             placeholders=tuple(
                 name for name, entry in sourced.items() if model.placeholder or entry.placeholder
@@ -107,7 +104,8 @@ def motor_from(section: Section) -> Motor:
 
 def _check_torque(section: Section, values: Mapping[str, float]) -> None:
     """Raise ProblemError if torques, power or inertia are implausible for a small motor."""
-    nominal, peak_torque = values["nominal_torque"], values["max_torque"]
+    nominal = values["nominal_torque"]
+    peak_torque = values["max_torque"]
     for name in ("nominal_torque", "max_torque"):
         if not TORQUE[0] <= values[name] <= TORQUE[1]:
             reason = f"implausible for such a motor ({values[name]:g} N*m): check the unit (mN*m)"
@@ -138,7 +136,8 @@ def _check_torque(section: Section, values: Mapping[str, float]) -> None:
 
 def _check_constants(section: Section, values: Mapping[str, float]) -> None:
     """Raise ProblemError if the torque constant contradicts the other electrical figures."""
-    constant, nominal = values.get("torque_constant"), values["nominal_torque"]
+    constant = values.get("torque_constant")
+    nominal = values["nominal_torque"]
     if constant is None:
         return
     current, speed, voltage = (
@@ -165,7 +164,8 @@ def _check_constants(section: Section, values: Mapping[str, float]) -> None:
         raise section.error(
             reason, "torque_constant", allowed=f"{voltage / high:.3g} to {voltage / low:.3g} N*m/A"
         )
-    stall, resistance = values.get("stall_torque"), values.get("terminal_resistance")
+    stall = values.get("stall_torque")
+    resistance = values.get("terminal_resistance")
     if stall is not None and resistance is not None:
         expected = constant * voltage / resistance
         if abs(stall / expected - 1) > STALL_AGREEMENT:

@@ -21,7 +21,8 @@ from ssm_planner.units import ANGLES, LENGTHS, of_heading
 
 MOST = 20_000
 """Largest number of points in a table."""
-OF_JOINTS, OF_TIP = ("q1", "q2", "q3", "q4"), ("x", "y", "z")
+OF_JOINTS = ("q1", "q2", "q3", "q4")
+OF_TIP = ("x", "y", "z")
 KNOWN = (*OF_JOINTS, *TASK, *OF_TIP)
 BESIDE = re.compile(r"t|time.*|qd+\d|motor\d_.*")
 """Columns of trajectories that a path does not need."""
@@ -90,9 +91,7 @@ def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
         units = LENGTHS if label in ("depth", "q4", *OF_TIP) else ANGLES
         if unit not in units:
             raise refused(
-                f"unknown unit {unit!r}" if unit else "no unit",
-                name.strip(),
-                ", ".join(units),
+                f"unknown unit {unit!r}" if unit else "no unit", name.strip(), ", ".join(units)
             )
         if label in columns:
             raise refused(f"{label} occurs twice", name.strip())

@@ -150,17 +150,20 @@ class _ScanModel(Model):
         return data
 
 
-def or_word(of: Reader, word: str, allowed: str) -> Reader:
+def or_word(reader: Reader, keyword: str, allowed: str) -> Reader:
     """Return a reader that also accepts one word."""
 
     def read(value: object) -> object:
         try:
-            return word if value == word else of.read(value)
+            return keyword if value == keyword else reader.read(value)
         except units.BadQuantity as error:
-            raise units.BadQuantity(error.reason, f"{error.allowed}, or {word}") from None
+            raise units.BadQuantity(error.reason, f"{error.allowed}, or {keyword}") from None
 
     return replace(
-        of, read=read, json_schema={"anyOf": [of.json_schema, {"const": word}]}, allowed=allowed
+        reader,
+        read=read,
+        json_schema={"anyOf": [reader.json_schema, {"const": keyword}]},
+        allowed=allowed,
     )
 
 
@@ -302,9 +305,7 @@ EntryModel = model_from(
             _through(PointModel, _CORNERS) | _CONSTANT,
         ),
         "arc": _motion_to(
-            nested(PointModel),
-            "Circular arc of the tip, with proportional spin.",
-            _BY | _CONSTANT,
+            nested(PointModel), "Circular arc of the tip, with proportional spin.", _BY | _CONSTANT
         ),
         "retina": _motion_to(
             nested(TaskModel), "Motion along the retina at a constant distance.", _OVER, ("blend",)
@@ -485,7 +486,8 @@ def _key_locations(model: Any) -> dict[str, Place]:
     locations |= {name: ("limits", name) for name in ("friction", "payload")}
     for i, entry in enumerate(model.motion):
         (name,) = entry.model_fields_set
-        prefix, there = f"motion[{i}]", ("motion", i, name)
+        prefix = f"motion[{i}]"
+        there = ("motion", i, name)
         locations |= {
             f"{prefix}.{key}": (*there, key)
             for key in ("blend", "duration", "constant_speed", "distance")
@@ -522,7 +524,9 @@ def _speeds(model: Any) -> Iterable[Limit]:
 
 def _motion(section: Section, entry: Any) -> Motion:
     (name,) = entry.model_fields_set
-    model, line, motion_section = getattr(entry, name), section.line(name), section.sub(name)
+    model = getattr(entry, name)
+    line = section.line(name)
+    motion_section = section.sub(name)
     with located(motion_section):
         if entry.dwell is not None:
             return Dwell(entry.dwell, name, line)
@@ -536,11 +540,9 @@ def _motion(section: Section, entry: Any) -> Motion:
                 for k, point in enumerate(model.through)
             )
             end = _point(motion_section.sub("to"), model.to)
-            return (
-                Follow(end, through, name, line=line, duration=model.duration)
-                if name == "spline"
-                else Free(end, through, model.duration, name, line, spin_free=model.to.spin == FREE)
-            )
+            if name == "spline":
+                return Follow(end, through, name, line=line, duration=model.duration)
+            return Free(end, through, model.duration, name, line, spin_free=model.to.spin == FREE)
         if entry.retina is not None:
             end = Task(**_set_coordinates(model.to), line=motion_section.line("to"))
             fields_set = {

@@ -317,7 +317,7 @@ def _joint(section: Section, name: str, model: Any) -> Joint:
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
     indices = range(len(model.alternatives))
     alternatives = tuple(
-        motor_from(follow(section, "alternatives", i, kind="motor")) for i in indices
+        motor_from(follow(section, "alternatives", i, file_kind="motor")) for i in indices
     )
     joint_kind = "prismatic" if name == "insertion" else "revolute"
     with located(section):
@@ -355,7 +355,8 @@ def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
     result = np.eye(3)
     for axis, angle in chain:
         i = "xyz".index(axis)
-        j, k = (i + 1) % 3, (i + 2) % 3
+        j = (i + 1) % 3
+        k = (i + 2) % 3
         turn = np.eye(3)
         turn[j, j] = turn[k, k] = math.cos(angle)
         turn[k, j] = math.sin(angle)
@@ -404,7 +405,8 @@ def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
         if getattr(model, name) is None:
             allowed = "axes, or alpha and home_tilt with beta or home_roll"
             raise section.error("missing: this key is required", name, allowed=allowed)
-    alpha, tilt = float(model.alpha or 0.0), float(model.home_tilt or 0.0)
+    alpha = float(model.alpha or 0.0)
+    tilt = float(model.home_tilt or 0.0)
     for name, angle in (("alpha", alpha), ("beta", model.beta)):
         if angle is not None and not SMALLEST_ANGLE < angle < math.pi - SMALLEST_ANGLE:
             raise section.error(
@@ -425,7 +427,8 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
         return math.acos(max(-1.0, min(1.0, cosine)))
 
     roll = model.home_roll or 0.0
-    axial, across = math.cos(alpha) * math.cos(tilt), math.sin(alpha) * math.sin(tilt)
+    axial = math.cos(alpha) * math.cos(tilt)
+    across = math.sin(alpha) * math.sin(tilt)
     beta = angle(axial + across * math.sin(roll))
     if model.beta is None or abs(model.beta - beta) <= BETA_TOLERANCE:
         return roll
@@ -461,7 +464,7 @@ class _Setting:
 
         It is the axis of the joint that moves the body, or of the joint `beyond` it.
         """
-        return np.asarray(self.frame.T @ self.geometry.axes[self.place + beyond])
+        return self.frame.T @ self.geometry.axes[self.place + beyond]
 
 
 def _body(section: Section, model: Any, setting: _Setting) -> Body:
@@ -541,7 +544,8 @@ def _solid(section: Section, model: Any, setting: _Setting) -> shapes.Moments:
         np.eye(3) if model.frame == "own" else setting.frame.T @ setting.frames[setting.place + 1]
     )
     if isinstance(model, RodModel):
-        start, end = np.array(model.start), np.array(model.end)
+        start = np.array(model.start)
+        end = np.array(model.end)
         if not np.any(end - start):
             raise section.error(
                 "the rod has no length", "end", allowed="a different point than start"
@@ -573,13 +577,16 @@ def _inertia(section: Section, model: Any) -> Array:
 
     The sign in the file may be different.
     """
-    inertia, convention = model.inertia, model.products_of_inertia
+    inertia = model.inertia
+    convention = model.products_of_inertia
     if inertia is None:
         if model.mass > 0:
             raise section.error("missing: a body with mass needs an inertia", "inertia")
         return np.zeros((3, 3))
     sign = -1.0 if convention == "cad" else 1.0
-    xy, xz, yz = sign * inertia.xy, sign * inertia.xz, sign * inertia.yz
+    xy = sign * inertia.xy
+    xz = sign * inertia.xz
+    yz = sign * inertia.yz
     if convention is None and any((xy, xz, yz)):
         reason = "missing: the sign convention of the products of inertia"
         allowed = "cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)"

@@ -32,11 +32,12 @@ from ssm_planner.problem.value import (
     hints,
     strip_annotations,
 )
-from ssm_planner.typing import JsonObject
+from ssm_planner.typing import JsonObject, record
 from ssm_planner.units import KINDS, NUMBER
 
 M = TypeVar("M", bound="Model")
-UNBOUND, POSITIVE = Bound(), Bound(above=0.0)
+UNBOUND = Bound()
+POSITIVE = Bound(above=0.0)
 UNIT_IN_MEMORY = re.compile(r", (rad|m|s|kg|N|V|A|K|Ω)\b[^ ,.]*( or [^ .]+)?(?=\.(\s|$)|$)")
 """SI unit at the end of a sentence of a docstring."""
 SHOWN = 10
@@ -130,7 +131,7 @@ def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> Py
     )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@record
 class Field:
     """Metadata of an Annotated type: reader, JSON schema and description of a value."""
 
@@ -163,7 +164,7 @@ class Field:
         return copy.deepcopy(self.json_schema)  # pydantic writes defaults into it
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@record
 class Part:
     """Metadata of an Annotated type whose model is built at run time."""
 
@@ -179,35 +180,37 @@ def nested(model: Any) -> Any:
     return Annotated[Any, Part(model)]
 
 
-def quantity(kind: str, bound: Bound = UNBOUND, integer: bool = False) -> Field:
+def quantity(unit_kind: str, bound: Bound = UNBOUND, integer: bool = False) -> Field:
     """Return the type of one quantity of a kind in units.KINDS, in SI.
 
     whole requires an integer.
     """
 
     def read(value: object) -> float:
-        result = units.quantity(value, kind)
+        result = units.quantity(value, unit_kind)
         if fault := bound.fault(result):
             raise units.BadQuantity(
-                fault, allowed if integer else f"{KINDS.get(kind, NUMBER).name} {allowed}"
+                fault, allowed if integer else f"{KINDS.get(unit_kind, NUMBER).name} {allowed}"
             )
         if integer and not result.is_integer():
             raise units.BadQuantity("not a whole number", allowed)
         return int(result) if integer else result
 
     allowed = f"a whole number {bound.allowed}" if integer else bound.allowed
-    return Field(read, _json_schema(kind), (kind,), allowed)
+    return Field(read, _json_schema(unit_kind), (unit_kind,), allowed)
 
 
-def positive(kind: str) -> Any:
+def positive(unit_kind: str) -> Any:
     """Return the type of a quantity above zero."""
-    return Annotated[Any, quantity(kind, POSITIVE)]
+    return Annotated[Any, quantity(unit_kind, POSITIVE)]
 
 
-def interval(kind: str) -> Field:
+def interval(unit_kind: str) -> Field:
     """Return the type of `[lower, upper]`."""
-    schema = {"type": "array", "items": _json_schema(kind), "minItems": 2, "maxItems": 2}
-    return Field(lambda value: units.interval(value, kind), schema, (kind,), "[lower, upper]")
+    schema = {"type": "array", "items": _json_schema(unit_kind), "minItems": 2, "maxItems": 2}
+    return Field(
+        lambda value: units.interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"
+    )
 
 
 def vector(*kinds: str) -> Field:
@@ -233,12 +236,11 @@ def sourced_field(field: Field) -> Field:
         check_keys(value, ["value", "source", "placeholder"])
         if "value" not in value:
             raise wrong("missing", "value: the figure", "value")
-        source, placeholder = value.get("source"), value.get("placeholder", False)
+        source = value.get("source")
+        placeholder = value.get("placeholder", False)
         if source is not None and not (isinstance(source, str) and source.strip()):
             raise wrong(
-                f"{units.describe(source)} instead of text",
-                "the source of the figure",
-                "source",
+                f"{units.describe(source)} instead of text", "the source of the figure", "source"
             )
         return Figure(
             _guarded(field.read, "value")(value["value"]),
@@ -328,7 +330,7 @@ def model_of(
 
 
 def model_from(
-    fields: Mapping[str, Any], base: type[Model] = Model, of: tuple[Any, ...] = ()
+    fields: Mapping[str, Any], base: type[Model] = Model, value_types: tuple[Any, ...] = ()
 ) -> Any:
     """Build the model with these keys, each given as pydantic's (type, default).
 
@@ -336,7 +338,7 @@ def model_from(
     """
     created: Any = create_model
     model = created("KeysModel", __base__=base, **fields)
-    model.of = of
+    model.of = value_types
     return model
 
 
@@ -419,13 +421,13 @@ def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[
     return read
 
 
-def _json_schema(kind: str) -> JsonObject:
-    if kind == "number":
+def _json_schema(unit_kind: str) -> JsonObject:
+    if unit_kind == "number":
         return {"type": "number"}
     return {
         "type": "string",
-        "description": KINDS[kind].expected,
-        "examples": [KINDS[kind].example],
+        "description": KINDS[unit_kind].expected,
+        "examples": [KINDS[unit_kind].example],
     }
 
 
@@ -446,7 +448,8 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
     """Return every key of a model, followed by the keys of its parts."""
     texts = model.key_descriptions()
     for name, info in model.model_fields.items():
-        hints, field = list(_nested_hints((info.annotation, *info.metadata))), field_of(info)
+        hints = list(_nested_hints((info.annotation, *info.metadata)))
+        field = field_of(info)
         choices = [
             repr(choice)
             for hint in hints

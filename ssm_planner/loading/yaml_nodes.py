@@ -49,7 +49,7 @@ class Node:
 def parse(
     file: Path | None,
     text: str,
-    largest: int = LARGEST_TREE,
+    max_nodes: int = LARGEST_TREE,
     trailing: bool = False,
     tree: bool = True,
 ) -> Node:
@@ -60,7 +60,7 @@ def parse(
     file : Path or None
         File for messages.
     text : str
-    largest : int
+    max_nodes : int
         Largest number of values after expansion of aliases.
     trailing : bool
         Allow empty documents at the end, as `ros2 topic echo` writes them.
@@ -74,7 +74,7 @@ def parse(
     """
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
-        return _Builder(file, yaml.parse(text, Loader=loader), largest, tree).document(trailing)
+        return _Builder(file, yaml.parse(text, Loader=loader), max_nodes, tree).document(trailing)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
@@ -97,9 +97,11 @@ def parse(
 class _Builder:
     """Builder of the tree from YAML events, which limits depth, size and aliases."""
 
-    def __init__(self, file: Path | None, events: Iterator[Any], largest: int, tree: bool) -> None:
+    def __init__(
+        self, file: Path | None, events: Iterator[Any], max_nodes: int, tree: bool
+    ) -> None:
         self.file = file
-        self.largest = largest
+        self.largest = max_nodes
         self.tree = tree
         self.events = events
         self.anchors: dict[str, Node] = {}
@@ -256,7 +258,8 @@ class Section:
         )
 
     def _locate(self, path: tuple[str | int, ...]) -> tuple[int | None, Node, bool]:
-        node, line = self.root, self.root.line
+        node = self.root
+        line = self.root.line
         for key in (*self.path, *path):
             if key not in node.children:
                 return line, node, False

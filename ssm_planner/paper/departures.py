@@ -22,7 +22,7 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.style import COLOURS, finish, legend, new_figure
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,7 +142,7 @@ def outside_bounds(name: str, drive: Drive) -> tuple[Outside, ...]:
     )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class BodyMoments:
     """Principal moments about the centre of mass, ascending, kg·m², (3,) each."""
 
@@ -205,7 +205,7 @@ STRIBECK_SPEEDS = (0.25, 0.5, 1.0, 2.0)
 """Ratios of motor speed to Stribeck speed at which μ is shown."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class StribeckForms:
     """Both Stribeck forms for one rig. Each pair: the package's form, the Gaussian form."""
 
@@ -242,20 +242,20 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
         law="stribeck_gaussian",
         reference=result.rig.published,
     )
-    fits = (result.fits["stribeck_exponential"], gaussian_fit)
+    both_fits = (result.fits["stribeck_exponential"], gaussian_fit)
     return StribeckForms(
-        title=result.title,
+        result.title,
         mu=tuple((_mu(exponential, s * speed), _mu(gaussian, s * speed)) for s in STRIBECK_SPEEDS),
         largest=(widest, _mu(exponential, widest * speed), _mu(gaussian, widest * speed)),
         published_nrmsd=(result.map_nrmsd(exponential), result.map_nrmsd(gaussian)),
-        fitted_nrmsd=(fits[0].nrmsd, fits[1].nrmsd),
+        fitted_nrmsd=(both_fits[0].nrmsd, both_fits[1].nrmsd),
         fitted_speed=(
-            fits[0].estimates["stribeck_speed"].value,
-            fits[1].estimates["stribeck_speed"].value,
+            both_fits[0].estimates["stribeck_speed"].value,
+            both_fits[1].estimates["stribeck_speed"].value,
         ),
         criterion=(
-            fits[0].criterion["stribeck_exponential"],
-            fits[1].criterion["stribeck_gaussian"],
+            both_fits[0].criterion["stribeck_exponential"],
+            both_fits[1].criterion["stribeck_gaussian"],
         ),
     )
 
@@ -284,7 +284,8 @@ def subtracted(load: JointLoad) -> JointLoad:
 
 def velocity_sign(loads: Sequence[JointLoad]) -> VelocitySign:
     """Compute the influence of the sign of the velocity product over a motion."""
-    effort, gravity = dict.fromkeys(DRIVEN, 0.0), dict.fromkeys(DRIVEN, 0.0)
+    effort = dict.fromkeys(DRIVEN, 0.0)
+    gravity = dict.fromkeys(DRIVEN, 0.0)
     for load in loads:
         effort[load.joint] = max(effort[load.joint], float(np.abs(load.velocity).max()))
         gravity[load.joint] = max(gravity[load.joint], float(np.abs(load.gravity).max()))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ssm_planner.paper.departures import departures_section
@@ -21,11 +20,12 @@ from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.publishing import publishing
 from ssm_planner.reporting.figures.style import save_figures
+from ssm_planner.typing import record
 
 FILE = "README.md"
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Document:
     """The sections, and the results as values."""
 
@@ -50,7 +50,8 @@ class Document:
 
 def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) -> Document:
     """Compute every section. Raises RecordingError if the table of the rigs cannot be read."""
-    number, steps = itertools.count(1), 4 + len(RIGS) + len(TABLE_III)
+    number = itertools.count(1)
+    steps = 4 + len(RIGS) + len(TABLE_III)
 
     def report_step(step: str) -> None:
         progress(f"{step} ({next(number)} of {steps})")

@@ -7,7 +7,7 @@ and predicted beside measured torque.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,7 +49,7 @@ from ssm_planner.reporting.figures.style import (
     new_figure,
     zero_lines,
 )
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ LOADS = 81
 CURVES = ("under the arm's weight", "Table II, no load", "package, no load", "breakaway, no load")
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class FrictionMap:
     """Torque–velocity map of one joint: motor speeds (n,) above 0, rad/s; torques, N·m."""
 
@@ -140,7 +140,8 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
     low, high = gravity_ranges(robot)
     maps = []
     for joint in DRIVEN:
-        drive, i = driven(robot, joint), JOINTS.index(joint)
+        drive = driven(robot, joint)
+        i = JOINTS.index(joint)
         paper = with_friction(drive, TABLE_II[joint])
         package = with_friction(drive, PACKAGE_FRICTION[joint])
         w = np.linspace(0.0, drive.ratio * MAP_SPEEDS[joint], POINTS)[1:]
@@ -151,7 +152,7 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
         ]
         maps.append(
             FrictionMap(
-                joint=joint,
+                joint,
                 drive=paper,
                 w=w,
                 unloaded=(map_torque(paper, w, 0.0), map_torque(paper, -w, 0.0)),
@@ -246,11 +247,9 @@ def with_rows(robot: Robot, rows: Mapping[str, FrictionRow]) -> Robot:
 
     def with_published(joint: Joint) -> Joint:
         row = rows.get(joint.name)
-        return (
-            joint
-            if joint.drive is None or row is None
-            else replace(joint, drive=with_friction(joint.drive, row))
-        )
+        if joint.drive is None or row is None:
+            return joint
+        return replace(joint, drive=with_friction(joint.drive, row))
 
     joint1, joint2, joint3, joint4 = (with_published(joint) for joint in robot.joints)
     return replace(robot, joints=(joint1, joint2, joint3, joint4))
@@ -260,7 +259,7 @@ LAWS = ("coulomb", "stribeck_exponential")
 """Laws that the package fits."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Tested:
     """NRMSD of one recording of a moving rig, with the authors' parameters and with ours."""
 
@@ -270,7 +269,7 @@ class Tested:
     repairs: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class RigResult:
     """Results for one rig.
 
@@ -338,13 +337,13 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
     drive = inputs.rigs[name]
     rig = _rig(drive)
     data = read_figures(inputs.folder / "drives" / TABLE, name)
-    fits = {
+    map_fits = {
         law: fit_map(drive, data, rig.F_payload, law=law, reference=rig.published) for law in LAWS
     }
-    criterion = {law: fit.criterion[law] for law, fit in fits.items()}
+    criterion = {law: fit.criterion[law] for law, fit in map_fits.items()}
     best_law = min(criterion, key=lambda law: criterion[law])
     result = RigResult(
-        name, rig, data, published=published_drive(drive), fits=fits, chosen=best_law
+        name, rig, data, published=published_drive(drive), fits=map_fits, chosen=best_law
     )
     folder = inputs.recordings / RIGS[name] / "start_stop"
     if not folder.is_dir():
@@ -359,11 +358,13 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
 
 def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
     """Predict all recordings in a folder. Raises RecordingError."""
-    rig, fit = result.rig, result.fits[result.chosen]
+    rig = result.rig
+    fit = result.fits[result.chosen]
     recordings = read_recordings(
         [folder], nominal_torque=rig.motor_nominal_torque, direction=rig.direction
     )
-    load, inertia = rig.F_payload, rig.payload_inertia
+    load = rig.F_payload
+    inertia = rig.payload_inertia
     return tuple(
         Tested(
             recording.name,

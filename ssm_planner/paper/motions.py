@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,13 +44,14 @@ from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size
+from ssm_planner.typing import record
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SpeedRun:
     """One row of Table III after planning. loads: of the driven joints; empty without a plan."""
 
@@ -85,9 +86,9 @@ class SpeedRun:
         trajectory = self.plan.trajectory
         if trajectory is None:
             return False
-        fastest = np.abs(trajectory.uniform(1000.0).qd).max(axis=0)
+        speeds = np.abs(trajectory.uniform(1000.0).qd).max(axis=0)
         return bool(
-            fastest[:3].max() > 0.999 * self.row.tilt and fastest[3] > 0.999 * self.row.insertion
+            speeds[:3].max() > 0.999 * self.row.tilt and speeds[3] > 0.999 * self.row.insertion
         )
 
 
@@ -141,11 +142,10 @@ def _values(problem: Problem, name: str) -> list[float]:
 
 def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
     """Return the section about Table III."""
-    mechanism, allowed = (
-        Mechanism.from_geometry(problem.robot.geometry),
-        problem.robot.ranges["tilt"],
-    )
-    tilts, limit = tilts_of(problem), published.ROTARY_ACCELERATION
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    allowed = problem.robot.ranges["tilt"]
+    tilts = tilts_of(problem)
+    limit = published.ROTARY_ACCELERATION
     per_tilt = np.abs(
         joint_speed_per_tilt_speed(mechanism, np.linspace(*tilts, 501), mechanism.home_branch)
     )
@@ -172,7 +172,8 @@ def _plot(runs: tuple[SpeedRun, ...]) -> Figure:
     panels = figure.subplots(len(DRIVEN), len(runs), sharex="col", sharey="row", squeeze=False)
     for column, run in enumerate(runs):
         for row, joint in enumerate(DRIVEN):
-            axes, load = panels[row, column], run.load(joint)
+            axes = panels[row, column]
+            load = run.load(joint)
             shade_phases(axes, run.plan.motion)
             axes.plot(
                 load.t, 1e3 * load.torque(), color=COLOURS[JOINTS.index(joint)], linewidth=1.1
@@ -189,7 +190,7 @@ RUNS = {"paper": "the paper's speeds", "package": "the package's speeds"}
 """Names of the runs by file name."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Payload:
     """One motorisation run with the friction of Table II and with the package's."""
 

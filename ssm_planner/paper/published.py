@@ -17,13 +17,15 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Motorisation, Task
 from ssm_planner.problem.problem import Eye, Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.typing import record
 
 DRIVEN = ("roll", "tilt", "insertion")
 """Joints 1, 2 and 4, which have a drive."""
 NUMBER = {"roll": 1, "tilt": 2, "spin": 3, "insertion": 4}
 """Number of each joint in the paper."""
 
-ALPHA, BETA = math.radians(30.0), math.radians(110.0)
+ALPHA = math.radians(30.0)
+BETA = math.radians(110.0)
 """§IV-B; β ≈ 110°, from the tool's first position."""
 FIRST_TILT = math.radians(-113.0)
 """§IV-B: the tool 23° beyond the perpendicular to the plane of ω1 and ω2, as a signed tilt."""
@@ -39,9 +41,11 @@ TABLE_I_MEASURED = (math.radians(-138.6), math.radians(-79.5))
 TABLE_I = (math.radians(-140.0), math.radians(-80.0))
 """The theoretical interval as the paper prints it, with β rounded to 110°."""
 
-ROTARY_SPEED, ROTARY_ACCELERATION = math.radians(65.0), math.radians(200.0)
+ROTARY_SPEED = math.radians(65.0)
+ROTARY_ACCELERATION = math.radians(200.0)
 """§IV-C, approximate values."""
-LINEAR_SPEED, LINEAR_ACCELERATION = 0.020, 0.100
+LINEAR_SPEED = 0.020
+LINEAR_ACCELERATION = 0.100
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,7 @@ RIGS: Mapping[str, str] = {
 """Folder of each rig's recordings by the name of its drive file."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Inputs:
     """Problem of Table III with its robot, the eye, motorisation runs and rigs by name."""
 
@@ -144,7 +148,7 @@ def read_inputs(problems: Path, recordings: Path) -> Inputs:
     return Inputs(
         problems,
         problem,
-        eye=eye,
+        eye,
         motorisations={
             name: load_motorisation(problems / "motorisation" / f"{name}.yaml") for name in names
         },

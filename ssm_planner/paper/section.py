@@ -6,12 +6,13 @@ import math
 import re
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.display import environment, format_fixed, number, render_template, signed
 from ssm_planner.paper import published
+from ssm_planner.typing import record
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 WIDTH = 120
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Section:
     """A section of the document.
 

@@ -36,7 +36,7 @@ from ssm_planner.reporting.figures.workspace import (
     pointings,
     reachable_set_figure,
 )
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,14 +59,10 @@ class TiltRow:
         return 1.0 - abs(self.theoretical - self.measured) / abs(self.theoretical)
 
 
-def tilt_table(
-    mechanism: Mechanism, measured: tuple[float, float] = TABLE_I_MEASURED
-) -> tuple[TiltRow, TiltRow, TiltRow]:
-    """Return extent, lower end and upper end of a mechanism's tilt range as rows, rad.
-
-    measured: measured interval to compare with.
-    """
+def tilt_table(mechanism: Mechanism) -> tuple[TiltRow, TiltRow, TiltRow]:
+    """Return extent, lower end and upper end of a mechanism's tilt range as rows, rad."""
     low, high = tilt_interval(mechanism)
+    measured = TABLE_I_MEASURED
     return (
         TiltRow("tilt range", high - low, measured[1] - measured[0], TABLE_I[1] - TABLE_I[0]),
         TiltRow("lower end", low, measured[0], TABLE_I[0]),
@@ -132,7 +128,7 @@ def _ray(axes: Axes, tilt: float, length: float, **style: Any) -> None:
     axes.plot([0.0, length * math.cos(tilt)], [0.0, -length * math.sin(tilt)], **style)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class TiltRange:
     """Table I with β as printed, and with the β that follows from the tool's first position."""
 
@@ -159,7 +155,7 @@ def workspace_section(robot: Robot) -> Section:
     return Section("workspace", {"tilt": tilt_range(robot)}, figures)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class DesignChoice:
     """The (α, β) with the smallest α that reach a tilt range; rad."""
 
@@ -194,7 +190,8 @@ def design_choice() -> DesignChoice:
 
 def design_section(robot: Robot, eye: Eye) -> Section:
     """Return the section about the axes, the other required ranges, the eye and the offset."""
-    choice, mechanism = design_choice(), Mechanism.from_geometry(robot.geometry)
+    choice = design_choice()
+    mechanism = Mechanism.from_geometry(robot.geometry)
     low, high = robot.joints[3].position
     across, offset, axial = robot.bodies[3].com
     values = {
@@ -220,7 +217,8 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
     figure = new_figure(7.2, 4.2)
     middle = (TABLE_I[0] + TABLE_I[1]) / 2.0
     sweep = np.linspace(-0.5, 0.5, 91)
-    tilts, rolls = middle + published.REQUIRED_TILT * sweep, published.REQUIRED_ROLL * sweep
+    tilts = middle + published.REQUIRED_TILT * sweep
+    rolls = published.REQUIRED_ROLL * sweep
     about_tilt = mechanism.insertion_sign * pointings(mechanism, tilts, np.zeros(len(sweep))).T
     about_roll = mechanism.insertion_sign * pointings(mechanism, middle, rolls).T
     views = (
@@ -281,4 +279,4 @@ def _mm(vector: Array, i: int) -> tuple[float, float]:
 def _to_retina(eye: Eye, directions: Array) -> Array:
     """Return the distances (n,), m, from the port to the retina along unit directions (n, 3)."""
     projection = directions @ eye.centre
-    return np.asarray(projection + np.sqrt(projection**2 - eye.centre @ eye.centre + eye.radius**2))
+    return projection + np.sqrt(projection**2 - eye.centre @ eye.centre + eye.radius**2)

@@ -5,6 +5,7 @@ The command line calls these functions.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -94,7 +95,8 @@ def plan(
     problem : Problem or file
         The problem, its file, or the name of a shipped problem.
     progress : callable
-        Called with messages.
+        Called with messages, which the logger "ssm_planner" receives too. An exception that it
+        raises cancels the planning.
     on_solution : callable
         Called with each motion before it is checked.
     relaxations : bool
@@ -112,11 +114,16 @@ def plan(
     """
     if not isinstance(problem, Problem):
         problem = load_problem(problem)
+
+    def _report(message: str) -> None:
+        logging.getLogger("ssm_planner").info(message)
+        progress(message)
+
     with _ONE_AT_A_TIME, cache_scope():
         EFFORT.spent = 0.0  # sums of floats depend on where they begin
         return _plan(
             problem,
-            progress,
+            _report,
             on_solution,
             on_relaxation,
             relaxations=relaxations,
@@ -427,8 +434,9 @@ def plan_to_folder(
 ) -> tuple[Plan, dict[str, Path]]:
     """Plan a problem, and write plan.json, trajectory.csv, the report and the figures.
 
-    Only the page no_plan.html is written unless the plan has passed the check. The first Ctrl-C during a search for
-    something faster ends that search. `drawer` and `rate` are those of `write_folder`.
+    Only the page no_plan.html is written unless the plan has passed the check. The first Ctrl-C
+    during a search for something faster ends that search. `drawer` and `rate` are those of
+    `write_folder`.
 
     Returns
     -------

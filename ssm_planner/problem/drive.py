@@ -187,14 +187,16 @@ class Ratings(Value):
     """Bearings of the screw, for buckling and critical speed."""
 
     def _check(self) -> None:
-        continuous, peak = self.continuous_output, self.peak_output
+        continuous = self.continuous_output
+        peak = self.peak_output
         if continuous is not None and peak is not None and peak < continuous:
             raise self._wrong(
                 "peak_output", "smaller than continuous_output", f"at least {continuous:g} in SI"
             )
         if self.duty is not None and self.duty > 1:
             raise self._wrong("duty", "more than 100 % of the time", "above 0 and at most 1")
-        length, diameter = self.free_length, self.root_diameter
+        length = self.free_length
+        diameter = self.root_diameter
         if length is not None and diameter is not None and diameter > length:
             raise self._wrong(
                 "root_diameter",
@@ -332,11 +334,14 @@ class Drive(Value):
         friction = self.friction
         if friction is None:
             return
-        lowest, field = friction.mu, "friction.mu"
+        lowest = friction.mu
+        field = "friction.mu"
         if friction.mu_lowest is not None:
-            lowest, field = friction.mu_lowest, "friction.mu_lowest"
+            lowest = friction.mu_lowest
+            field = "friction.mu_lowest"
         if self.friction_ranges.get("mu", (lowest,))[0] < lowest:
-            lowest, field = self.friction_ranges["mu"][0], "friction_ranges.mu"
+            lowest = self.friction_ranges["mu"][0]
+            field = "friction_ranges.mu"
         repose = math.atan(lowest / math.cos(self.pressure_angle))
         if self.self_locking and repose <= self.lead_angle:
             needed = math.tan(self.lead_angle) * math.cos(self.pressure_angle)

@@ -201,7 +201,8 @@ class SelfLocking(Limit):
         drive = _joint(problem, self.of).drive
         if drive is None or drive.friction is None:
             raise ProblemError(f"joint {self.of} has no drive with friction")
-        friction, lowest = drive.friction, self.friction
+        friction = drive.friction
+        lowest = self.friction
         raised = replace(
             friction,
             mu=max(friction.mu, lowest),
@@ -440,11 +441,9 @@ class LensClearance(Limit):
 
     def relaxed(self, value: float) -> LensClearance | None:
         # an axis through the lens violates the limit for every shaft radius
-        return (
-            None
-            if value <= 1
-            else replace(self, shaft_radius=min(self.shaft_radius, self._radius(value)))
-        )
+        if value <= 1:
+            return None
+        return replace(self, shaft_radius=min(self.shaft_radius, self._radius(value)))
 
     def rounded(self, value: float) -> float:
         scale = display_unit("m")[1] * self.thickness
@@ -668,7 +667,7 @@ class Limited:
 
 
 def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limit, ...]:
-    """Return limits of the task as a tuple.
+    """Return limits of the task as a tuple, in the order in which plan.json states them.
 
     Raises ProblemError if a limit does not belong to the task or occurs twice.
     """
@@ -685,7 +684,8 @@ def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limi
             raise ProblemError(
                 "occurs twice", key=location, value=limit.name, allowed="each limit once"
             )
-    return unique
+    kinds = (TaskRange, TaskRate, *ToolLimit.kinds())
+    return tuple(sorted(unique, key=lambda limit: kinds.index(type(limit))))
 
 
 def _coordinate(limit: Limit, name: str) -> None:
@@ -722,8 +722,7 @@ def _with_own(problem: P, limit: Limit) -> P:
     if all(item.key != limit.key for item in current.limits):
         return replaced(problem, limits=(*current.limits, limit))
     return replaced(
-        problem,
-        limits=tuple(limit if item.key == limit.key else item for item in current.limits),
+        problem, limits=tuple(limit if item.key == limit.key else item for item in current.limits)
     )
 
 

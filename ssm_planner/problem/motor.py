@@ -83,7 +83,8 @@ class Motor(Value):
             raise self._wrong(
                 "torque_constant_per_kelvin", reason, f"{LARGEST_DRIFT:g} to 0, such as -0.0011"
             )
-        winding, motor = self.time_constant_winding, self.time_constant_motor
+        winding = self.time_constant_winding
+        motor = self.time_constant_motor
         if winding is not None and motor is not None and winding >= motor:
             raise self._wrong(
                 "time_constant_winding",

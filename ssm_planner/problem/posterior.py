@@ -13,7 +13,8 @@ from ssm_planner.problem.value import NotNegative, Positive, Shape, Value
 from ssm_planner.typing import Array, JsonObject, record
 
 CONFIDENCE = 0.95
-PEAK_SPREAD, PEAK_DEGREES = 0.3, 4
+PEAK_SPREAD = 0.3
+PEAK_DEGREES = 4
 """Prior standard deviation of the logarithm of recorded peaks, and its weight in recordings."""
 LOAD_OFFSET = "load_offset"
 """Constant effort on the output in addition to the payload.
@@ -78,17 +79,18 @@ class Ripple(Value):
         phase = rng.uniform(0, 2 * np.pi, count)
         remaining = np.sqrt(np.maximum(np.square(self.ripple) - known, 0.0))
         repeating = np.sqrt(2.0) * remaining[recording] * np.sin(phase)
-        return np.asarray(repeating + np.array(self.noise)[recording] * rng.standard_normal(count))
+        return repeating + np.array(self.noise)[recording] * rng.standard_normal(count)
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
         """Return random largest deviations of further recordings, (count,) in N·m.
 
         They are log-normal with uncertain mean and spread.
         """
-        logs, degrees = np.log(self.peak), len(self.peak) - 1 + PEAK_DEGREES
+        logs = np.log(self.peak)
+        degrees = len(self.peak) - 1 + PEAK_DEGREES
         square = (np.sum((logs - logs.mean()) ** 2) + PEAK_DEGREES * PEAK_SPREAD**2) / degrees
         spread = math.sqrt(square * (1 + 1 / len(logs)))
-        return np.asarray(np.exp(logs.mean() + spread * rng.standard_t(degrees, size=count)))
+        return np.exp(logs.mean() + spread * rng.standard_t(degrees, size=count))
 
 
 @record
@@ -125,9 +127,7 @@ class Harmonics(Value):
     def torque(self, angle: Array) -> Array:
         """Return the torque in N·m at the motor angles (samples,) in rad."""
         waves = np.outer(angle, self.orders)
-        return np.asarray(
-            np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
-        )
+        return np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
 
     def rotated(self, start: float) -> Harmonics:
         """Return the same series for an angle that is measured from `start` in rad."""
@@ -231,7 +231,7 @@ class Posterior(Value):
 
     def column(self, name: str) -> Array:
         """Return the values of one parameter, (sets,)."""
-        return np.asarray(self.draws[:, self.names.index(name)])
+        return self.draws[:, self.names.index(name)]
 
     def interval(self, name: str, confidence: float = CONFIDENCE) -> tuple[float, float]:
         """Return the central interval of one parameter."""

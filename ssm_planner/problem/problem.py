@@ -146,8 +146,7 @@ class Eye(Value):
                 "lens.centre",
                 "the lens blocks the shaft where it enters the eye",
                 f"a position where the lens, enlarged {smallest_ratio:.4g} times, does not contain "
-                "the "
-                "remote centre",
+                "the remote centre",
                 self.lens.centre.tolist(),
             )
 
@@ -205,7 +204,8 @@ class TaskLimits(Limited, ShortRepr):
             if not isinstance(robot_range, TaskRange):
                 continue
             same = next((limit for limit in limits if limit.key == robot_range.key), robot_range)
-            low, high = max(robot_range.low, same.low), min(robot_range.high, same.high)
+            low = max(robot_range.low, same.low)
+            high = min(robot_range.high, same.high)
             common = replace(robot_range, lower=low, upper=high) if low < high else robot_range
             limits = [*(limit for limit in limits if limit.key != robot_range.key), common]
         return replace(self, limits=tuple(limits))
@@ -350,8 +350,8 @@ class Problem(Value, Limited):
         return (*of_joints, *self.task_limits.all_limits)
 
     def _check(self) -> None:
-        task_limits(self.limits, "Problem.limits")
-        remaining = (limit for limit in self.limits if not isinstance(limit, TaskRange))
+        limits = task_limits(self.limits, "Problem.limits")
+        remaining = (limit for limit in limits if not isinstance(limit, TaskRange))
         object.__setattr__(self, "limits", (*self._narrowed(), *remaining))
         if isinstance(self.start, Task):
             start = Task(
@@ -380,10 +380,8 @@ class Problem(Value, Limited):
             low, high = ranges.get(name, (-math.inf, math.inf))
             requested, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
             if not lower < upper:
-                reason, allowed = (
-                    "no overlap with the range that the robot allows",
-                    _range(name, (low, high)),
-                )
+                reason = "no overlap with the range that the robot allows"
+                allowed = _range(name, (low, high))
                 raise self._wrong(
                     f"limits.{name}", reason, allowed, _range(name, self.ranges[name])
                 )

@@ -174,7 +174,8 @@ class Joint(Value):
 
     def _check(self) -> None:
         check_name(self.name, JOINTS, "Joint.name", "unknown joint")
-        drive, motor = self.drive, self.motor
+        drive = self.drive
+        motor = self.motor
         if drive is None:
             return
         if motor is not None and (motor.rotor_inertia or 0.0) > drive.input_inertia:
@@ -221,7 +222,10 @@ class Joint(Value):
     @property
     def limits(self) -> tuple[Limit, ...]:
         """All limits of this joint, its motor and its drive."""
-        name, slides, drive, motor = self.name, self.slides, self.drive, self.motor
+        name = self.name
+        slides = self.slides
+        drive = self.drive
+        motor = self.motor
         limits = [
             _cached_limit(JointPosition, name, *self.position, slides),
             _cached_limit(JointVelocity, name, self.velocity, slides),

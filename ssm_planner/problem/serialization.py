@@ -99,11 +99,9 @@ EXCESS_KEY = "wider"
 @cache
 def _names(cls: Any) -> tuple[str, ...]:
     """Return the field names of a dataclass, or an empty tuple for any other class."""
-    return (
-        tuple(field.name for field in dataclasses.fields(cls))
-        if dataclasses.is_dataclass(cls)
-        else ()
-    )
+    if dataclasses.is_dataclass(cls):
+        return tuple(field.name for field in dataclasses.fields(cls))
+    return ()
 
 
 def _robot(robot: Robot) -> JsonObject:
@@ -143,7 +141,7 @@ def _motion(motion: Motion) -> JsonObject:
         scan |= {"order": motion.order} if motion.order != "given" else {}
     elif not isinstance(motion, Dwell):
         target = motion.to
-    entry: JsonObject = {
+    entry = {
         "kind": motion.kind,
         "name": motion.name,
         "target": None if target is None else _point(target),
@@ -262,7 +260,7 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
     file is named in messages. Raises ProblemError with the key, its value and the allowed values.
     """
     task = task_limits_from_plain(data, file)
-    resolved: dict[str, Any] = {
+    resolved = {
         "robot": robot_from_plain(data.get("robot", {}), file),
         "limits": task.limits,
     }
@@ -330,7 +328,7 @@ def _ranges(data: Any, location: str) -> list[Limit]:
 
 def _by_task(hint: Any, data: Any, location: str) -> dict[str, Any]:
     """Return a mapping from task coordinates, empty if data is None."""
-    by_coordinate: dict[str, Any] = converted(
+    by_coordinate = converted(
         Annotated[Mapping[str, hint], Names(TASK)], {} if data is None else data, location
     )
     return by_coordinate

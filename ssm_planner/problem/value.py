@@ -149,7 +149,8 @@ def unchecked(value: V, **changes: Any) -> V:
     without friction, and to reproduce mistakes of other programs.
     """
     cls: Any = type(value)
-    copy, fields = object.__new__(cls), value.__dict__
+    copy = object.__new__(cls)
+    fields = value.__dict__
     # cached properties are not copied because they may depend on the changed fields
     copy.__dict__.update({name: fields[name] for name in hints(cls)}, **changes)
     return copy
@@ -259,7 +260,8 @@ def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
     ProblemError
         If the value does not have the required type or violates an annotation.
     """
-    origin, arguments = get_origin(hint), get_args(hint)
+    origin = get_origin(hint)
+    arguments = get_args(hint)
     if origin is Annotated:
         return _annotated(arguments, value, location, build)
     if origin is typing.Union or origin is types.UnionType:

@@ -150,10 +150,10 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
             "the whole range is checked",
         )
     return MotorVerdict(
-        load=load,
-        motor=motor,
-        requirement=requirement,
-        band=case.band,
+        load,
+        motor,
+        requirement,
+        case.band,
         checks=(*checks, confidence),
         gear=gear_checks(case),
         probability=confidence.worst,
@@ -181,7 +181,8 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
     inertia (kg·m²), and the names of the values that would determine it.
     """
     low, high = shaft_inertia(load, motor)
-    original, drive = load.motor, load.drive
+    original = load.motor
+    drive = load.drive
     if original is not None and _same_rotor(original, motor):
         return drive, None, ()
     missing_from = [
@@ -198,7 +199,8 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
 
 def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
     """Return the smallest and largest possible inertia (kg·m²) on the shaft with this motor."""
-    original, inertia = load.motor, load.drive.input_inertia
+    original = load.motor
+    inertia = load.drive.input_inertia
     if original is not None and _same_rotor(original, motor):
         return inertia, inertia
     old = (0.0, inertia) if original is None else rotor_range(original)
@@ -257,9 +259,9 @@ def _peak_limit(motor: Motor, conditions: Conditions) -> tuple[float | None, tup
 
 def _check(case: Case, name: str, limit: Limit) -> Check:
     demand, factor, bound, unit, needs = limit
-    return (
-        unchecked(name, *needs) if bound is None else case.below(name, demand, bound, unit, factor)
-    )
+    if bound is None:
+        return unchecked(name, *needs)
+    return case.below(name, demand, bound, unit, factor)
 
 
 def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
@@ -277,7 +279,8 @@ def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
     probability, at_best = (
         _joint_probability(demands, limits) for demands in (case.band.worst, case.band.best)
     )
-    margin, optimistic = (probability - required) / required, (at_best - (1 - required)) / required
+    margin = (probability - required) / required
+    optimistic = (at_best - (1 - required)) / required
     check = Check(
         CONFIDENCE,
         margin,
@@ -286,11 +289,9 @@ def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
         nominal=probability,
         best_margin=max(margin, optimistic),
     )
-    return (
-        check
-        if check.passed is not None
-        else replace(check, needs="data that decide the open limits")
-    )
+    if check.passed is not None:
+        return check
+    return replace(check, needs="data that decide the open limits")
 
 
 def _joint_probability(demands: Demands, limits: dict[str, Limit]) -> float:
@@ -317,8 +318,7 @@ def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
     elif peak > identified:
         notes.append(
             f"joint {load.joint}: friction extrapolated {peak / identified:.1f}× beyond the "
-            "identified speeds "
-            f"({identified:.3g} rad/s, used up to {peak:.3g} rad/s)"
+            f"identified speeds ({identified:.3g} rad/s, used up to {peak:.3g} rad/s)"
         )
     if motor.torque_constant is not None and motor.torque_constant_per_kelvin is None:
         notes.append(f"assumed: the torque constant falls by {-100 * MAGNET:g} % per kelvin")

@@ -77,16 +77,14 @@ def unchecked(name: str, *needs: str) -> Check:
     return Check(name, needs=" and ".join(needs))
 
 
-def below(name: str, worst: float, limit: float, unit: str) -> Check:
+def below(name: str, value: float, limit: float, unit: str) -> Check:
     """Build a check of an upper limit on a quantity that does not depend on friction."""
-    return Check(
-        name, _margin(worst, limit), worst, limit=limit, unit=unit, nominal=worst, probability=1.0
-    )
+    return Check(name, _margin(value, limit), value, limit, unit, nominal=value, probability=1.0)
 
 
-def _margin(worst: float, limit: float) -> float:
+def _margin(value: float, limit: float) -> float:
     """Return (limit − worst)/limit. A limit of 0 permits nothing, so its margin is −1."""
-    return (limit - worst) / limit if limit > 0 else -1.0
+    return (limit - value) / limit if limit > 0 else -1.0
 
 
 @record
@@ -102,11 +100,10 @@ class Case:
         self, name: str, demand: DemandName, limit: float, unit: str, factor: float = 1.0
     ) -> Check:
         """Check an upper limit on `factor` times an uncertain demand."""
-        band, confidence = self.band, self.conditions.confidence
-        demand_high, nominal = (
-            factor * band.high(demand, confidence),
-            factor * band.nominal_value(demand),
-        )
+        band = self.band
+        confidence = self.conditions.confidence
+        demand_high = factor * band.high(demand, confidence)
+        nominal = factor * band.nominal_value(demand)
         if math.isinf(limit):
             return Check(name, 1.0, worst=demand_high, unit=unit, nominal=nominal, probability=1.0)
         samples = factor * getattr(band.worst, demand)
@@ -130,7 +127,8 @@ class Case:
 
         `values` (draws,) are samples of the demand without the ripple of the drive.
         """
-        spread, confidence = self.spread, self.conditions.confidence
+        spread = self.spread
+        confidence = self.conditions.confidence
         needs = list(spread.rotors)
         if spread.ranges:
             needs.append(f"narrower ranges of {', '.join(spread.ranges)}")
@@ -155,11 +153,9 @@ class Case:
 def binding(checks: Iterable[Check]) -> Check | None:
     """Return the check with the smallest margin. Prefers failing checks. None without margins."""
     evaluated = [check for check in checks if check.margin is not None]
-    return (
-        min(evaluated, key=lambda check: (check.passed is not False, check.margin or 0.0))
-        if evaluated
-        else None
-    )
+    if evaluated:
+        return min(evaluated, key=lambda check: (check.passed is not False, check.margin or 0.0))
+    return None
 
 
 def all_of(answers: Iterable[bool | None]) -> bool | None:
@@ -170,7 +166,8 @@ def all_of(answers: Iterable[bool | None]) -> bool | None:
     return None if any(answer is None for answer in answers) else True
 
 
-YOUNG, DENSITY = 193e9, 8000.0
+YOUNG = 193e9
+DENSITY = 8000.0
 """Young's modulus (Pa) and density (kg/m³) of stainless steel.
 
 Among the usual screw materials it gives the lowest critical speed and buckling load.
@@ -197,7 +194,8 @@ COLUMN: dict[ScrewEnds, float] = {
 
 def gear_checks(case: Case) -> tuple[Check, ...]:
     """Run every check of a joint's gear or screw. A check without data says what it needs."""
-    load, drive = case.load, case.load.drive
+    load = case.load
+    drive = case.load.drive
     ratings = drive.ratings or Ratings()
     checks = [_speed(load, ratings), *_output(case, ratings), _duty(load, ratings, case.conditions)]
     if drive.self_locking:
@@ -253,7 +251,9 @@ def _locking(case: Case) -> Check:
 
     If no lowest friction is known, the check gives only the nominal μ and says which data it needs.
     """
-    drive, spread, confidence = case.load.drive, case.spread, case.conditions.confidence
+    drive = case.load.drive
+    spread = case.spread
+    confidence = case.conditions.confidence
     friction = friction_of(drive)
     lowest, highest = spread.mu_ends(drive, confidence)
     spare, _ = self_locking_margin(drive, friction.mu)
@@ -279,7 +279,9 @@ def _locking(case: Case) -> Check:
 
 
 def _screw(case: Case, ratings: Ratings) -> list[Check]:
-    length, diameter, ends = ratings.free_length, ratings.root_diameter, ratings.ends
+    length = ratings.free_length
+    diameter = ratings.root_diameter
+    ends = ratings.ends
     if length is None or diameter is None or ends is None:
         needs = [
             f"ratings.{k}"

@@ -23,7 +23,7 @@ from ssm_planner.sizing.motor_limits import (
     resistance,
     torque_constant,
 )
-from ssm_planner.typing import Array, Indices, record
+from ssm_planner.typing import Array, record
 
 DemandName = Literal[
     "peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"
@@ -106,7 +106,8 @@ def demands(load: JointLoad) -> Demands:
 
     The friction of the drive may hold columns (draws, 1), which evaluates many draws at once.
     """
-    torque, effort = np.atleast_2d(load.torque()), np.atleast_2d(np.abs(load.effort()))
+    torque = np.atleast_2d(load.torque())
+    effort = np.atleast_2d(np.abs(load.effort()))
     in_motion = load.weight * (load.direction != 0)
     share = max(float(in_motion.sum()), 1e-300)
     return Demands(
@@ -125,7 +126,8 @@ def _voltage(torque: Array, load: JointLoad) -> Array:
 
     The cold motor has more back-EMF. The hot motor has more resistance and needs more current.
     """
-    motor, speed = load.motor, load.speed()
+    motor = load.motor
+    speed = load.speed()
     if motor is None or missing(motor, *ELECTRICAL):
         return np.full(len(torque), np.nan)
     hottest = require_value(motor, "max_winding_temperature")
@@ -144,10 +146,14 @@ def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
     """
     if spread.posterior is not None:
         return monte_carlo(load, spread, len(spread.posterior.draws))
-    nominal, corners = demands(load), _at_corners(load, spread)
+    nominal = demands(load)
+    corners = _at_corners(load, spread)
     shifts = spread.deviations(LINEAR_DRAWS) @ _secants(load, spread)
-    worst, best = np.maximum(corners.max(axis=0) + shifts, 0.0), corners.min(axis=0) + shifts
-    return Band(nominal, Demands.from_table(worst), _lowest(best, load, spread), spread.is_stated)
+    highest = np.maximum(corners.max(axis=0) + shifts, 0.0)
+    lowest = corners.min(axis=0) + shifts
+    return Band(
+        nominal, Demands.from_table(highest), _lowest(lowest, load, spread), spread.is_stated
+    )
 
 
 def _load_with(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
@@ -162,7 +168,7 @@ def _at_corners(load: JointLoad, spread: FrictionSpread) -> Array:
     )
 
 
-def _lowest(best: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
+def _lowest(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
     """Lower the demands (draws, 5) of the best corner to a bound for all possible inertias.
 
     Peaks and RMS are convex in the inertia J. Between the ends of its range they are at least their
@@ -172,7 +178,7 @@ def _lowest(best: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
     wd = np.abs(load.acceleration())
     peak, rms = ((high - low) / 2 * value for value in (float(wd.max()), float(load.rms(wd))))
     volts = peak * volts_per_torque(load.motor)
-    return Demands.from_table(np.maximum(best - [peak, rms, volts, 0.0, 0.0], 0.0))
+    return Demands.from_table(np.maximum(lowest - [peak, rms, volts, 0.0, 0.0], 0.0))
 
 
 def volts_per_torque(motor: Motor | None) -> float:
@@ -204,13 +210,17 @@ def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
 
 def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
     """Return the range of the demands from `count` draws of the friction, each by the exact law."""
-    nominal, at_corners = demands(load), _at_corners(load, spread)
+    nominal = demands(load)
+    at_corners = _at_corners(load, spread)
     if not spread.names:
-        worst, best = at_corners.max(axis=0, keepdims=True), at_corners.min(axis=0, keepdims=True)
+        highest = at_corners.max(axis=0, keepdims=True)
+        lowest = at_corners.min(axis=0, keepdims=True)
         return Band(
-            nominal, Demands.from_table(worst), _lowest(best, load, spread), spread.is_stated
+            nominal, Demands.from_table(highest), _lowest(lowest, load, spread), spread.is_stated
         )
-    corners, few, deviations = spread.corners(), thinned(load), spread.deviations(count)
+    corners = spread.corners()
+    few = thinned(load)
+    deviations = spread.deviations(count)
     ends = [
         {int(extreme(np.nan_to_num(column))) for column in at_corners.T}
         for extreme in (np.argmax, np.argmin)
@@ -225,11 +235,7 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
     smooth = Demands.from_table(high)
     ripple = _with_ripple(smooth, load)
     return Band(
-        nominal,
-        ripple,
-        _lowest(low, load, spread),
-        True,
-        None if ripple is smooth else smooth,
+        nominal, ripple, _lowest(low, load, spread), True, None if ripple is smooth else smooth
     )
 
 
@@ -238,7 +244,8 @@ def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
 
     The ripple is that of the recordings. It grows in proportion if the torque exceeds theirs.
     """
-    posterior, torque = friction_of(load.drive).posterior, load.torque()
+    posterior = friction_of(load.drive).posterior
+    torque = load.torque()
     ripple = (
         None
         if posterior is None
@@ -288,7 +295,5 @@ def thinned(load: JointLoad) -> JointLoad:
         [np.argmax(np.abs(values)) for values in (torque, load.effort(), load.qd)]
         + [len(torque) - 1]
     )
-    keep: Indices = np.unique(
-        np.concatenate([every, jump, jump + 1, turn, turn + 1, peaks, extremes])
-    )
+    keep = np.unique(np.concatenate([every, jump, jump + 1, turn, turn + 1, peaks, extremes]))
     return load.subset(keep)

@@ -29,10 +29,8 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
     triangular one if the distance is too short to reach full speed.
     """
     joint = JOINTS.index(stroke.joint)
-    times, distance = (
-        _timing(2 * stroke.reach, stroke.velocity, stroke.acceleration),
-        2 * stroke.reach,
-    )
+    times = _timing(2 * stroke.reach, stroke.velocity, stroke.acceleration)
+    distance = 2 * stroke.reach
     home = np.array(stroke.home, dtype=float)
     home[joint] = stroke.centre - stroke.reach
     forth = _stroke(home, joint, times, stroke.acceleration)
@@ -40,7 +38,8 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
     turning_point[joint] += distance
     back = _stroke(turning_point, joint, times, -stroke.acceleration)
     breaks = np.concatenate([[0.0], np.cumsum(np.concatenate([times, times]))])
-    middle, end = float(breaks[len(times)]), float(breaks[-1])
+    middle = float(breaks[len(times)])
+    end = float(breaks[-1])
     phases = (Span("forth", 0.0, middle), Span("back", middle, end))
     return Trajectory(breaks, np.concatenate([forth, back]), phases)
 
@@ -60,7 +59,8 @@ def _stroke(start: Array, joint: int, times: Array, acceleration: float) -> Arra
     signs = np.array([1.0, -1.0]) if len(times) == 2 else np.array([1.0, 0.0, -1.0])
     coefficients = np.zeros((len(times), DEGREE + 1, len(start)))
     coefficients[:, 0] = start
-    position, velocity = start[joint], 0.0
+    position = start[joint]
+    velocity = 0.0
     for i, (sign, time) in enumerate(zip(signs, times, strict=True)):
         bend = sign * acceleration
         coefficients[i, :3, joint] = position, velocity, bend / 2

@@ -85,7 +85,8 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
             model=model,
             cycle=cycle,
         )
-    nominal, hot = steady_state(model, cycle), cycle.scaled(worst_rms / rms)
+    nominal = steady_state(model, cycle)
+    hot = cycle.scaled(worst_rms / rms)
     hot_state = steady_state(model, hot)
     return Heat(
         _largest_factor(model, cycle, limit) * rms,
@@ -113,10 +114,14 @@ def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
         temperatures = steady_state(model, cycle.scaled(np.sqrt(square)))
         return temperatures.peak - model.ambient if temperatures.steady else np.inf
 
-    low, low_rise, high = 0.0, 0.0, 1.0
+    low = 0.0
+    low_rise = 0.0
+    high = 1.0
     high_rise = rise(high)
     while high_rise < allowed:
-        low, low_rise, high = high, high_rise, 1.01 * high * allowed / high_rise
+        low = high
+        low_rise = high_rise
+        high = 1.01 * high * allowed / high_rise
         high_rise = rise(high)
     undershot = False
     for _ in range(STEPS):
@@ -124,10 +129,12 @@ def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
         middle = low + np.clip(share, 0.01, 0.99) * (high - low)
         middle_rise = rise(middle)
         if middle_rise <= allowed:
-            low, low_rise = middle, middle_rise
+            low = middle
+            low_rise = middle_rise
             high_rise = allowed + (high_rise - allowed) / 2 if undershot else high_rise
         else:
-            high, high_rise = middle, middle_rise
+            high = middle
+            high_rise = middle_rise
         undershot = middle_rise <= allowed
         if allowed - low_rise < CLOSE:
             break

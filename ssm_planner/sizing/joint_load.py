@@ -19,7 +19,8 @@ from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices, Mask, record
 
 RATE = 2000.0
-INSTANTS, STRETCH = 40_000, (40, 1000)
+INSTANTS = 40_000
+STRETCH = (40, 1000)
 """Largest number of instants of a motion, and limits of the number per monotone piece.
 
 They make the cost depend on the number of pieces and not on the duration.
@@ -81,9 +82,7 @@ class JointLoad(ShortRepr):
 
     def effort(self) -> Array:
         """Return the effort F in the mesh (N·m or N), (n,) or (draws, n) for drawn friction."""
-        return np.asarray(
-            output_effort(self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
-        )
+        return output_effort(self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
 
     def torque(self) -> Array:
         """Return the exact motor torque (N·m), (n,) or (draws, n) for columns of friction."""
@@ -101,7 +100,8 @@ class JointLoad(ShortRepr):
 
         At a start from rest it is at least the static coefficient.
         """
-        friction, w = friction_of(self.drive), self.speed()
+        friction = friction_of(self.drive)
+        w = self.speed()
         mu = np.asarray(friction_coefficient(friction, w))
         if not self.breakaway.any():
             return mu
@@ -228,12 +228,11 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
     )
     before_turn = last_moving[turns, joint]
     cuts = _turns(trajectory, index[before_turn], local[before_turn], local[turns + 1], joint)
-    pieces, starts = (
-        np.append(np.arange(len(lengths)), index[before_turn]),
-        np.append(np.zeros(len(lengths)), cuts),
-    )
+    pieces = np.append(np.arange(len(lengths)), index[before_turn])
+    starts = np.append(np.zeros(len(lengths)), cuts)
     order = np.lexsort((starts, pieces))
-    pieces, starts = pieces[order], starts[order]
+    pieces = pieces[order]
+    starts = starts[order]
     final = np.append(np.diff(pieces), 1) > 0
     return pieces, starts, np.where(final, lengths[pieces], np.append(starts[1:], 0.0))
 
@@ -256,7 +255,8 @@ def _turns(
     for _ in range(60 if len(index) else 0):
         middle = (low + high) / 2
         unturned = ahead(middle) == sign
-        low, high = np.where(unturned, middle, low), np.where(unturned, high, middle)
+        low = np.where(unturned, middle, low)
+        high = np.where(unturned, high, middle)
     return high
 
 

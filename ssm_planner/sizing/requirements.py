@@ -84,13 +84,15 @@ def motor_requirements(
 
 def motor_requirement(load: JointLoad) -> MotorRequirement:
     """Return the requirements for the motor of one joint with the drive and motor of the robot."""
-    torque, speed, acceleration = load.torque(), load.speed(), load.acceleration()
+    torque = load.torque()
+    speed = load.speed()
+    acceleration = load.acceleration()
     power = torque * speed
     rms = float(load.rms(torque))
     joule = joule_power(load.motor, rms)
     return MotorRequirement(
-        joint=load.joint,
-        motor=load.motor,
+        load.joint,
+        load.motor,
         peak_torque=float(np.abs(torque).max()),
         rms_torque=rms,
         mean_torque=float(load.weight @ torque),
@@ -168,9 +170,13 @@ PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_fr
 def torque_split(load: JointLoad) -> TorqueBreakdown:
     """Divide the motor torque of a joint into parts."""
     drive = load.drive
-    moving, zero = load.direction != 0, np.zeros_like(load.t)
-    lossless, rough = _without_friction(drive), _with_bearings_only(drive)
-    w, wd, sign = load.speed(), load.acceleration(), np.where(moving, load.direction, 1.0)
+    moving = load.direction != 0
+    zero = np.zeros_like(load.t)
+    lossless = _without_friction(drive)
+    rough = _with_bearings_only(drive)
+    w = load.speed()
+    wd = load.acceleration()
+    sign = np.where(moving, load.direction, 1.0)
     carried = output_effort(lossless, load.inertia, zero, load.qdd, sign)
     rubbing = output_effort(drive, zero, load.qd, zero, load.direction)
     # An antibacklash nut accelerates with wd, so its inertia and its lossless preload (which
@@ -179,7 +185,8 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
     output_inertia = _mesh(lossless, carried, sign)
     load_torque = _mesh(lossless, load.velocity + load.gravity, sign)
     bearing = np.where(moving, motor_torque(rough, rubbing, w, zero, direction=sign), 0.0)
-    total, effort = load.torque(), load.effort()
+    total = load.torque()
+    effort = load.effort()
     without = np.where(
         moving, motor_torque(rough, effort, w, wd, direction=sign), _mesh(lossless, effort, sign)
     )

@@ -145,7 +145,8 @@ class JointSelection:
 
         It is None if the inertia of the rotor is not stated.
         """
-        motor, drive = self.motors[m].of, self.gears[g].of
+        motor = self.motors[m].of
+        drive = self.gears[g].of
         if motor.rotor_inertia is None:
             return None
         shaft = shaft_inertia(replace(self.load, drive=drive), motor)[1] - motor.rotor_inertia
@@ -176,7 +177,9 @@ class JointSelection:
 
     def pair_dict(self, g: int, m: int) -> JsonObject:
         """Return the full description of one pair."""
-        motor, gear, verdict = self.motors[m], self.gears[g], self.verdict(g, m)
+        motor = self.motors[m]
+        gear = self.gears[g]
+        verdict = self.verdict(g, m)
         return {
             **verdict.to_dict(),
             "motor": motor.label,
@@ -278,7 +281,7 @@ def select_joint(
         conditions,
         motors,
         gears,
-        answers=answers,
+        answers,
         margins=margins,
         of_gear=of_gear,
         load_inertia=inertia,
@@ -319,22 +322,19 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
     """
     if missing(motor, *FIGURES):
         return np.nan, np.nan
-    model, limit = (
-        ThermalModel.from_motor(motor, conditions.ambient),
-        require_value(motor, "max_winding_temperature"),
-    )
+    model = ThermalModel.from_motor(motor, conditions.ambient)
+    limit = require_value(motor, "max_winding_temperature")
     allowed = limit - model.ambient
     if allowed <= 2 * NEAR:
         return -1.0, np.inf
     modes = Modes.from_network(
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing
     )
-    shares, x = modes.input * modes.shape[0] / -modes.rates, -modes.rates * period
+    shares = modes.input * modes.shape[0] / -modes.rates
+    x = -modes.rates * period
     # Beyond 700, e^x overflows, and the remaining heat of a period is negligible.
-    highest, lowest = (
-        float(shares @ (x / -np.expm1(-x))),
-        float(shares @ (x / np.expm1(np.minimum(x, 700.0)))),
-    )
+    highest = float(shares @ (x / -np.expm1(-x)))
+    lowest = float(shares @ (x / np.expm1(np.minimum(x, 700.0))))
     # Mean squares at which the coldest instant has each temperature up to the one that corresponds
     # to a mean at the limit.
     rise = (allowed + NEAR) * lowest / float(shares.sum()) * np.linspace(0.01, 1.0, RISES)
@@ -357,7 +357,8 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
         return _assess_by_draws(load, fleet, conditions, gear, speed)
     ends = np.array([shaft_inertia(load, motor) for motor in fleet.motors])
     highest, lowest = _bands(load, [dict(corner) for corner in spread.corners()], ends, fleet)
-    answers, margins = {"speed": _answer(speed, speed)}, {"speed": speed}
+    answers = {"speed": _answer(speed, speed)}
+    margins = {"speed": speed}
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
     for name, demand, factor in (
         ("torque", "peak", 1.0),
@@ -433,8 +434,10 @@ def _bands(
     peak, volts, rms = np.max(demands, axis=0)
     low_peak, low_volts, low_rms = np.min(demands, axis=0)
     # The demands are convex in the inertia, so between its ends they fall by at most this.
-    fall, wd = (ends[:, 1] - ends[:, 0]) / 2, np.abs(load.acceleration())
-    low_peak, low_rms = low_peak - fall * wd.max(), low_rms - fall * float(load.rms(wd))
+    fall = (ends[:, 1] - ends[:, 0]) / 2
+    wd = np.abs(load.acceleration())
+    low_peak = low_peak - fall * wd.max()
+    low_rms = low_rms - fall * float(load.rms(wd))
     low_volts = low_volts - fall * wd.max() * fleet.volts
     lowest = {"peak": low_peak, "volts": low_volts, "rms": low_rms}
     return {"peak": peak, "volts": volts, "rms": rms}, {
@@ -446,7 +449,8 @@ def _peaks(
     rotorless: Array, turning: Array, speed: Array, inertia: Array, fleet: _Fleet
 ) -> tuple[Array, Array]:
     """Return the peak torques and voltages (m,) of motors with shaft inertias (m,)."""
-    peak, volts = np.empty(len(inertia)), np.full(len(inertia), np.nan)
+    peak = np.empty(len(inertia))
+    volts = np.full(len(inertia), np.nan)
     column = np.cumsum(fleet.electrical) - 1
     for m, shaft in enumerate(inertia):
         torque = rotorless + shaft * turning

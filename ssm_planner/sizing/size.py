@@ -166,10 +166,8 @@ def size(
     conditions = conditions or Conditions()
     motors = dict(candidates or {})
     loads = duty.loads(payload)
-    moving, driven = (
-        {load.joint for load in loads},
-        {joint.name for joint in duty.robot.joints if joint.drive is not None},
-    )
+    moving = {load.joint for load in loads}
+    driven = {joint.name for joint in duty.robot.joints if joint.drive is not None}
     for joint in motors:
         if joint not in driven:
             raise no_drive(joint, duty.robot.file)
@@ -221,7 +219,8 @@ def _joint(
 
 HEAVIEST = 50.0
 """Largest payload (kg) in the search. A surgical tool is far below it."""
-SLOWEST, FASTEST = 1e3, 1e-3
+SLOWEST = 1e3
+FASTEST = 1e-3
 """Largest and smallest factor on the duration in the search."""
 HALVINGS = 16
 
@@ -259,7 +258,8 @@ def largest_payload(
 
     `payload` (kg) is a mass that the tip carries in any case.
     """
-    empty, loaded = duty.loads(payload), duty.loads(payload + 1.0)
+    empty = duty.loads(payload)
+    loaded = duty.loads(payload + 1.0)
 
     def judge(mass: float) -> _Judgement:
         return _judge(
@@ -323,10 +323,12 @@ def _search_largest(
     The search doubles or halves the value from `start` and then bisects.
     """
     judgement = judge(start)
-    low, high = start, start
+    low = start
+    high = start
     if judgement.margin < 0:
         while judgement.margin < 0:
-            high, failed = low, judgement
+            high = low
+            failed = judgement
             if low <= lower:
                 return WhatIf(
                     "never", None, judgement.joint, judgement.binds, judgement.not_checked
@@ -346,7 +348,8 @@ def _search_largest(
         middle = (low + high) / 2
         judgement = judge(middle)
         if judgement.margin < 0:
-            high, failed = middle, judgement
+            high = middle
+            failed = judgement
         else:
             low = middle
     return WhatIf("found", low, failed.joint, failed.binds, failed.not_checked)

@@ -77,11 +77,11 @@ class Modes:
 
     def temperatures(self, states: Array) -> Array:
         """Return the temperatures (inner, outer) above ambient (K) of modes (2, n)."""
-        return np.asarray(self.shape @ states)
+        return self.shape @ states
 
     def states(self, rise: Array) -> Array:
         """Return the modes (2,) of temperatures (2,) above ambient, K."""
-        return np.asarray(self.inverse @ rise)
+        return self.inverse @ rise
 
 
 def follow(modes: Modes, t: Array, power: Array) -> Array:
@@ -103,7 +103,8 @@ def _running(factor: Array, gained: Array) -> Array:
 
     The recursion is doubled: log2(n) steps on whole arrays.
     """
-    factor, result = factor.copy(), gained.copy()
+    factor = factor.copy()
+    result = gained.copy()
     reach = 1
     while reach < result.shape[1]:
         result[:, reach:] = result[:, reach:] + factor[:, reach:] * result[:, :-reach]
@@ -136,7 +137,8 @@ SETTLED = 1e-6
 PASSES = 60
 HOTTEST = 1500.0
 """Temperature (K) above which a steady state is rejected."""
-PAUSE_INSTANTS, PAUSE_RANGE = 300, 1e4
+PAUSE_INSTANTS = 300
+PAUSE_RANGE = 1e4
 """Number of instants in a pause, and ratio of its last interval to its first, minus 1."""
 STEP = 2.0
 """Permitted change (K) of the temperatures over cycles that are taken at once."""
@@ -188,7 +190,8 @@ class ThermalModel(ShortRepr):
     def _growth(self, winding: Array) -> tuple[Array, Array]:
         """Return R/k² divided by its value at 25 °C, and its derivative."""
         warm = np.minimum(winding, HOTTEST) - REFERENCE_TEMPERATURE
-        copper, magnet = 1 + self.copper * warm, np.maximum(1 + self.magnet * warm, 0.05)
+        copper = 1 + self.copper * warm
+        magnet = np.maximum(1 + self.magnet * warm, 0.05)
         value = copper / magnet**2
         return value, self.copper / magnet**2 - 2 * self.magnet * copper / magnet**3
 
@@ -206,14 +209,13 @@ class Cycle(ShortRepr):
     @classmethod
     def from_torque(cls, t: Array, torque: Array, pause: float = 0.0) -> Cycle:
         """Build a cycle from a motion, t (n,) and torque (n,), and a pause (s) without current."""
-        t, square = t - t[0], np.square(torque)
+        t = t - t[0]
+        square = np.square(torque)
         if pause > 0:
             # The instants are densest at the start, where the winding cools fastest.
             share = np.expm1(np.linspace(0.0, np.log1p(PAUSE_RANGE), PAUSE_INSTANTS)) / PAUSE_RANGE
-            t, square = (
-                np.append(t, t[-1] + pause * share),
-                np.append(square, np.zeros(PAUSE_INSTANTS)),
-            )
+            t = np.append(t, t[-1] + pause * share)
+            square = np.append(square, np.zeros(PAUSE_INSTANTS))
         return cls(t, square)
 
     @property
@@ -274,7 +276,8 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
         decay = modes.decay(cycle.period)
         states = free + modes.decay(cycle.t) * (free[:, -1:] / (1.0 - decay))
         rise, housing = modes.temperatures(states)
-        change, winding = float(np.abs(model.ambient + rise - winding).max()), model.ambient + rise
+        change = float(np.abs(model.ambient + rise - winding).max())
+        winding = model.ambient + rise
         if not np.isfinite(change) or winding.max() > HOTTEST:
             return unsteady
         if change < SETTLED:
@@ -284,7 +287,8 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
 
 def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Modes, Array]:
     """Return the modes with the mean slope of the loss included, and the remaining power."""
-    power, slope = model.power(cycle.square, winding), model.slope(cycle.square, winding)
+    power = model.power(cycle.square, winding)
+    slope = model.slope(cycle.square, winding)
     mean = cycle.mean(slope)
     modes = Modes.from_network(
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing, mean
@@ -318,10 +322,8 @@ def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Te
         modes, power = _linearised(model, cycle, winding)
         states = follow(modes, cycle.t, power) + modes.decay(cycle.t) * modes.states(rise)[:, None]
         warmer, housing = modes.temperatures(states)
-        change, winding = (
-            float(np.abs(model.ambient + warmer - winding).max()),
-            model.ambient + warmer,
-        )
+        change = float(np.abs(model.ambient + warmer - winding).max())
+        winding = model.ambient + warmer
         if change < SETTLED or winding.max() > HOTTEST:
             break
     return Temperatures(winding, model.ambient + housing, "warming up")
@@ -354,9 +356,11 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
                 cycle.t, temperatures.winding, int(hot[0]), limit
             )
         if len(hot):
-            current, max_stride = previous, stride // 2
+            current = previous
+            max_stride = stride // 2
             temperatures = warm_up(model, cycle, (current.winding, current.housing))
-        previous, current = current, _later(model, cycle, temperatures, current, max_stride)
+        previous = current
+        current = _later(model, cycle, temperatures, current, max_stride)
     return None
 
 

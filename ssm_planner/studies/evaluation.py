@@ -74,7 +74,8 @@ class Evaluation:
 
     def _row(self, number: int, design: Design) -> Candidate:
         """Select, plan, check and size a candidate. Raises ProblemError for invalid values."""
-        study, margin = self.study, self.study.require.motor_margin
+        study = self.study
+        margin = self.study.require.motor_margin
         components: dict[str, str] = {}
         slowdown = float(design.get(PACE, 1.0))
         fastest_motions: Motions = {}
@@ -87,7 +88,8 @@ class Evaluation:
             fast = _plan_motions(undriven, {})
             if isinstance(fast, Rejection):
                 return Candidate(number, "infeasible", design, fast.stage, fast.reason)
-            fastest_motions, selection = fast, select_parts(study, originals, fast, slowdown)
+            fastest_motions = fast
+            selection = select_parts(study, originals, fast, slowdown)
             if isinstance(selection, Rejection):
                 return Candidate(number, "infeasible", design, selection.stage, selection.reason)
             components = selection
@@ -132,7 +134,8 @@ def evaluate_batch(
 
     pickled: the Evaluation, which a worker reads once.
     """
-    evaluation, start = _read(pickled), time.monotonic()
+    evaluation = _read(pickled)
+    start = time.monotonic()
     rows = []
     for number, design in candidates:
         rows.append(evaluation(number, design))
@@ -222,11 +225,9 @@ def with_motor_margin(problem: Problem, margin: float) -> Problem:
     share = 1 - margin - SPARE
 
     def spared(motor: Motor | None) -> Motor | None:
-        return (
-            None
-            if motor is None
-            else unchecked(motor, **{name: share * getattr(motor, name) for name in names})
-        )
+        if motor is None:
+            return None
+        return unchecked(motor, **{name: share * getattr(motor, name) for name in names})
 
     joints = tuple(unchecked(joint, motor=spared(joint.motor)) for joint in problem.robot.joints)
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
@@ -264,7 +265,8 @@ def select_parts(
         }
         motor_choice = choices.pop("motor", None)
         gear_choice = next(iter(choices.values()), None)
-        motors, gears = _motors(study, joint), _gears(study, joint, gear_choice)
+        motors = _motors(study, joint)
+        gears = _gears(study, joint, gear_choice)
         selections = [
             select_joint(by_joint[joint], motors, gears, conditions)
             for conditions, by_joint in loads.values()

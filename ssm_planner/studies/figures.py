@@ -45,9 +45,7 @@ def write_study_figures(
     ]
     if len(names) > 1:
         plots["front"] = new_figure(5.5, 4.0)
-        _front(
-            plots["front"].add_subplot(), study, rows, reference=reference, front=front, names=names
-        )
+        _front(plots["front"].add_subplot(), study, rows, reference, front, names=names)
     if len(study.vary) > 1 and rows:
         plots["map"] = new_figure(6.5, 4.0)
         _map(plots["map"].add_subplot(), study, rows)
@@ -107,7 +105,8 @@ def _map(axes: Axes, study: Study, rows: Sequence[Candidate]) -> None:
             if state == row_state
         ]
         colour = COLOURS[0] if row_state == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
-        marker, label = MARKERS[k % len(MARKERS)], f"{row_state}, {len(points)}"
+        marker = MARKERS[k % len(MARKERS)]
+        label = f"{row_state}, {len(points)}"
         axes.plot(*zip(*points, strict=True), marker, markersize=4, color=colour, label=label)
     finish(axes, across["title"], up["title"])
     legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))

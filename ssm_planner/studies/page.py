@@ -39,7 +39,8 @@ def write_study_page(
     rows: the study's own robot, then its candidates. While the study runs, the page reloads itself.
     Raises ExportError.
     """
-    original, candidates = rows[0], rows[1:]
+    original = rows[0]
+    candidates = rows[1:]
     content = _content(study, candidates, front)
     content["notes"] = [*study.notes, against_own(study, original, front)]
     text = render("study.html", _data(study, candidates, front), **content, unfinished=not finished)
@@ -199,7 +200,8 @@ def correlation_ratio(positions: Array, value: Array) -> float:
     correction for the number of bins makes the mean 0 for independent values.
     """
     finite = np.isfinite(value)
-    positions, value = positions[finite], value[finite]
+    positions = positions[finite]
+    value = value[finite]
     if len(value) < 2 or np.ptp(value) == 0:
         return 0.0
     distinct = np.unique(positions)
@@ -212,7 +214,8 @@ def correlation_ratio(positions: Array, value: Array) -> float:
     within = sum(
         float(np.sum((value[group == k] - value[group == k].mean()) ** 2)) for k in np.unique(group)
     )
-    count, groups = len(value), len(np.unique(group))
+    count = len(value)
+    groups = len(np.unique(group))
     if count <= groups:
         return 0.0
     total = float(np.sum((value - value.mean()) ** 2))
@@ -233,13 +236,11 @@ def named(name: str) -> str:
 def unit_of(name: str) -> tuple[str, float]:
     """Return the unit in which a figure is shown ("" for none) and the factor from SI."""
     quantity_name = name.split(".")[0]
-    return (
-        ("%", 100.0)
-        if quantity_name == "motor_margin"
-        else display_unit(UNITS[quantity_name])
-        if quantity_name in UNITS
-        else ("", 1.0)
-    )
+    if quantity_name == "motor_margin":
+        return ("%", 100.0)
+    if quantity_name in UNITS:
+        return display_unit(UNITS[quantity_name])
+    return ("", 1.0)
 
 
 def title_of(name: str) -> str:

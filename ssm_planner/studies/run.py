@@ -28,7 +28,9 @@ from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
 
-STORE, TABLE, PAGE = "study.sqlite", "table.csv", "study.html"
+STORE = "study.sqlite"
+TABLE = "table.csv"
+PAGE = "study.html"
 OWN = -1
 """Number of the study's own robot."""
 SCREENED_TOGETHER = 4096
@@ -40,7 +42,8 @@ AHEAD = 8
 """Batches per worker in advance, so that no worker waits for the driver."""
 AHEAD_ELSEWHERE = 512
 """Batches in advance for an executor of unknown size."""
-BATCH_SECONDS, LARGEST_BATCH = 0.25, 64
+BATCH_SECONDS = 0.25
+LARGEST_BATCH = 64
 """Target duration (s) and largest size of a batch; engines have a fixed cost per batch."""
 
 Asked = tuple[str, int, Design]
@@ -115,7 +118,8 @@ def study(
     same call continues it. Raises ProblemError, ExportError, or StudyError if the executor loses
     its workers.
     """
-    of, folder = of if isinstance(of, Study) else load_study(of), Path(folder)
+    of = of if isinstance(of, Study) else load_study(of)
+    folder = Path(folder)
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
         store = stack.enter_context(Store(folder / STORE))
@@ -151,21 +155,15 @@ class _Driver:
     """Screens candidates, sends them to the workers and writes the store."""
 
     def __init__(
-        self,
-        study: Study,
-        store: Store,
-        pool: Executor,
-        ahead: int,
-        progress: StudyProgress,
+        self, study: Study, store: Store, pool: Executor, ahead: int, progress: StudyProgress
     ) -> None:
-        self._study, self._store, self._pool, self._ahead, self._progress = (
-            study,
-            store,
-            pool,
-            ahead,
-            progress,
-        )
-        self._context, self._screens = context_of(study), Screens(study)
+        self._study = study
+        self._store = store
+        self._pool = pool
+        self._ahead = ahead
+        self._progress = progress
+        self._context = context_of(study)
+        self._screens = Screens(study)
         self.keys: list[str] = []
         self.own = key_of({}, self._context)
         self._pending: dict[Future[tuple[list[Candidate], float]], Sequence[Asked]] = {}
@@ -298,10 +296,8 @@ class _Driver:
                     reason = "ended its worker process each time it was tried"
                     self._record(batch[0][0], Candidate(-1, "quarantined", {}, None, reason))
                 continue
-            self._batch_seconds, self._batch_candidates = (
-                0.8 * self._batch_seconds + seconds,
-                0.8 * self._batch_candidates + len(batch),
-            )
+            self._batch_seconds = 0.8 * self._batch_seconds + seconds
+            self._batch_candidates = 0.8 * self._batch_candidates + len(batch)
             for (key, _, _), row in zip(batch, rows, strict=True):
                 self._record(key, row)
         if lost is not None or time.monotonic() - self._last_write > COMMIT_EVERY:

@@ -198,7 +198,8 @@ class Screens:
         passing = [design for design, lives in zip(designs, alive, strict=True) if lives]
         by_branch = [self._lacking(members, branch, passing) for branch in (1, -1)]
         for position, i in enumerate(np.flatnonzero(alive)):
-            branch_1, branch_2 = by_branch[0][position], by_branch[1][position]
+            branch_1 = by_branch[0][position]
+            branch_2 = by_branch[1][position]
             if branch_1 is not None and branch_2 is not None:
                 rejections[i] = branch_1
 
@@ -210,7 +211,8 @@ class Screens:
         starts = np.array([move.start for move in self._moves])
         steps = starts + FIRST_STEP * (np.array([move.end for move in self._moves]) - starts)
         with np.errstate(invalid="ignore", divide="ignore"):
-            q, next_q = family.joints(starts, branch), family.joints(steps, branch)
+            q = family.joints(starts, branch)
+            next_q = family.joints(steps, branch)
             step = next_q - q
             step[..., :3] = np.arctan2(np.sin(step[..., :3]), np.cos(step[..., :3]))
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
@@ -235,7 +237,8 @@ class Screens:
                 torque = np.where((sign == 0) | ~np.isfinite(torque), 0.0, torque).max(axis=1)
                 for i in np.flatnonzero(torque > joint.motor.max_torque):
                     if rejections[members[i]] is None:
-                        needs, has = 1e3 * torque[i], 1e3 * joint.motor.max_torque
+                        needs = 1e3 * torque[i]
+                        has = 1e3 * joint.motor.max_torque
                         reason = (
                             f"joint {name} starts against {needs:.4g} mN·m, "
                             f"{joint.motor.name} has {has:.4g} mN·m"
@@ -306,7 +309,7 @@ def _rotated(point: Array, old: Array, new: Array) -> Array:
     axis = np.cross(old, new)
     cosine = new @ old
     tangent = np.cross(axis, point)
-    return np.asarray(point + tangent + np.cross(axis, tangent) / (1.0 + cosine)[:, None])
+    return point + tangent + np.cross(axis, tangent) / (1.0 + cosine)[:, None]
 
 
 def _demands(problems: Sequence[Problem]) -> tuple[Array, list[Move]]:

@@ -78,12 +78,13 @@ def _numbered(tree: JsonObject, study: Study, number: int) -> JsonObject:
     }
 
 
-def compare_candidates(study: Study, folder: Path, first: int, second: int) -> JsonObject:
+def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int) -> JsonObject:
     """Return choices and results of two candidates: {study, numbers, design, figures}."""
-    a, b = candidate(folder, first), candidate(folder, second)
+    a = candidate(folder, number_1)
+    b = candidate(folder, number_2)
     return {
         "study": study.name,
-        "numbers": [first, second],
+        "numbers": [number_1, number_2],
         "design": _pairs(
             study.complete_design(a.design, a.figures), study.complete_design(b.design, b.figures)
         ),

@@ -144,11 +144,9 @@ class Store(AbstractContextManager["Store"]):
                 "BY number, key"
             )
         }
-        return (
-            list(candidates.values())
-            if keys is None
-            else [candidates[key] for key in keys if key in candidates]
-        )
+        if keys is None:
+            return list(candidates.values())
+        return [candidates[key] for key in keys if key in candidates]
 
     def _read(self, statement: str) -> list[tuple[Any, ...]]:
         with self._faults():

@@ -118,7 +118,7 @@ def study_from(section: Section) -> Study:
     robot = _tree(follow(section, "robot"))
     motions: JsonObject = {}
     for i, name in enumerate(model.motions):
-        motion = follow(section, "motions", i, kind="problem")
+        motion = follow(section, "motions", i, file_kind="problem")
         label = Path(name).stem
         if label in motions:
             raise section.error("given twice", "motions", i)
@@ -156,7 +156,7 @@ def _tree(robot: Section) -> JsonObject:
     Raises ProblemError.
     """
     robot_from(robot)
-    tree: JsonObject = {**robot.value, "joints": {}}
+    tree = {**robot.value, "joints": {}}
     for name, joint in robot.value["joints"].items():
         references = {
             key: follow(robot, "joints", name, key).value
@@ -193,7 +193,9 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
         for i, choice in enumerate(choices):
             file = isinstance(choice, str) and path.split(".")[-1] in ("drive", "motor")
             content = (
-                follow(section, "choices", i, kind=path.split(".")[-1]).value if file else choice
+                follow(section, "choices", i, file_kind=path.split(".")[-1]).value
+                if file
+                else choice
             )
             contents[
                 str(choice) if not isinstance(choice, dict) else str(choice.get("name", i))
@@ -249,7 +251,8 @@ def _check_selection(
 
 def _span(section: Section, path: str) -> Varied:
     """Convert `{from, to}` into a range. Raises ProblemError."""
-    numbers, units = [], []
+    numbers = []
+    units = []
     for end in ("from", "to"):
         text = str(section.value[end])
         number, _, unit = text.strip().partition(" ")

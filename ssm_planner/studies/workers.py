@@ -41,7 +41,8 @@ class Workers(Executor):
     """
 
     def __init__(self, count: int, attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
-        self._attempts, self._timeout = attempts, timeout
+        self._attempts = attempts
+        self._timeout = timeout
         self._tasks: queue.SimpleQueue[tuple[Future[Any], bytes] | None] = queue.SimpleQueue()
         self._closed = self._ended = False
         self._processes: dict[int, subprocess.Popen[bytes]] = {}

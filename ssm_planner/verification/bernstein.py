@@ -29,7 +29,7 @@ def from_powers(powers: Array) -> Array:
     """Return the Bernstein coefficients (m, n + 1, …) of Σ powers[:, k] s^k."""
     degree = powers.shape[1] - 1
     scale = np.array([1 / comb(degree, i) for i in range(degree + 1)])
-    coefficients: Array = powers * scale.reshape(-1, *(1,) * (powers.ndim - 2))
+    coefficients = powers * scale.reshape(-1, *(1,) * (powers.ndim - 2))
     # Σ_i C(j, i) a_i by Pascal's triangle: cheaper than a matrix product, whose threads cost more
     # than they give
     for row in range(1, degree + 1):
@@ -49,7 +49,9 @@ def to_powers(coefficients: Array) -> Array:
 
 def halves(coefficients: Array) -> tuple[Array, Array]:
     """Return the coefficients (m, n + 1) on [0, 1/2] and on [1/2, 1] (de Casteljau)."""
-    row, left, right = coefficients.T, [coefficients[:, 0]], [coefficients[:, -1]]
+    row = coefficients.T
+    left = [coefficients[:, 0]]
+    right = [coefficients[:, -1]]
     while len(row) > 1:
         row = (row[1:] + row[:-1]) / 2
         left.append(row[0])
@@ -82,7 +84,9 @@ def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Arr
     group, polynomial = np.nonzero(
         coefficients[:, 1:-1].max(axis=1, initial=-np.inf) > bar[:, None]
     )
-    pieces, start, width = coefficients[group, :, polynomial], np.zeros(len(polynomial)), 1.0
+    pieces = coefficients[group, :, polynomial]
+    start = np.zeros(len(polynomial))
+    width = 1.0
     for _ in range(DEPTH):
         if not len(polynomial):
             break
@@ -99,13 +103,14 @@ def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Arr
         )
         bar = np.maximum(bar, maximum + tolerance)
         pieces = np.concatenate([left, right])
-        group, polynomial, start = (
-            np.tile(group, 2),
-            np.tile(polynomial, 2),
-            np.concatenate([start, start + width]),
-        )
+        group = np.tile(group, 2)
+        polynomial = np.tile(polynomial, 2)
+        start = np.concatenate([start, start + width])
         keep = pieces[:, 1:-1].max(axis=1, initial=-np.inf) > bar[group]
-        pieces, group, polynomial, start = pieces[keep], group[keep], polynomial[keep], start[keep]
+        pieces = pieces[keep]
+        group = group[keep]
+        polynomial = polynomial[keep]
+        start = start[keep]
     return maximum, index, argument
 
 
@@ -118,7 +123,9 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
     """
     crosses = (coefficients.max(axis=1) > tolerance) & (coefficients.min(axis=1) < -tolerance)
     index = np.flatnonzero(crosses)
-    pieces, start, width = coefficients[index], np.zeros(len(index)), 1.0
+    pieces = coefficients[index]
+    start = np.zeros(len(index))
+    width = 1.0
     roots: list[tuple[Indices, Array]] = []
     for _ in range(DEPTH):
         if not len(index):
@@ -126,17 +133,24 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
         left, right = halves(pieces)
         width /= 2
         pieces = np.concatenate([left, right])
-        index, start = np.tile(index, 2), np.concatenate([start, start + width])
+        index = np.tile(index, 2)
+        start = np.concatenate([start, start + width])
         keep = (pieces.max(axis=1) >= 0) & (pieces.min(axis=1) <= 0) & np.any(pieces != 0, axis=1)
-        pieces, index, start = pieces[keep], index[keep], start[keep]
+        pieces = pieces[keep]
+        index = index[keep]
+        start = start[keep]
         single = _changes(pieces) == 1
         single &= (pieces[:, 0] != 0) & (pieces[:, -1] != 0)
         roots.append((index[single], start[single] + width * _bisect(pieces[single])))
-        pieces, index, start = pieces[~single], index[~single], start[~single]
+        pieces = pieces[~single]
+        index = index[~single]
+        start = start[~single]
     roots.append((index, start + width / 2))
-    polynomial, s = np.concatenate([i for i, _ in roots]), np.concatenate([s for _, s in roots])
+    polynomial = np.concatenate([i for i, _ in roots])
+    s = np.concatenate([s for _, s in roots])
     order = np.lexsort((s, polynomial))
-    polynomial, s = polynomial[order], s[order]
+    polynomial = polynomial[order]
+    s = s[order]
     interior = (s > 0) & (s < 1)
     fresh = np.append(True, (np.diff(polynomial) != 0) | (np.diff(s) > 1e-12))[: len(s)]
     return polynomial[interior & fresh], s[interior & fresh]
@@ -147,7 +161,7 @@ def _changes(coefficients: Array) -> Indices:
     signs = np.sign(coefficients.T)
     for k in range(1, len(signs)):
         signs[k] = np.where(signs[k] == 0, signs[k - 1], signs[k])
-    return np.asarray(np.count_nonzero(signs[1:] * signs[:-1] < 0, axis=0))
+    return np.count_nonzero(signs[1:] * signs[:-1] < 0, axis=0)
 
 
 def _bisect(coefficients: Array) -> Array:
@@ -160,18 +174,21 @@ def _bisect(coefficients: Array) -> Array:
                 for row, start_sign in zip(powers.tolist(), coefficients[:, 0], strict=True)
             ]
         )
-    low, high = np.zeros(len(powers)), np.ones(len(powers))
+    low = np.zeros(len(powers))
+    high = np.ones(len(powers))
     start_sign = np.sign(coefficients[:, 0])
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         ahead = np.sign(evaluate(powers, middle)) == start_sign
-        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
+        low = np.where(ahead, middle, low)
+        high = np.where(ahead, high, middle)
     return high
 
 
 def _bisected(powers: list[float], falling: bool) -> float:
     """Return the zero of one polynomial like `_bisect`."""
-    low, high = 0.0, 1.0
+    low = 0.0
+    high = 1.0
     leading, *lower = powers[::-1]
     for _ in range(BISECTIONS):
         middle = (low + high) / 2

@@ -102,7 +102,8 @@ class _Motion:
         arriving, _ = directions(robot, samples, -1)
         self.way = np.where(share[:, None] == 1.0, arriving, departing)
         self.start = np.where(share[:, None] == 0.0, starting, 0.0) > 0
-        self.qd, self.qdd = samples.qd, samples.qdd
+        self.qd = samples.qd
+        self.qdd = samples.qdd
         bodies = (RigidBody.from_robot(with_payload(robot, mass)) for mass in masses)
         self.tau = [body.inverse_dynamics(samples.q, samples.qd, samples.qdd) for body in bodies]
 

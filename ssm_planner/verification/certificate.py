@@ -20,7 +20,7 @@ from ssm_planner.problem.motion import Follow, Straight
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain, robot_text
-from ssm_planner.representation import ShortRepr
+from ssm_planner.representation import ShortRepr, data_frame, html_table
 from ssm_planner.trajectory import BLOCK, Trajectory
 
 TOLERANCE = 1e-6
@@ -123,6 +123,16 @@ class Certificate(ShortRepr):
     def worst(self) -> LimitCheck:
         """The limit with the smallest margin."""
         return min(self.limits, key=lambda limit: limit.margin)
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas DataFrame with a row for each limit, in SI units.
+
+        Raises SsmPlannerError without pandas.
+        """
+        return data_frame([limit.to_dict() for limit in self.limits])
+
+    def _repr_html_(self) -> str:
+        return html_table([limit.to_dict() for limit in self.limits])
 
     @property
     def violations(self) -> tuple[LimitCheck, ...]:

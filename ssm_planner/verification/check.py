@@ -151,13 +151,12 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
     """
     checks = []
     for joint in robot.joints:
-        limit, drive = (
-            next((item for item in joint.limits if isinstance(item, SelfLocking)), None),
-            joint.drive,
-        )
+        limit = next((item for item in joint.limits if isinstance(item, SelfLocking)), None)
+        drive = joint.drive
         if limit is None or drive is None:
             continue
-        lowest, case = limit.friction, None
+        lowest = limit.friction
+        case = None
         if share is not None:
             minimum = float(spread_of(drive).within(share).get("mu", np.array([lowest])).min())
             lowest, case = (minimum, f"mu {minimum:.4g}") if minimum < lowest else (lowest, None)
@@ -206,7 +205,8 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
         stops.time[max(k - 1, 0)], stops.time[min(k + 1, len(stops.time) - 1)], CLOSER
     )
     closer = quickest_stops(motion, robot, neighbourhood)
-    travel, time = np.append(stops.travel, closer.travel), np.append(stops.time, closer.time)
+    travel = np.append(stops.travel, closer.travel)
+    time = np.append(stops.time, closer.time)
     k = int(np.argmax(travel))
     result = LimitCheck.from_extreme(limit, float(travel[k]), float(motion.breaks[0] + time[k]))
     tightest = check_stops(stops, motion, robot, limits).worst

@@ -21,7 +21,8 @@ from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import JUMP, JUMP_RATE
 from ssm_planner.verification.pieces import Pieces
 
-_jump, _end_velocity = lru_cache(maxsize=256)(Jump), lru_cache(maxsize=256)(EndVelocity)
+_jump = lru_cache(maxsize=256)(Jump)
+_end_velocity = lru_cache(maxsize=256)(EndVelocity)
 """The same ones are asked for in every check of a robot."""
 
 
@@ -40,7 +41,8 @@ class Jumps:
         self._tolerance = JUMP * np.array([np.ones(4), v, a])
         # Without a jerk limit, time excuses any sum of jumps of the acceleration.
         self._excused = JUMP_RATE * np.array([v, a, np.nan_to_num(jerk, nan=1e100)])
-        self._level, self._level_time = np.zeros((3, 4)), 0.0
+        self._level = np.zeros((3, 4))
+        self._level_time = 0.0
 
     def look(self, pieces: Pieces) -> None:
         starts, ends = pieces.ends
@@ -54,7 +56,8 @@ class Jumps:
         # A jump that alone exceeds its tolerance is reported as it is.
         added_up = (level > self._tolerance) & (jump <= self._tolerance)
         jump = np.where(added_up, level, jump)
-        magnitude, k = jump.max(axis=0), jump.argmax(axis=0)
+        magnitude = jump.max(axis=0)
+        k = jump.argmax(axis=0)
         self.time = np.where(magnitude > self.worst, pieces.start[k], self.time)
         self.worst = np.maximum(magnitude, self.worst)
 
@@ -67,8 +70,9 @@ class Jumps:
         """
         rise = np.cumsum(jump, axis=0) - self._excused * (time - self._level_time)[:, None, None]
         lowest = np.minimum.accumulate(np.concatenate([-self._level[None], rise - jump]))[1:]
-        level: Array = rise - lowest
-        self._level, self._level_time = level[-1], float(time[-1])
+        level = rise - lowest
+        self._level = level[-1]
+        self._level_time = float(time[-1])
         return level
 
     def checks(self, straight: bool = False) -> list[LimitCheck]:

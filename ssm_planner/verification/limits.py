@@ -88,13 +88,16 @@ class Worst:
     def offer(self, excess: float, value: float, time: float) -> None:
         """Store a value if it is worse than the stored one."""
         if excess > self.excess:
-            self.excess, self.value, self.time = excess, value, time
+            self.excess = excess
+            self.value = value
+            self.time = time
 
     def as_check(self) -> LimitCheck:
         limit, value = self.quantity.limit, self.value + 0.0  # not −0
         bound = limit.high if limit.high - value <= value - limit.low else limit.low
         if limit.low == -limit.high:
-            value, bound = abs(value), limit.high
+            value = abs(value)
+            bound = limit.high
         return LimitCheck(
             limit.name,
             limit.joint,

@@ -7,7 +7,6 @@ values that are adjacent in memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
 
@@ -16,7 +15,7 @@ import numpy as np
 from ssm_planner.dynamics.motors import STILL
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import DEGREE, Trajectory
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification import bernstein
 from ssm_planner.verification.limits import Worst
 
@@ -29,7 +28,7 @@ EXACT = 1e-10
 """Accuracy of the extreme of a polynomial relative to its limit."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Pieces:
     """Consecutive pieces as polynomials of s = (t − start)/length."""
 
@@ -60,31 +59,31 @@ class Pieces:
         return lowest, np.stack([b.max(axis=0).max(axis=0) for b in self.bernstein])
 
     def evaluate(
-        self, piece: Indices | slice, s: Array, out: Sequence[Array] | Array = ()
+        self, index: Indices | slice, s: Array, results: Sequence[Array] | Array = ()
     ) -> State:
         """Return q, qd, qdd, each (…, n, 4), at s (…, n) of the pieces with index (n,).
 
         out: arrays for the results, (4, … n).
         """
         q, qd, qdd = (
-            _horner(powers.T[..., piece], s, values)
-            for powers, values in zip_longest(self.powers[:3], out)
+            _horner(powers.T[..., index], s, values)
+            for powers, values in zip_longest(self.powers[:3], results)
         )
         return q, qd, qdd
 
-    def speeds(self, piece: Indices, s: Array) -> Array:
+    def speeds(self, index: Indices, s: Array) -> Array:
         """Return qd (…, n, 4) like `at`."""
-        return _horner(self.powers[1].T[..., piece], s)
+        return _horner(self.powers[1].T[..., index], s)
 
-    def time(self, piece: Indices, s: Array) -> Array:
-        return self.start[piece] + s * self.length[piece]
+    def time(self, index: Indices, s: Array) -> Array:
+        return self.start[index] + s * self.length[index]
 
     def moving(self, robot: Robot) -> Mask:
         """Return whether each joint moves within each piece, (m, 4).
 
         A speed that stays below STILL is the rounding error of a joint at rest.
         """
-        return np.asarray(np.abs(self.bernstein[1]).max(axis=1) > still(robot))
+        return np.abs(self.bernstein[1]).max(axis=1) > still(robot)
 
     def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
         """Return (piece, from, to) of the pieces, cut where a joint reverses.
@@ -98,7 +97,8 @@ class Pieces:
         owner = np.concatenate([indices, cuts % len(indices)])
         start_s = np.concatenate([np.zeros(len(indices)), s])
         order = np.lexsort((start_s, owner))
-        owner, start_s = owner[order], start_s[order]
+        owner = owner[order]
+        start_s = start_s[order]
         end = np.append(np.where(owner[1:] == owner[:-1], start_s[1:], 1.0), 1.0)
         keep = end > start_s
         return owner[keep], start_s[keep], end[keep]
@@ -134,14 +134,14 @@ def still(robot: Robot) -> Array:
     return np.array([joint.velocity for joint in robot.joints]) * STILL
 
 
-def _horner(powers: Array, s: Array, out: Array | None = None) -> Array:
+def _horner(powers: Array, s: Array, result: Array | None = None) -> Array:
     """Return Σ powers[:, k] s^k (…, n, 4) for powers (4, degree + 1, n) and s (…, n).
 
     The values of each joint are adjacent in memory. out: array for the result, (4, … n).
     """
     shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
     leading, *lower = (coefficient.reshape(shape) for coefficient in powers.swapaxes(0, 1)[::-1])
-    value = np.multiply(leading, s, out=None if out is None else out.reshape(4, *s.shape))
+    value = np.multiply(leading, s, out=None if result is None else result.reshape(4, *s.shape))
     value += lower[0]
     for coefficient in lower[1:]:
         value *= s
@@ -158,9 +158,11 @@ def find_extremes(pieces: Pieces, extremes: Sequence[Worst]) -> None:
             quantity = extreme.quantity
             if quantity.order != order:
                 continue
-            limit, i = quantity.limit, quantity.index
+            limit = quantity.limit
+            i = quantity.index
             for sign, bound in ((1.0, limit.high), (-1.0, -limit.low)):
-                factor, threshold = sign * quantity.scale, bound + extreme.excess * limit.half_width
+                factor = sign * quantity.scale
+                threshold = bound + extreme.excess * limit.half_width
                 if max(factor * lowest[order, i], factor * highest[order, i]) > threshold:
                     open_.append((extreme, sign, bound, threshold))
         if not open_:

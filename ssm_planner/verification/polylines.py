@@ -72,19 +72,24 @@ class _Speeds:
     """Collect joint speeds on linear pieces and jumps between them, less the possible rounding."""
 
     def __init__(self, robot: Robot, resolution: Array, start: Array) -> None:
-        self.robot, self.resolution = robot, resolution
+        self.robot = robot
+        self.resolution = resolution
         self.allowed = np.array([joint.acceleration for joint in robot.joints])
-        self.fastest, self.fastest_time = np.zeros(4), np.zeros(4)
+        self.fastest = np.zeros(4)
+        self.fastest_time = np.zeros(4)
         self.share = np.full(4, -np.inf)
         """Worst jump over what is allowed there; (worst, allowed, time) of it."""
         self.worst = np.zeros((3, 4))
-        self._before, self._length, self._time = start, 0.0, 0.0
+        self._before = start
+        self._length = 0.0
+        self._time = 0.0
 
     def look(self, breaks: Array, coefficients: Array) -> None:
         """Add pieces between breaks (m + 1,) with coefficients (m, 6, 4)."""
         length = np.diff(breaks)
         speed = np.maximum(np.abs(coefficients[:, 1]) - 2 * self.resolution / length[:, None], 0.0)
-        maximum, k = speed.max(axis=0), speed.argmax(axis=0)
+        maximum = speed.max(axis=0)
+        k = speed.argmax(axis=0)
         self.fastest_time = np.where(maximum > self.fastest, breaks[k], self.fastest_time)
         self.fastest = np.maximum(maximum, self.fastest)
         orders = np.arange(1, DEGREE + 1)
@@ -95,11 +100,14 @@ class _Speeds:
         self._jumps(
             breaks[:-1], np.append(self._length, length[:-1]), length, coefficients[:, 1] - previous
         )
-        self._before, self._length, self._time = ends[-1], float(length[-1]), float(breaks[-1])
+        self._before = ends[-1]
+        self._length = float(length[-1])
+        self._time = float(breaks[-1])
 
     def end(self, velocity: Array) -> None:
         """Add the end of the motion with the velocity q̇ (4,)."""
-        length, zero = np.array([self._length]), np.zeros(1)
+        length = np.array([self._length])
+        zero = np.zeros(1)
         self._jumps(np.array([self._time]), length, zero, (velocity - self._before)[None])
 
     def _jumps(self, time: Array, length_before: Array, length_after: Array, jump: Array) -> None:
@@ -111,7 +119,7 @@ class _Speeds:
             np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
             for x in (length_before, length_after)
         )
-        inverse: Array = inverse_before + inverse_after
+        inverse = inverse_before + inverse_after
         jump = np.maximum(np.abs(jump) - 2 * self.resolution * inverse[:, None], 0.0)
         allowed = self.allowed * ((length_before + length_after) / 2)[:, None]
         share = jump / allowed
@@ -140,7 +148,7 @@ def _within_rounding(
     if quantity.limit.order != 1:
         return limit
     if quantity.order is None:
-        return _of_tool(quantity, limit, trajectory, robot, resolution=speeds.resolution)
+        return _of_tool(quantity, limit, trajectory, robot, speeds.resolution)
     there = np.concatenate(
         [trajectory.piece_of(np.array([limit.time]), side) for side in ("left", "right")]
     )
@@ -175,20 +183,23 @@ def _of_tool(
     pieces = np.concatenate([trajectory.piece_of(there, side) for side in ("left", "right")])
     q_worst = trajectory.sample_pieces(pieces, limit.time - trajectory.breaks[pieces]).q
     speeds_left = unexplained(q_worst, trajectory.pieces(pieces)[:, 1], pieces)
-    worst, time = float(speeds_left.max()), limit.time
+    highest = float(speeds_left.max())
+    time = limit.time
     for start in range(0, len(trajectory.breaks) - 1, BLOCK):
         block = np.arange(start, min(start + BLOCK, len(trajectory.breaks) - 1))
         coefficients = trajectory.pieces(slice(start, start + len(block)))
-        q, speeds = coefficients[:, 0], coefficients[:, 1]
+        q = coefficients[:, 0]
+        speeds = coefficients[:, 1]
         # what does not count without the rounding needs no second look
-        faster = values(q, speeds) > worst
+        faster = values(q, speeds) > highest
         if not faster.any():
             continue
         speeds_left = unexplained(q[faster], speeds[faster], block[faster])
         k = int(np.argmax(speeds_left))
-        if speeds_left[k] > worst:
-            worst, time = float(speeds_left[k]), float(trajectory.breaks[block[faster][k]])
-    return _replaced(limit, worst, time)
+        if speeds_left[k] > highest:
+            highest = float(speeds_left[k])
+            time = float(trajectory.breaks[block[faster][k]])
+    return _replaced(limit, highest, time)
 
 
 def _replaced(limit: LimitCheck, value: float, time: float) -> LimitCheck:

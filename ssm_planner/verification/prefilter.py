@@ -54,7 +54,8 @@ def _extremes(trajectory: Trajectory) -> Iterator[Array]:
 
 def _slopes(state: Array, robot: Robot, evaluate: Evaluate) -> Array:
     """Return the largest slopes (3, 4, k) at states (3, n, 4)."""
-    direction, breakaway = np.sign(state[1]), np.zeros_like(state[1])
+    direction = np.sign(state[1])
+    breakaway = np.zeros_like(state[1])
 
     def slope(order: int, i: int) -> Array:
         step = np.zeros((3, 1, 4))
@@ -94,4 +95,4 @@ def starting(pieces: Pieces, robot: Robot) -> Mask:
     driven = np.array([joint.drive is not None for joint in robot.joints])
     speed = np.abs(pieces.bernstein[1])
     ends = np.minimum(speed[:, 0], speed[:, -1]) <= still(robot)
-    return np.asarray(np.any((ends & pieces.moving(robot))[:, driven], axis=1))
+    return np.any((ends & pieces.moving(robot))[:, driven], axis=1)

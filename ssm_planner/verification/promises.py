@@ -33,18 +33,23 @@ from ssm_planner.verification.certificate import LimitCheck
 
 OFF = 1e-7
 """Distance from its lines, m, beyond which the tip has left them."""
-ON, CONSTANT = 1e-6, 1e-6
+ON = 1e-6
+CONSTANT = 1e-6
 """Tolerances without corners: distance from a line or from a constant distance to the retina, m.
 
 The second value is the largest relative error of a constant speed.
 """
 SLACK = 1e-9
 """Extra distance, m, from a corner at which the tip may leave its lines."""
-LOOKS, FEW = 8, 3
+LOOKS = 8
+FEW = 3
 """Number of instants in every piece of a motion at constant speed, and of other motions."""
-ABOUT, INSTANTS = 1.5, 301
+ABOUT = 1.5
+INSTANTS = 301
 """Radius around a corner, in allowed distances, with more instants, and the number of these."""
-COARSE, STEPS, STEP = 65, 3, 1e-7
+COARSE = 65
+STEPS = 3
+STEP = 1e-7
 """Search of the point of a line that is nearest to the tip.
 
 The values are the number of points to start from, the number of Newton steps, and the step of
@@ -127,10 +132,12 @@ def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits)
 
     Phases have the names of the motions and their order.
     """
-    index, counts_unknown = 0, False
+    index = 0
+    counts_unknown = False
     spans = motion.phases
     for chain in _chains(limits.motion):
-        head, name = chain[0], " + ".join(dict.fromkeys(entry.name for entry in chain))
+        head = chain[0]
+        name = " + ".join(dict.fromkeys(entry.name for entry in chain))
         if isinstance(head, Scan) or (isinstance(head, Follow) and head.curve == "samples"):
             counts_unknown = True  # of as many phases as the planner needs
             continue
@@ -139,7 +146,8 @@ def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits)
         if counts_unknown:
             index = next((k for k in range(index, len(spans)) if spans[k].name == name), index)
         span = spans[index] if index < len(spans) else None
-        index, counts_unknown = index + 1, False
+        index += 1
+        counts_unknown = False
         if isinstance(head, Straight) or (isinstance(head, Follow) and head.curve in OF_TIP):
             start = motion.breaks[-1] if span is None else span.start
             is_phase = span is not None and span.name == name
@@ -263,7 +271,7 @@ def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
 
 
 def _line(start: Array, end: Array, s: Array) -> Array:
-    return np.asarray(start + s[:, None] * (end - start))
+    return start + s[:, None] * (end - start)
 
 
 def _middle(tips: Array) -> Array:
@@ -271,13 +279,12 @@ def _middle(tips: Array) -> Array:
 
     It is the intersection of the perpendicular bisecting planes of two sides and the points' plane.
     """
-    sides, normal = tips[1:] - tips[0], np.cross(tips[1] - tips[0], tips[2] - tips[0])
+    sides = tips[1:] - tips[0]
+    normal = np.cross(tips[1] - tips[0], tips[2] - tips[0])
     half = (sides * (tips[1:] + tips[0])).sum(axis=1) / 2
-    return np.asarray(
-        np.linalg.lstsq(np.vstack([sides, normal]), np.append(half, normal @ tips[0]), rcond=None)[
-            0
-        ]
-    )
+    return np.linalg.lstsq(
+        np.vstack([sides, normal]), np.append(half, normal @ tips[0]), rcond=None
+    )[0]
 
 
 def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
@@ -285,7 +292,8 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
 
     It is the shorter arc, or the arc through the tip between them.
     """
-    radius, end = tips[0] - centre, tips[-1] - centre
+    radius = tips[0] - centre
+    end = tips[-1] - centre
     normal = np.cross(radius, end) if shorter else np.cross(tips[1] - tips[0], tips[-1] - tips[0])
     size = np.linalg.norm(normal)
     tangent = np.cross(normal / size, radius) if size else radius
@@ -305,7 +313,7 @@ def _off(line: Curve, tips: Array) -> Array:
         slope = (ahead - positions_at) / STEP
         square = np.maximum((slope**2).sum(axis=1), np.finfo(float).tiny)
         s = np.clip(s + ((tips - positions_at) * slope).sum(axis=1) / square, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(tips - line(s), axis=1))
+    return np.linalg.norm(tips - line(s), axis=1)
 
 
 def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
@@ -336,7 +344,8 @@ def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
 
 def _instants(motion: Trajectory, mechanism: Mechanism, promise: Way) -> Array:
     """Return the instants (n,) in every piece of a phase, with more of them near its corners."""
-    start, end = promise.span.start, promise.span.end
+    start = promise.span.start
+    end = promise.span.end
     breaks = np.concatenate(
         [[start], motion.breaks[(motion.breaks > start) & (motion.breaks < end)], [end]]
     )
@@ -410,9 +419,11 @@ def _at_speed(
     value, and must never exceed it.
     """
     at_speed = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT)
-    ends, checked = (0.0, 0.0), speeds
+    ends = (0.0, 0.0)
+    checked = speeds
     if len(at_speed) >= LOOKS:
-        start, end = at_speed[0], at_speed[-1]
+        start = at_speed[0]
+        end = at_speed[-1]
         ends = float(t[start] - t[0]), float(t[end] - t[0])
         checked = np.maximum(speeds, speed)
         checked[start : end + 1] = speeds[start : end + 1]

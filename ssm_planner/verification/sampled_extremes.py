@@ -24,7 +24,7 @@ long trajectories, `prefilter` excludes whole pieces by a similar bracket around
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
@@ -53,7 +53,7 @@ from ssm_planner.problem.problem import Eye
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification import prefilter
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import Case, Quantity, Worst
@@ -68,7 +68,8 @@ PARTS = 5
 UNEVEN = 1e-8
 """Relative contribution to a mean square torque above which an interval is refined."""
 HALVINGS = 10
-INTERVALS, PIECE = 40_000, (64, 512)
+INTERVALS = 40_000
+PIECE = (64, 512)
 """Largest number of intervals of a trajectory and of a piece in the first pass.
 
 A slow quintic is as smooth as a fast one, so the cost grows with the number of pieces and not with
@@ -112,7 +113,9 @@ class SampledExtremes:
         worst: worst values of all quantities, which the search updates. rate: sampling rate of the
         second pass, Hz.
         """
-        self.robot, self.rate, self.eye = robot, rate, eye
+        self.robot = robot
+        self.rate = rate
+        self.eye = eye
         self.worst = [item for item in extremes if item.quantity.order is None]
         self.quantities = tuple(item.quantity for item in self.worst)
         keys = tuple(
@@ -138,10 +141,13 @@ class SampledExtremes:
             certain = pieces.length > self.longest
             certain[piece_index[end - start < 1.0]] = True
             searched = (certain | self._suspicious(pieces, self.slopes, certain))[piece_index]
-            piece_index, start, end = piece_index[searched], start[searched], end[searched]
-        rate, most_intervals = self.rate / PARTS, -(-self.most // PARTS)
+            piece_index = piece_index[searched]
+            start = start[searched]
+            end = end[searched]
+        rate = self.rate / PARTS
+        most_intervals = -(-self.most // PARTS)
         intervals = Intervals.of_segments(
-            pieces, self.robot, piece_index, start, end, rate=rate, most=most_intervals
+            pieces, self.robot, piece_index, start, end, rate=rate, max_intervals=most_intervals
         )
         for look in range(HALVINGS + 1):
             if not len(intervals.piece):
@@ -190,10 +196,8 @@ class SampledExtremes:
     def _sample_block(self, pieces: Pieces, intervals: Intervals, values: Array) -> None:
         """Write the values of a block into `values` (4, n, k)."""
         final = np.flatnonzero(~intervals.joined)
-        s, end = (
-            intervals.begin + INSTANTS[:3] * intervals.width,
-            np.minimum(intervals.begin[final] + intervals.width[final], 1.0),
-        )
+        s = intervals.begin + INSTANTS[:3] * intervals.width
+        end = np.minimum(intervals.begin[final] + intervals.width[final], 1.0)
         states = np.empty((3, 4, s.size + len(final)))
         pieces.evaluate(intervals.piece, s, states[..., : s.size])
         pieces.evaluate(intervals.piece[final], end, states[..., s.size :])
@@ -217,7 +221,8 @@ class SampledExtremes:
         The other pieces contribute to the RMS torque by their middle, except for the `certain`
         ones, which are always searched.
         """
-        state, moving = prefilter.middle(pieces), pieces.moving(self.robot)
+        state = prefilter.middle(pieces)
+        moving = pieces.moving(self.robot)
         values = self.evaluate(state, np.sign(state[1]) * moving, np.zeros_like(state[1]))
         self._keep_worst(
             values, pieces.time(np.arange(len(pieces.start)), np.full(len(pieces.start), 0.5))
@@ -227,7 +232,7 @@ class SampledExtremes:
             pieces, self.robot
         )
         self.rms.add_middles(values, np.where(suspicious | certain, 0.0, pieces.length))
-        return np.asarray(suspicious)
+        return suspicious
 
     def _keep_worst(self, values: Array, time: Array) -> None:
         """Offer the values (n, k) at times (n,) to the worst known ones."""
@@ -254,18 +259,17 @@ def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
     through v0 … v3 are (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6 and (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
     """
     v0, v1, v2, v3 = values
-    near_start, near_end = (
-        (-5 * v0 + 18 * v1 - 9 * v2 + 2 * v3) / 6,
-        (2 * v0 - 9 * v1 + 18 * v2 - 5 * v3) / 6,
-    )
-    highest, lowest = values.max(axis=0), values.min(axis=0)
+    near_start = (-5 * v0 + 18 * v1 - 9 * v2 + 2 * v3) / 6
+    near_end = (2 * v0 - 9 * v1 + 18 * v2 - 5 * v3) / 6
+    highest = values.max(axis=0)
+    lowest = values.min(axis=0)
     over = np.maximum(np.maximum(near_start, near_end) - highest, 0.0)
     under = np.maximum(lowest - np.minimum(near_start, near_end), 0.0)
     corner = kinked * np.abs(np.diff(values, axis=0)).max(axis=0)
     return lowest - CAUTION * under - corner, highest + CAUTION * over + corner
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Intervals:
     """n intervals of pieces. No joint reverses within an interval."""
 
@@ -297,12 +301,12 @@ class Intervals:
         end: Array,
         *,
         rate: float,
-        most: int,
+        max_intervals: int,
     ) -> Intervals:
         """Cut segments (m,) into intervals.
 
         The four instants of each interval give the sampling rate (Hz). Each segment has at most
-        `most` intervals.
+        `max_intervals` intervals.
         """
         # within a segment no joint turns back, so that its direction is that at the middle
         at_begin, middle, at_end = pieces.speeds(piece, np.stack([start, (start + end) / 2, end]))
@@ -313,14 +317,12 @@ class Intervals:
         counts = np.maximum(
             np.ceil((end - start) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
         )
-        counts = np.minimum(counts, most)
+        counts = np.minimum(counts, max_intervals)
         segment = np.repeat(np.arange(len(piece)), counts)
         offset = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        width, is_first, is_last = (
-            ((end - start) / counts)[segment],
-            offset == 0,
-            offset == counts[segment] - 1,
-        )
+        width = ((end - start) / counts)[segment]
+        is_first = offset == 0
+        is_last = offset == counts[segment] - 1
         slow = (is_first & starting.any(axis=1)[segment]) | (
             is_last & stopping.any(axis=1)[segment]
         )
@@ -338,12 +340,10 @@ class Intervals:
         """Return a slice of the intervals."""
         joined = self.joined[selection].copy()
         joined[-1:] = False
-        piece, start, width, slow = (
-            self.piece[selection],
-            self.begin[selection],
-            self.width[selection],
-            self.slow[selection],
-        )
+        piece = self.piece[selection]
+        start = self.begin[selection]
+        width = self.width[selection]
+        slow = self.slow[selection]
         return Intervals(
             piece,
             start,
@@ -356,8 +356,10 @@ class Intervals:
 
     def split(self, indices: Indices, count: int) -> Intervals:
         """Cut each of the chosen intervals into `count` equal parts."""
-        parent, offset = np.repeat(indices, count), np.tile(np.arange(count), len(indices))
-        width, is_first = self.width[parent] / count, offset == 0
+        parent = np.repeat(indices, count)
+        offset = np.tile(np.arange(count), len(indices))
+        width = self.width[parent] / count
+        is_first = offset == 0
         return Intervals(
             self.piece[parent],
             self.begin[parent] + offset * width,
@@ -415,10 +417,8 @@ class RmsTorques:
         checks = []
         for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):
             limit = robot.joints[i].limit(ContinuousTorque)
-            rms, end = (
-                float(np.sqrt(integral / (trajectory.duration + pause))),
-                float(trajectory.breaks[-1]),
-            )
+            rms = float(np.sqrt(integral / (trajectory.duration + pause)))
+            end = float(trajectory.breaks[-1])
             checks.append(
                 replace(
                     LimitCheck.from_extreme(limit, rms, end),
@@ -460,9 +460,7 @@ def _law(
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")
     )
     mechanism = Mechanism.from_geometry(robot.geometry)
-    tau, torque, effort = motor_law(
-        robot, q, qd=qd, qdd=qdd, direction=direction, breakaway=breakaway
-    )
+    tau, torque, effort = motor_law(robot, q, qd, qdd, direction, breakaway=breakaway)
     task = task_from_joints_symbolic(mechanism, q)
     rates = task_rates_symbolic(mechanism, q, qd)
     tip = tip_position_symbolic(mechanism, q)

@@ -20,7 +20,7 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Samples, Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import RATE, check
 
@@ -41,7 +41,7 @@ class WorstSpeed(ShortRepr):
     found: LimitCheck
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SpeedRange(ShortRepr):
     """The result of checking all speeds from `slowest` to 1."""
 
@@ -141,7 +141,8 @@ def _worst_speed(
     """
     for _ in range(REFINED):
         k = int(np.argmax(values))
-        low, high = factors[max(k - 1, 0)], factors[min(k + 1, len(factors) - 1)]
+        low = factors[max(k - 1, 0)]
+        high = factors[min(k + 1, len(factors) - 1)]
         factors = np.geomspace(low, high, 13)
         values = _torques(motion, robot, factors, pause)[int(column[0])][:, column[1]]
     return float(np.clip(factors[int(np.argmax(values))], 0.0, 1.0))
@@ -159,7 +160,8 @@ def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> 
         (motion.sample(motion.breaks[1:], "left"), -1),
     ]
     body = RigidBody.from_robot(robot)
-    peak, rms = np.zeros((len(factors), 4)), np.zeros((len(factors), 4))
+    peak = np.zeros((len(factors), 4))
+    rms = np.zeros((len(factors), 4))
     for samples, side in samples_by_side:
         k = factors[:, None, None]
         many = [

@@ -13,7 +13,6 @@ path is shorter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -28,10 +27,11 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import DEGREE, Trajectory, quintics
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices, Mask, record
 
 INSTANTS = 1000
-STEP, MOST_STEPS = 2e-3, 8
+STEP = 2e-3
+MOST_STEPS = 8
 """Largest interval of the path with constant s̈, in s of the motion.
 
 The second value is the largest number of intervals of a piece.
@@ -50,7 +50,7 @@ RESTS = 1e-9
 """A joint rests below this fraction of its velocity limit."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class StopMotions:
     """The quickest stops from n instants of a motion."""
 
@@ -87,7 +87,7 @@ def _motion(lengths: Array, coefficients: Array) -> Trajectory:
     return Trajectory(np.concatenate([[0.0], np.cumsum(lengths)]), coefficients, ())
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Path:
     """The path at both ends of its m intervals.
 
@@ -148,16 +148,16 @@ def quickest_stops(
     )
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a bound is none
         lengths, coefficients, edges = _stops(path, robot, start_nodes)
-    duration, travel = np.zeros(len(times)), np.zeros(len(times))
+    duration = np.zeros(len(times))
+    travel = np.zeros(len(times))
     moving = np.flatnonzero(np.diff(edges))
     if len(moving):
-        begins, last_pieces = edges[:-1][moving], edges[1:][moving] - 1
+        begins = edges[:-1][moving]
+        last_pieces = edges[1:][moving] - 1
         ends = _evaluate(coefficients[last_pieces].transpose(1, 2, 0), lengths[last_pieces])
         mechanism = Mechanism.from_geometry(robot.geometry)
-        positions, final = (
-            tip_position(mechanism, coefficients[:, 0]),
-            tip_position(mechanism, ends),
-        )
+        positions = tip_position(mechanism, coefficients[:, 0])
+        final = tip_position(mechanism, ends)
         from_where = positions[begins]
         distances = np.linalg.norm(
             positions - np.repeat(from_where, np.diff(edges)[moving], axis=0), axis=1
@@ -171,7 +171,7 @@ def quickest_stops(
         duration,
         travel,
         (lengths, coefficients),
-        edges=edges,
+        edges,
         ends=bool(path.rests[-1]),
     )
 
@@ -183,13 +183,17 @@ def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Arra
     the end of the path and still moves there.
     """
     last_node = len(path.s) - 1
-    stop, k = np.arange(len(start_nodes)), start_nodes.copy()
-    x: Array = np.ones(len(start_nodes))
-    bounds, lengths = _Bounds.from_path(path, robot), np.diff(path.s)
+    stop = np.arange(len(start_nodes))
+    k = start_nodes.copy()
+    x = np.ones(len(start_nodes))
+    bounds = _Bounds.from_path(path, robot)
+    lengths = np.diff(path.s)
     rows: list[tuple[Any, ...]] = []
     while True:
         going = ~path.rests[k] & (k < last_node) & (x > 0)
-        stop, k, x = stop[going], k[going], x[going]
+        stop = stop[going]
+        k = k[going]
+        x = x[going]
         if not len(stop):
             break
         length = lengths[k]
@@ -202,7 +206,8 @@ def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Arra
         next_x = np.where(ended, 0.0, next_x)
         travel = np.where(ended, x / np.where(ended, -2 * u, 1.0), length)
         rows.append((stop, k, x, u, next_x, travel))
-        k, x = k + 1, next_x
+        k = k + 1
+        x = next_x
     if not rows:
         return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(len(start_nodes) + 1, dtype=int)
     return _pieces(
@@ -210,7 +215,7 @@ def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Arra
     )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Bounds:
     """Lower bounds of s̈ on the m intervals of a path.
 
@@ -240,12 +245,15 @@ class _Bounds:
     def from_path(cls, path: _Path, robot: Robot) -> _Bounds:
         lengths = np.diff(path.s)
         m = len(lengths)
-        end, interval = np.repeat([0, 1, 1], m), np.tile(np.arange(m), 3)
+        end = np.repeat([0, 1, 1], m)
+        interval = np.tile(np.arange(m), 3)
         grows = np.concatenate([np.zeros(m), 2 * lengths, np.zeros(m)])
-        dq, ddq = path.dq[end, interval], path.ddq[end, interval]
+        dq = path.dq[end, interval]
+        ddq = path.ddq[end, interval]
         a = dq + grows[:, None] * ddq
         limit = np.array([joint.acceleration * (1 - BACKOFF) for joint in robot.joints])
-        moves, zeros = a != 0, np.zeros_like(a)
+        moves = a != 0
+        zeros = np.zeros_like(a)
         alone = [
             np.stack(
                 [
@@ -262,14 +270,15 @@ class _Bounds:
                 varying.append(i)
                 continue
             motor = _MotorAlong.from_joint(path, robot.joints[i], (end, interval, i), grows)
-            null, ones = np.zeros(3 * m), np.ones(3 * m)
+            null = np.zeros(3 * m)
+            unit_vector = np.ones(3 * m)
             begins, squared, rooted, risen = (
                 motor.torques(*unit)
                 for unit in (
                     (null, null, null),
-                    (null, ones, null),
-                    (null, null, ones),
-                    (ones, null, null),
+                    (null, unit_vector, null),
+                    (null, null, unit_vector),
+                    (unit_vector, null, null),
                 )
             )
             for row in (0, 1):
@@ -291,7 +300,8 @@ class _Bounds:
 
         ends: ṡ is 0 at the end of the interval.
         """
-        n, m = len(k), len(self.lengths)
+        n = len(k)
+        m = len(self.lengths)
         still = np.zeros(n)
         # which place of `terms`, and ṡ² there
         positions = [(0, x), (2, still), (0, still)] if ends else [(0, x), (1, x)]
@@ -304,10 +314,8 @@ class _Bounds:
         if half:
             pairs = np.minimum(values[self.alone : self.alone + half], values[self.alone + half :])
             bound = np.maximum(bound, pairs.max(axis=0))
-        end, interval = (
-            np.repeat([min(position, 1) for position, _ in positions], n),
-            np.tile(k, len(positions)),
-        )
+        end = np.repeat([min(position, 1) for position, _ in positions], n)
+        interval = np.tile(k, len(positions))
         for i in self.varying:
             grows = np.where(columns // m == 1, 2 * self.lengths[interval], 0.0)
             motor = _MotorAlong.from_joint(
@@ -317,7 +325,7 @@ class _Bounds:
         return np.minimum(bound.reshape(len(positions), n).max(axis=0), 0.0)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _MotorAlong:
     """A motor at n positions of a path.
 
@@ -367,7 +375,8 @@ class _MotorAlong:
         """Return the torques at s̈ = u, ṡ² = square and ṡ = root, each (n,)."""
         drive, (inertia, velocity, gravity) = self.joint.drive, self.load
         assert drive is not None
-        speed, acceleration = self.dq * root, self.dq * u + self.ddq * (square + self.grows * u)
+        speed = self.dq * root
+        acceleration = self.dq * u + self.ddq * (square + self.grows * u)
         rigid = inertia * u + velocity * (square + self.grows * u) + gravity
         effort = np.asarray(output_effort(drive, rigid, speed, acceleration, self.sigma))
         motion = drive.ratio * speed, drive.ratio * acceleration
@@ -395,10 +404,13 @@ class _MotorAlong:
 
         square: ṡ², (n,).
         """
-        root, null, ones = np.sqrt(square), np.zeros(len(square)), np.ones(len(square))
-        driving, braking = np.full(len(square), -np.inf), np.full(len(square), np.inf)
+        root = np.sqrt(square)
+        null = np.zeros(len(square))
+        unit_vector = np.ones(len(square))
+        driving = np.full(len(square), -np.inf)
+        braking = np.full(len(square), np.inf)
         for begins, raised in zip(
-            self.torques(null, square, root), self.torques(ones, square, root), strict=True
+            self.torques(null, square, root), self.torques(unit_vector, square, root), strict=True
         ):
             rises = raised - begins
             driving = np.maximum(driving, self.bound(rises, begins[None])[0])
@@ -422,14 +434,14 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     h = path.s[k + 1] - path.s[k]
     # where a stop ends within an interval the path there follows from both its ends
     within = np.flatnonzero(travel < h)
-    begins, ends = (
-        (q[within], dq[within], ddq[within]),
-        (q_end[within], dq_end[within], ddq_end[within]),
-    )
+    begins = (q[within], dq[within], ddq[within])
+    ends = (q_end[within], dq_end[within], ddq_end[within])
     inner = quintics(h[within], begins, ends).transpose(1, 2, 0)
     q_end[within] = _evaluate(inner, travel[within])
     dq_end[within] = _evaluate(inner[1:] * np.arange(1, DEGREE + 1)[:, None, None], travel[within])
-    root, root_after, u = np.sqrt(x)[:, None], np.sqrt(end_x)[:, None], u[:, None]
+    root = np.sqrt(x)[:, None]
+    root_after = np.sqrt(end_x)[:, None]
+    u = u[:, None]
     dt = 2 * travel / (root + root_after)[:, 0]
     start = q, dq * root, dq * u + ddq * x[:, None]
     finish = q_end, dq_end * root_after, dq_end * u + ddq_end * end_x[:, None]

@@ -51,7 +51,7 @@ def intervals(robot: Robot) -> tuple[Trajectory, Intervals]:
     motion = random_motion(4)
     (pieces,) = pieces_of(motion)
     segments = pieces.segments(robot)
-    return motion, Intervals.of_segments(pieces, robot, *segments, rate=40.0, most=6)
+    return motion, Intervals.of_segments(pieces, robot, *segments, rate=40.0, max_intervals=6)
 
 
 def test_intervals_cover_the_segments_at_the_rate(
