@@ -213,9 +213,7 @@ def joints_table(plan: Plan) -> Table:
 
     They show which of the configurations that reach the points is used.
     """
-    if plan.trajectory is None:
-        return Table(("joint", "from", "to", "unit"), [], (1, 2))
-    ends = plan.trajectory.sample(np.array([0.0, plan.trajectory.duration])).q
+    ends = plan.motion.sample(np.array([0.0, plan.motion.duration])).q
     rows = []
     for joint, (start, end) in zip(plan.problem.robot.joints, ends.T, strict=True):
         unit, scale = display_unit(joint.unit)

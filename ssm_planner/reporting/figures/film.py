@@ -140,8 +140,8 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     axis2 = rotation(mechanism.omega1, q[:, 0]) @ (sides[1] * mechanism.omega2)
     length = TAIL + np.linalg.norm(tip, axis=1).max()
     tool = np.stack([tip, tip + length * outward], axis=1)
-    arcs = [LINK * great_arc(*ends) @ VIEW.T for ends in ((axis1, axis2), (axis2, outward))]
-    return arcs[0], arcs[1], tool @ VIEW.T
+    first, second = LINK * great_arc(axis1, axis2), LINK * great_arc(axis2, outward)
+    return first @ VIEW.T, second @ VIEW.T, tool @ VIEW.T
 
 
 def still(plan: Plan) -> dict[str, Any]:
