@@ -1,4 +1,4 @@
-"""An identified drive as a YAML file: the rig's own file with friction filled in, each figure with its origin."""
+"""Write an identified drive as a YAML file: the file of the rig with its friction and sources."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ def write_drive(
     dynamic: Mapping[str, Estimate],
     evidence: str,
 ) -> str:
-    """Write `drive` to path: the YAML of `template` (the drive file identified) with its friction replaced.
+    """Write the YAML of `template`, the identified drive file, with the friction of `drive`.
 
-    evidence: the recordings, in words; it becomes the source of the friction. Every figure states its 95 % interval.
-    Written whole or not at all. Raises ExportError.
+    evidence: the recordings as a text, which becomes the source of the friction. Each parameter
+    states its 95 % interval. The file is written atomically. Raises ExportError.
     """
     import yaml
 
     content: dict[str, Any] = yaml.safe_load(Path(template).read_text(encoding="utf-8"))
     content["friction"] = _friction(drive, fit, dynamic, evidence)
     if "preload" in fit.estimates and not fit.estimates["preload"].fixed:
-        content["preload"] = _figure(drive, "preload", drive.preload, fit.estimates["preload"])
+        content["preload"] = _with_source(drive, "preload", drive.preload, fit.estimates["preload"])
     if LOAD_OFFSET in fit.estimates and drive.rig is not None:
         content["rig"]["load_offset"] = _quantity(drive, "load_offset", drive.rig.load_offset)
     elif drive.rig is not None:
@@ -62,7 +62,8 @@ def write_drive(
 def _heading(fit: MapFit, evidence: str) -> str:
     lines = [
         f"Friction identified from {evidence}.",
-        f"Law {fit.law}, NRMSD of the torque-velocity map {fit.nrmsd:.4f} over {len(fit.predicted)} points.",
+        f"Law {fit.law}, NRMSD of the torque-velocity map {fit.nrmsd:.4f} over "
+        f"{len(fit.predicted)} points.",
         "Intervals are of 95 % confidence.",
     ]
     if len(fit.law_shares) > 1:
@@ -70,7 +71,8 @@ def _heading(fit: MapFit, evidence: str) -> str:
         lines.append(f"How likely each law is, as a share of the sets of the posterior: {shares}.")
     for group in fit.inseparable:
         lines.append(
-            f"The data give {', '.join(group)} only together: each alone rests on what is expected of such drives."
+            f"The data determine {', '.join(group)} only together: their intervals depend on prior "
+            "knowledge."
         )
     lines += [f"Outlier, weight {weight:.2g}: {name}." for name, _, weight in fit.outliers]
     return "".join(f"# {one_line(line)}\n" for line in lines)
@@ -87,7 +89,7 @@ def _friction(
     names += [name for name in ("dwell_constant", "memory") if getattr(friction, name)]
     table: dict[str, Any] = {"law": friction.law, "source": f"identified from {evidence}"}
     for name in names:
-        table[name] = _figure(drive, name, float(getattr(friction, name)), estimates.get(name))
+        table[name] = _with_source(drive, name, float(getattr(friction, name)), estimates.get(name))
     if friction.identified_speed is not None:
         table["identified_speed"] = _quantity(drive, "identified_speed", friction.identified_speed)
     if friction.posterior is not None:
@@ -96,7 +98,7 @@ def _friction(
 
 
 def _posterior(posterior: Posterior) -> dict[str, Any]:
-    """Numbers in SI, as text: YAML reads it at once."""
+    """Return the posterior with numbers in SI as texts, which YAML reads fast."""
     draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
     table: dict[str, Any] = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
     if posterior.speeds:
@@ -104,18 +106,18 @@ def _posterior(posterior: Posterior) -> dict[str, Any]:
             "speeds": _numbers(posterior.speeds),
             "departures": _numbers(posterior.departures),
         }
-    for way, ripple in (("forwards", posterior.forwards), ("backwards", posterior.backwards)):
+    for direction, ripple in (("forwards", posterior.forwards), ("backwards", posterior.backwards)):
         if ripple is not None:
-            table[way] = {
+            table[direction] = {
                 field.name: _numbers(getattr(ripple, field.name))
                 for field in dataclasses.fields(Ripple)
             }
-    for way in ("harmonics_forwards", "harmonics_backwards"):
-        if (harmonics := getattr(posterior, way)) is not None:
+    for direction in ("harmonics_forwards", "harmonics_backwards"):
+        if (harmonics := getattr(posterior, direction)) is not None:
             numbers = {
                 name: _numbers(getattr(harmonics, name)) for name in ("orders", "cosine", "sine")
             }
-            table[way] = {**numbers, "phased": harmonics.phased}
+            table[direction] = {**numbers, "phased": harmonics.phased}
     return {**table, "draws": draws}
 
 
@@ -123,7 +125,9 @@ def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{value:.6g}" for value in values)
 
 
-def _figure(drive: Drive, name: str, value: float, estimate: Estimate | None) -> dict[str, Any]:
+def _with_source(
+    drive: Drive, name: str, value: float, estimate: Estimate | None
+) -> dict[str, Any]:
     return {"value": _quantity(drive, name, value), "source": _origin(name, estimate)}
 
 
@@ -141,7 +145,7 @@ def _origin(name: str, estimate: Estimate | None) -> str:
 
 
 def unit_of(drive: Drive, name: str) -> str | None:
-    """The SI unit of a parameter of a drive as files write it, None of a pure number."""
+    """Return the SI unit of a parameter in files, or None for a pure number."""
     return {**_UNITS, **_OUTPUT_UNITS.get(drive.kind, _SCREW_UNITS)}.get(name)
 
 

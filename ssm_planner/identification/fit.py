@@ -207,7 +207,8 @@ def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Ar
 def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[Sample, float]]:
     """Return samples of the possible laws with their probabilities. The chosen law is among them.
 
-    fitted: models with the most likely z (k,), the one with a free load offset last for each law.
+    fitted: models with the most likely z (k,), where the one with a free load
+    offset is the last of its law.
     An offset that does not reduce the blind error is 0 in the fit, but it remains uncertain. Laws
     with more parameters than points count too, because the prior bounds their parameters.
     """
@@ -225,37 +226,39 @@ def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> dict[str, Arra
     """Return the parameter sets of all possible laws as columns (sets,) by name.
 
     There are columns for each parameter, for the torque at the slow speeds (2,) in rad/s, for the
-    WEIGHT, and for the LAW if several laws are possible. Values that a law does not have are NaN,
-    except that the Coulomb law has no Stribeck friction.
+    WEIGHT, and for the LAW if several laws are possible. Missing values are NaN, except that the
+    Stribeck friction of the Coulomb law is 0.
     """
-    parts = []
+    laws = []
     for law_sample, share in possible:
         model, (z, weight) = law_sample.model, law_sample.ordered
-        part = {name: column[:, 0] for name, column in model.parameters(z).items()}
+        columns = {name: column[:, 0] for name, column in model.parameters(z).items()}
         if len(possible) > 1:
             constants = {"mu_stribeck": 0.0} if model.law == "coulomb" else model.fixed
             numbers = {name: constants[name] for name in _STRIBECK if name in constants}
             numbers[LAW] = LAWS.index(model.law)
-            part |= {name: np.full(len(z), float(number)) for name, number in numbers.items()}
-        part |= dict(zip(_WAYS, model.torque(z, slow).T, strict=True))
-        parts.append({**part, WEIGHT: share * weight})
+            columns |= {name: np.full(len(z), float(number)) for name, number in numbers.items()}
+        columns |= dict(zip(_WAYS, model.torque(z, slow).T, strict=True))
+        laws.append({**columns, WEIGHT: share * weight})
     return {
-        name: np.concatenate([part.get(name, np.full(len(part[WEIGHT]), np.nan)) for part in parts])
-        for name in dict.fromkeys(name for part in parts for name in part)
+        name: np.concatenate(
+            [columns.get(name, np.full(len(columns[WEIGHT]), np.nan)) for columns in laws]
+        )
+        for name in dict.fromkeys(name for columns in laws for name in columns)
     }
 
 
-def _drawn(pooled: dict[str, Array]) -> dict[str, Array]:
+def _draw_sets(pooled: dict[str, Array]) -> dict[str, Array]:
     """Return DRAWS equally likely sets by systematic resampling, as columns (DRAWS,) by name.
 
-    A Coulomb law has the Stribeck speeds of the other laws, which have no effect.
+    A Coulomb law has the Stribeck speeds of the other laws, which do not affect it.
     """
     cumulative = np.cumsum(pooled[WEIGHT])
     chosen = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
     chosen = np.random.default_rng(SEED).permutation(chosen)
-    last = (LOAD_OFFSET, LAW)
-    names = [name for name in pooled if name not in (*last, *_WAYS, WEIGHT)]
-    columns = {name: pooled[name][chosen] for name in (*names, *last) if name in pooled}
+    ending = (LOAD_OFFSET, LAW)
+    names = [name for name in pooled if name not in (*ending, *_WAYS, WEIGHT)]
+    columns = {name: pooled[name][chosen] for name in (*names, *ending) if name in pooled}
     for column in columns.values():
         missing = np.isnan(column)
         column[missing] = np.resize(column[~missing], missing.sum())
@@ -279,7 +282,7 @@ def _report(
     ]
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
     pooled = _pooled(possible, slow)
-    posterior = _posterior(model, predicted, data, possible, _drawn(pooled))
+    posterior = _posterior(model, predicted, data, possible, _draw_sets(pooled))
     values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)} | {
         name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()
     }
@@ -349,11 +352,11 @@ def _estimate(value: float, pooled: dict[str, Array], name: str) -> Estimate:
 
 
 def _unreliable(possible: list[tuple[Sample, float]]) -> list[str]:
-    largest = max(share * s.largest for s, share in possible)
-    if largest <= LARGEST_WEIGHT:
+    weight = max(share * s.largest_weight for s, share in possible)
+    if weight <= LARGEST_WEIGHT:
         return []
     return [
-        f"the 95 % intervals are not reliable: one of the sampled parameter sets has {largest:.1%} "
+        f"the 95 % intervals are not reliable: one of the sampled parameter sets has {weight:.1%} "
         "of the probability; are direction and payload of the rig right?"
     ]
 

@@ -1,4 +1,4 @@
-"""The parameters an identification can vary, and their place in a drive."""
+"""Define the parameters of an identification and set them in a drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
 
 TYPICAL_MU = 0.15
-"""Sliding metal on greased metal or polymer: where a fit starts when the drive file gives no value."""
+"""Prior centre of μ without a value in the drive file: metal on greased metal or polymer."""
 
 _ABOVE_CRITICAL = 1.005
 
@@ -29,11 +29,11 @@ _FRICTION_FIELDS = (
     "mu_static",
 )
 ALL = (*_FRICTION_FIELDS[:-1], "preload")
-"""Names that can be identified from a map or fixed."""
+"""Names of parameters that a map can determine or that can be fixed."""
 
 
 def names_of(law: str) -> tuple[str, ...]:
-    """Parameters that a law fits by default; the others stay as the drive gives them."""
+    """Return the parameters that are fitted by default for a law."""
     if law not in LAWS:
         raise RecordingError(f"unknown friction law {law!r}; known: {', '.join(LAWS)}")
     base = ("b_c", "b_v", "mu", "b_oc")
@@ -41,7 +41,10 @@ def names_of(law: str) -> tuple[str, ...]:
 
 
 def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Drive:
-    """The drive with friction law and parameters replaced; values may be arrays that broadcast over many sets."""
+    """Return the drive with another friction law and other parameters.
+
+    The values may be arrays that represent many sets.
+    """
     friction: dict[str, Any] = {name: values[name] for name in _FRICTION_FIELDS if name in values}
     base = drive.friction or Friction(mu=TYPICAL_MU, mu_static=TYPICAL_MU, b_c=0.0, b_v=0.0)
     if law == "coulomb":
@@ -54,21 +57,25 @@ def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Driv
 
 
 def map_torque(drive: Drive, w: Array, load: float | Array) -> Array:
-    """Motor torque in steady motion at motor speeds w (points,) against the constant effort `load` on the output.
+    """Return the motor torque in N·m of steady motion at motor speeds w (points,) in rad/s.
 
-    load and the friction may hold columns (sets, 1); the torque is then (sets, points).
+    load: constant effort on the output, N·m or N. If the load or the friction contains columns
+    (sets, 1), the torque has the shape (sets, points).
     """
     effort = output_effort(drive, load, w / drive.ratio, 0.0)
     return motor_torque(drive, effort, w, 0.0)
 
 
 def locking_mu(drive: Drive) -> float:
-    """Least coefficient of a drive that is relied on to lock itself, just above tan λ · cos θ_n; 0 for others."""
+    """Return the smallest μ with which a self-locking drive locks, just above tan λ · cos θ_n.
+
+    The result is 0 for other drives.
+    """
     return (
         _ABOVE_CRITICAL * float(-self_locking_margin(drive, 0.0)[0]) if drive.self_locking else 0.0
     )
 
 
 def rest_coefficient(drive: Drive) -> float:
-    """μ as w → 0 in motion: what breakaway cannot be below."""
+    """Return the limit of μ for w → 0 in motion, which is the least coefficient of breakaway."""
     return float(friction_coefficient(friction_of(drive), 0.0))

@@ -180,8 +180,10 @@ class MapModel:
 
     def without(self, points: Indices) -> MapModel:
         """Return the model without some points, with the same prior."""
-        kept = np.setdiff1d(np.arange(len(self.w)), points)
-        model = replace(self, w=self.w[kept], tau=self.tau[kept], weight=self.weight[kept])
+        remaining = np.setdiff1d(np.arange(len(self.w)), points)
+        model = replace(
+            self, w=self.w[remaining], tau=self.tau[remaining], weight=self.weight[remaining]
+        )
         model.__dict__["prior"] = self.prior
         return model
 
@@ -224,19 +226,19 @@ def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Ar
     """
     from scipy.optimize import least_squares
 
-    def completed(part: Array) -> Array:
+    def completed(values: Array) -> Array:
         coordinates = z.copy()
-        coordinates[free] = part
+        coordinates[free] = values
         return coordinates
 
-    def misfit(part: Array) -> Array:
-        return np.concatenate([model.residual(completed(part)[None])[0] / scatter, part])
+    def misfit(values: Array) -> Array:
+        return np.concatenate([model.residual(completed(values)[None])[0] / scatter, values])
 
-    def slope(part: Array) -> Array:
+    def slope(values: Array) -> Array:
         steps = 1e-6 * np.eye(len(z))[free]
-        sets = np.concatenate([completed(part)[None], completed(part) + steps])
-        values = model.residual(sets) / scatter
-        return np.concatenate([((values[1:] - values[0]) / 1e-6).T, np.eye(len(part))])
+        sets = np.concatenate([completed(values)[None], completed(values) + steps])
+        residuals = model.residual(sets) / scatter
+        return np.concatenate([((residuals[1:] - residuals[0]) / 1e-6).T, np.eye(len(values))])
 
     solution = least_squares(
         misfit, z[free], jac=slope, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=60
@@ -270,13 +272,13 @@ def simplest(models: list[MapModel], errors: list[Array]) -> int:
 
     errors: blind errors (points,) of each model.
     """
-    best = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
+    best_model = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
     for i in sorted(range(len(models)), key=lambda i: len(models[i].names)):
-        excess = errors[i] ** 2 - errors[best] ** 2
+        excess = errors[i] ** 2 - errors[best_model] ** 2
         allowed = CLEAR_GAIN * np.std(excess) / math.sqrt(len(excess))
         if np.mean(excess) <= allowed + (NEGLIGIBLE * np.ptp(models[i].tau)) ** 2:
             return i
-    return best
+    return best_model
 
 
 def _information(model: MapModel, z: Array) -> Array:

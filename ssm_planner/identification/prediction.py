@@ -324,7 +324,7 @@ class Motion:
         edges = np.flatnonzero(
             np.diff(np.concatenate([[False], rest, [False]]).astype(int))
         ).reshape(-1, 2)
-        direction = np.sign(_filled(np.where(rest, np.nan, w)))
+        direction = np.sign(_fill_gaps(np.where(rest, np.nan, w)))
         direction[rest] = 0.0
         for start, stop in edges:
             if stop < len(w):
@@ -380,11 +380,11 @@ def coefficient_along(friction: Friction, motion: Motion) -> Array:
     return mu
 
 
-def _filled(values: Array) -> Array:
+def _fill_gaps(values: Array) -> Array:
     """Replace zeros and NaN (samples,) by the last nonzero value, and leading ones by the next."""
     values = np.where(values == 0, np.nan, values)
-    known = np.flatnonzero(np.isfinite(values))
-    if not len(known):
+    present = np.flatnonzero(np.isfinite(values))
+    if not len(present):
         return np.zeros(len(values))
-    last = np.searchsorted(known, np.arange(len(values)), side="right") - 1
-    return values[known[np.maximum(last, 0)]]
+    previous = np.searchsorted(present, np.arange(len(values)), side="right") - 1
+    return values[present[np.maximum(previous, 0)]]

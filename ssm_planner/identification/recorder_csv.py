@@ -1,6 +1,6 @@
-"""Numbers as people and spreadsheets write them, and the list of what had to be mended to read them.
+"""Read tables of numbers from text files: exports of the EPOS recorder, and CSV with named columns.
 
-Tables in text files: the EPOS recorder's layout and CSV with named columns, numbers with or without local habits.
+Numbers may have local formats. The reader lists every repair.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ _GROUPED = {
 }
 """Numbers with thousands separators, by the decimal mark."""
 _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
-"""Numbers whose mark may be that of decimals or of thousands."""
+"""Numbers with one mark, which separates decimals or thousands."""
 _MARKED = re.compile(r"[+-]?[\d.,]*\d[\d.,]*([eE][+-]?\d+)?")
 _BLANKS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f ](?=\\d{3})")
-"""Thousands separators that are no mark: apostrophes and blanks."""
+"""Apostrophes and blanks that separate thousands."""
 _EDITED = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
 
 
 class Notes:
-    """Repairs of one file, equal ones counted."""
+    """Repairs of one file; equal repairs are counted."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -47,16 +47,17 @@ class Notes:
         self.counted.setdefault(text, []).append(line + 1)
 
     def number(self, text: str, line: int, mark: str) -> float:
-        """The number a field holds, its local habits undone; NaN for an empty field or a stated nan.
+        """Return the number in a field, or NaN for an empty field and for `nan`.
 
-        mark: the column's decimal mark, "" where it has both or does not show.
+        mark: decimal mark of the column, or "" if it is ambiguous.
         """
-        text = _bare(text)
+        text = _unquoted(text)
         if text.lower() in ("", "nan", "inf", "-inf", "+inf", "null", "none", "#n/a"):
             return math.nan
         if _EITHER.fullmatch(text) and not mark:
             raise RecordingError(
-                f"{self.path}:{line + 1}: {text!r} may have decimals or thousands: write numbers without thousands separators"
+                f"{self.path}:{line + 1}: {text!r} may have decimals or thousands: write numbers "
+                "without thousands separators"
             )
         joined = _BLANKS.sub("", text)
         if mark and _GROUPED[mark].fullmatch(joined):
@@ -70,21 +71,22 @@ class Notes:
             return float(joined.replace(",", "."))
         edited = _EDITED.fullmatch(text)
         if edited:
-            value, before = edited.group(1).strip(), edited.group(2)
+            value, original = edited.group(1).strip(), edited.group(2)
             self.add(
-                f"line {line + 1}: edited value {value} restored to {before}, which the file states it was"
+                f"line {line + 1}: edited value {value} restored to {original}, which the file "
+                "states it was"
             )
-            return float(before)
-        head, _, rest = text.partition(",")
-        if rest and not rest.lstrip()[:1].isdigit() and NUMBER.fullmatch(head.strip()):
+            return float(original)
+        head, _, tail = text.partition(",")
+        if tail and not tail.lstrip()[:1].isdigit() and NUMBER.fullmatch(head.strip()):
             self.add(
                 f"line {line + 1}: text after the number {head.strip()} ignored ({text[:40]!r})"
             )
             return float(head)
         raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
 
-    def all(self) -> list[str]:
-        counted = [f"{len(at)} {text} (first: line {at[0]})" for text, at in self.counted.items()]
+    def texts(self) -> list[str]:
+        counted = [f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()]
         return self.single + counted
 
 
@@ -108,8 +110,11 @@ UNITS: dict[str, dict[str, float]] = {
         "mnm": 1e-3,
     },
 }
-"""Factor to SI by quantity and unit in lower case; %, ‰ are of the motor's nominal torque, increments of an encoder of 1024
-lines."""
+"""Factors to SI by quantity and unit in lower case.
+
+The torque in % or ‰ is relative to the nominal torque of the motor. Increments are those of an
+encoder with 1024 lines.
+"""
 _OF_NOMINAL = ("%", "percent", "‰", "permille")
 
 NAMES = {
@@ -125,21 +130,24 @@ NAMES = {
     "position": ("position actual value", "position", "angle"),
     "torque": ("torque actual value averaged", "torque actual value", "torque", "tau"),
 }
-"""Accepted column names, best first."""
+"""Accepted column names in the order of preference."""
 _OPTIONAL = ("position",)
 
 _MORE = "lines with more than {} columns: "
 MOST_LEFT_OUT = 0.05
-"""Share of the samples that may be left out as no numbers."""
+"""Largest share of samples that may be left out because they are not numbers."""
 MAX_LINE = 100_000
-"""Longest line read, characters."""
+"""Longest line, characters."""
 
 _UNIT_IN_NAME = re.compile(r"^(.*?)\s*[\[(](.*?)[\])]\s*$")
 
 
 @dataclass
 class Table:
-    """Numbers of a file, (samples, columns), with the line of each sample; NaN where a field is no finite number."""
+    """Numbers of a file, (samples, columns), with the line of each sample.
+
+    They are NaN for fields without a finite number.
+    """
 
     names: list[str]
     units: list[str]
@@ -151,7 +159,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Column:
-    """One column that was found: its place, name and factor to SI."""
+    """Index, name and factor to SI of one column."""
 
     index: int
     name: str
@@ -188,36 +196,41 @@ def parse_table(text: str, path: Path) -> Table:
 
 
 def find_columns(table: Table, path: Path) -> dict[str, Column]:
-    """Time, speed and torque columns of a table, whatever their order; RecordingError where one is missing."""
+    """Return the columns of time, speed, torque and position by quantity.
+
+    Raises RecordingError if a required column is missing.
+    """
     split = [
         _name_and_unit(name, unit) for name, unit in zip(table.names, table.units, strict=True)
     ]
-    found: dict[str, Column] = {}
+    columns: dict[str, Column] = {}
     for quantity, accepted in NAMES.items():
         candidates = [(accepted.index(n), k) for k, (n, _) in enumerate(split) if n in accepted]
         if not candidates and quantity in _OPTIONAL:
             continue
         if not candidates:
             raise RecordingError(
-                f"{path}: no {quantity} column among {[n for n in table.names if n] or table.names}; "
+                f"{path}: no {quantity} column among "
+                f"{[n for n in table.names if n] or table.names}; "
                 f"accepted names: {', '.join(accepted)}"
             )
         index = min(candidates)[1]
         unit = split[index][1]
         allowed = UNITS[quantity]
         if unit.lower() not in allowed:
-            given = f"unit {unit!r}" if unit else "no unit"
+            stated = f"unit {unit!r}" if unit else "no unit"
             raise RecordingError(
-                f"{path}: {quantity} column {table.names[index]!r} has {given}; allowed: {', '.join(allowed)}"
+                f"{path}: {quantity} column {table.names[index]!r} has {stated}; allowed: "
+                f"{', '.join(allowed)}"
             )
-        found[quantity] = Column(
+        columns[quantity] = Column(
             index,
             table.names[index],
             unit,
             allowed[unit.lower()],
             quantity == "torque" and unit.lower() in _OF_NOMINAL,
         )
-    return found
+    return columns
 
 
 def _separator(lines: list[str], path: Path) -> str:
@@ -228,7 +241,7 @@ def _separator(lines: list[str], path: Path) -> str:
 
 
 def _find_names(lines: list[str], separator: str, path: Path) -> int:
-    """Line of the channel names: the last line before the numbers that names a speed or torque channel."""
+    """Return the index of the line of channel names, which names a speed or torque channel."""
     words = ("velocity", "speed", "torque", "tau", "omega")
     for k, line in enumerate(lines[:200]):
         fields = [f.strip().strip('"').lower() for f in _fields(line, separator)]
@@ -240,12 +253,12 @@ def _find_names(lines: list[str], separator: str, path: Path) -> int:
             return k
     raise RecordingError(
         f"{path}: no line of channel names found (a velocity and a torque column are needed); "
-        "neither an EPOS recorder export nor a CSV with named columns"
+        "the file is not an EPOS recorder export or a CSV with named columns"
     )
 
 
 def _align(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:
-    """Give the recorder's unnamed time column its name, and names and units the same length."""
+    """Name the recorder's unnamed time column, and make names and units equally long."""
     width = max(len(names), len(units))
     names, units = names + [""] * (width - len(names)), units + [""] * (width - len(units))
     if not any(_name_and_unit(n, u)[0] in NAMES["time"] for n, u in zip(names, units, strict=True)):
@@ -257,7 +270,7 @@ def _align(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
-    """("velocity", "rpm") from `velocity` and `rpm`, `Velocity [rpm]` or `velocity_rpm`."""
+    """Return ("velocity", "rpm") for `velocity` and `rpm`, `Velocity [rpm]` or `velocity_rpm`."""
     match = _UNIT_IN_NAME.match(name)
     if match and not unit:
         name, unit = match.group(1), match.group(2)
@@ -279,7 +292,7 @@ def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
 
 
 def _strip(line: str) -> str:
-    """A line without the commas and blanks that a spreadsheet leaves at its end."""
+    """Return a line without commas and blanks at its end, which spreadsheets add."""
     return line.rstrip().rstrip(",").rstrip()
 
 
@@ -295,14 +308,14 @@ def _fields(line: str, separator: str) -> list[str]:
     return fields
 
 
-def _bare(text: str) -> str:
-    """A field without blanks and quotes about it, its minus that of a keyboard."""
+def _unquoted(text: str) -> str:
+    """Return a field without blanks and quotes around it, with an ASCII minus sign."""
     return text.strip().strip('"').strip().replace("\u2212", "-")
 
 
 def _marks(rows: list[list[str]], width: int) -> list[str]:
-    """The decimal mark of each column of fields; "" where it has both, or where what shows it contradicts other columns."""
-    columns = [[_BLANKS.sub("", _bare(row[k])) for row in rows] for k in range(width)]
+    """Return the decimal mark of each column of fields, or "" for ambiguous columns."""
+    columns = [[_BLANKS.sub("", _unquoted(row[k])) for row in rows] for k in range(width)]
     sure: list[set[str]] = []
     for fields in columns:
         numbers = {
@@ -310,12 +323,9 @@ def _marks(rows: list[list[str]], width: int) -> list[str]:
             for f in fields
             if ("," in f or "." in f) and _MARKED.fullmatch(f) and not _EITHER.fullmatch(f)
         }
-        single = {
-            _OTHER[m] if f.count(m) > 1 else m
-            for f in numbers
-            for m in (f[max(map(f.rfind, ".,"))],)
-        }
-        sure.append(single)
+        # A mark that occurs twice separates thousands.
+        marks = {(f, f[max(map(f.rfind, ".,"))]) for f in numbers}
+        sure.append({_OTHER[m] if f.count(m) > 1 else m for f, m in marks})
     elsewhere = set().union(*sure) or {
         m for fields in columns for f in fields if _MARKED.fullmatch(f) for m in ".," if m in f
     }
@@ -326,17 +336,19 @@ def _marks(rows: list[list[str]], width: int) -> list[str]:
 
 
 def _guessed(fields: list[str], elsewhere: set[str]) -> str:
-    """The decimal mark of a column in which no field shows it for sure; elsewhere: those of all columns, as far as known."""
+    """Return the decimal mark of a column without a certain mark.
+
+    elsewhere: the certain marks of all columns.
+    """
     seen = {mark for f in fields if _EITHER.fullmatch(f) for mark in ".," if mark in f}
-    whole = [abs(int(f)) for f in fields if re.fullmatch(r"[+-]?\d+", f)]
+    integers = [abs(int(f)) for f in fields if re.fullmatch(r"[+-]?\d+", f)]
     if len(seen) != 1:
         return "" if seen else "."
     mark = seen.pop()
-    if whole:
-        # 992 before 1,024 is of thousands, 1024 before 1,125 of decimals.
-        return (
-            mark if max(whole) >= 1000 or (mark == "." and "," not in elsewhere) else _OTHER[mark]
-        )
+    if integers:
+        # With 992 before it, 1,024 has thousands; with 1024 before it, 1,125 has decimals.
+        decimal = max(integers) >= 1000 or (mark == "." and "," not in elsewhere)
+        return mark if decimal else _OTHER[mark]
     return mark if elsewhere == {mark} else ""
 
 
@@ -377,8 +389,8 @@ def _samples(
         raise RecordingError(f"{path}: the header is there, but no sample follows it")
     if separator == "," and len(notes.counted.get(more, ())) > max(1, MOST_LEFT_OUT * len(rows)):
         raise RecordingError(
-            f"{path}:{notes.counted[more][0]}: more fields than the {width} columns that the header names: where the comma "
-            "separates columns, numbers with a decimal comma must be quoted"
+            f"{path}:{notes.counted[more][0]}: more fields than the {width} columns that the header "
+            "names: where the comma separates columns, numbers with a decimal comma must be quoted"
         )
     try:
         values = np.array(rows, dtype=float)
@@ -393,4 +405,4 @@ def _samples(
     promised = header.get("recorded samples", "")
     if promised.isdigit() and int(promised) != len(rows):
         notes.add(f"the header promises {promised} samples, {len(rows)} were found")
-    return Table(names, units, values=values, lines=numbers, repairs=notes.all(), header=header)
+    return Table(names, units, values=values, lines=numbers, repairs=notes.texts(), header=header)

@@ -1,4 +1,7 @@
-"""Recordings of one drive: EPOS recorder exports and CSV files with named columns, read with every repair stated."""
+"""Read recordings of a drive: exports of the EPOS recorder, and CSV files with named columns.
+
+The reader states every repair of a file.
+"""
 
 from __future__ import annotations
 
@@ -23,38 +26,47 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array
 
 MAX_BYTES = 32_000_000
-"""Largest file read: more than half an hour at 1 kHz. An EPOS recorder export is some 10 kB."""
+"""Largest file: more than half an hour at 1 kHz. An export of the EPOS recorder has about 10 kB."""
 
 MIN_SAMPLES = 8
 RAIL = 8
-"""So many samples at the largest torque, or in a row at the same, are no measurement of it."""
+"""Number of samples at the largest torque, or of equal samples in a row, that is suspicious."""
 RAIL_BAND, RAIL_EXCESS = 0.01, 4
-"""How near the largest torque they lie, as a share of its range, and how many times those of the next such band they are."""
+"""Width of the band below the largest torque, as a share of the torque range.
+
+Its samples are suspicious if they are RAIL_EXCESS times those of the next band.
+"""
 UNEQUAL = 3
-"""How many times the next longest row of equal torque the longest is where the channel stopped, not merely is coarse."""
+"""Ratio of the longest row of equal torque to the next longest in a channel that stopped.
+
+The ratio of a channel with a coarse resolution is smaller.
+"""
 LASTING = 2.0
-"""Times the nominal torque that no motor gives on average."""
+"""Mean torque, divided by the nominal torque, that exceeds the ability of any motor."""
 PASSAGE, REPEATED = 8, 0.5
-"""Samples in a row by which recordings are compared, and the share of them that two recordings do not have in common."""
+"""Number of samples in a compared passage, and the share of common passages in a repetition."""
 SPIKE_GAP = 3.0
-"""A sample is a spike when its distance to the others exceeds this many times their range."""
+"""Distance of a spike from the other samples, in units of their range."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording(ShortRepr):
-    """Speed and torque of one motor over time, SI, in the drive's positive direction; arrays (samples,)."""
+    """Speed and torque of one motor over time in the drive's positive direction.
+
+    Arrays have the shape (samples,) and SI units.
+    """
 
     name: str
     time: Array
     w: Array
     tau: Array
     repairs: tuple[str, ...] = ()
-    """What was mended or left out, one sentence each."""
+    """Repairs and omissions, one sentence each."""
     quantum: float = 0.0
     """Resolution of the speed channel, rad/s."""
     header: dict[str, str] = field(default_factory=dict)
     angle: Array | None = None
-    """Motor angle where a position channel recorded it, rad."""
+    """Motor angle in rad, or None without a position channel."""
     begin: float = 0.0
     """Time of the first sample in the file, s; `time` begins with 0."""
 
@@ -68,9 +80,10 @@ def read_recording(
 ) -> Recording:
     """Read one recording.
 
-    nominal_torque: N·m behind a torque channel in percent or per mille. direction: sign of the recorded channels.
-    name: how results call it, default the file's name.
-    Raises RecordingError naming file, line and fault where the file cannot be used.
+    nominal_torque: reference of a torque channel in percent or per mille, N·m. direction: sign of
+    the recorded channels. name: name in results, by default the file's name.
+
+    Raises RecordingError with file, line and fault if the file cannot be used.
     """
     path = Path(path)
     text = _read_text(path)
@@ -109,10 +122,13 @@ def read_recording(
     time, speed, torque, angle = channels[:, np.isfinite(channels).all(axis=0)]
     if np.ptp(torque) == 0.0 and np.any(speed != 0.0):
         raise RecordingError(
-            f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: not a measurement"
+            f"{path}: torque channel {columns['torque'].name!r} is constant while the motor moves: "
+            "not a measurement"
         )
-    repairs += _doubts(torque, columns["torque"], nominal_torque, np.abs(speed) > STANDSTILL)
-    repairs += _doubts_of_time(time, table.header)
+    repairs += _torque_remarks(
+        torque, columns["torque"], nominal_torque, np.abs(speed) > STANDSTILL
+    )
+    repairs += _time_remarks(time, table.header)
     return Recording(
         name=name or path.name,
         time=time - time[0],
@@ -132,17 +148,19 @@ def read_recordings(
     nominal_torque: float | None = None,
     direction: int = 1,
 ) -> list[Recording]:
-    """Read files and all `*.csv` and `*.txt` files below directories, sorted and
-    named by their place within each directory."""
+    """Read files, and all `*.csv` and `*.txt` files below directories.
+
+    Files of a directory are sorted and named by their path within it.
+    """
     files: list[tuple[Path, str]] = []
     for entry in map(Path, paths):
         if entry.is_dir():
-            found = sorted(
+            tables = sorted(
                 p for p in entry.rglob("*") if p.suffix.lower() in (".csv", ".txt") and p.is_file()
             )
-            if not found:
+            if not tables:
                 raise RecordingError(f"{entry}: no .csv or .txt file in this directory")
-            files.extend((file, file.relative_to(entry).as_posix()) for file in found)
+            files.extend((file, file.relative_to(entry).as_posix()) for file in tables)
         else:
             files.append((entry, entry.name))
     return [
@@ -152,9 +170,11 @@ def read_recordings(
 
 
 def find_spikes(values: Array, most: float = 0.01) -> NDArray[np.intp]:
-    """Indices of isolated samples: beyond a gap of SPIKE_GAP times the range of all but the outermost samples.
+    """Return the indices of isolated samples of values (samples,).
 
-    At most a share `most` of the samples (one, for short recordings) on either side; more are no isolated samples.
+    A gap of SPIKE_GAP times the range of all but the outermost samples separates them from the
+    others. On each side, at most a share `most` of the samples is isolated, or one sample of a
+    short recording.
     """
     order = np.argsort(values, kind="stable")
     ranked = values[order]
@@ -173,7 +193,8 @@ def _read_text(path: Path) -> str:
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise RecordingError(
-                f"{path}: {size / 1e6:.0f} MB; recordings up to {MAX_BYTES / 1e6:.0f} MB are read, cut it into parts"
+                f"{path}: {size / 1e6:.0f} MB; recordings up to {MAX_BYTES / 1e6:.0f} MB are read, "
+                "cut it into parts"
             )
         raw = path.read_bytes()
     except OSError as error:
@@ -206,8 +227,8 @@ def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | Non
     return values * column.factor
 
 
-def _doubts_of_time(time: Array, header: dict[str, str]) -> list[str]:
-    """Where the time column (samples,), s, contradicts the recorder's header, which has the sampling period in ms."""
+def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
+    """Return a remark if times (samples,) in s contradict the sampling period of the header."""
     stated, step = header.get("sampling period", ""), 1e3 * float(np.median(np.diff(time)))
     if not NUMBER.fullmatch(stated) or float(stated) <= 0 or 0.5 < step / float(stated) < 2.0:
         return []
@@ -216,14 +237,14 @@ def _doubts_of_time(time: Array, header: dict[str, str]) -> list[str]:
     ]
 
 
-def _doubts(
+def _torque_remarks(
     torque: Array, column: Column, nominal_torque: float | None, moving: NDArray[np.bool_]
 ) -> list[str]:
-    """What a torque channel (samples,), N·m, that can be read is hardly meant to say; moving: (samples,) of bool."""
-    doubts, size = [], np.abs(torque)
+    """Return remarks on suspicious values of a torque (samples,) in N·m. moving: mask (samples,)."""
+    remarks, size = [], np.abs(torque)
     below = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
-    largest, next_to_it = (
-        int(np.sum((below >= a) & (below < a + RAIL_BAND))) for a in (0.0, RAIL_BAND)
+    largest, second = (
+        int(np.sum((below >= lower) & (below < lower + RAIL_BAND))) for lower in (0.0, RAIL_BAND)
     )
     edges = np.flatnonzero(np.diff(torque, prepend=np.nan, append=np.nan) != 0.0)
     rows = np.sort(
@@ -235,12 +256,13 @@ def _doubts(
         or [0]
     )
     usual = int(rows[-2]) if len(rows) > 1 else 1
-    if largest >= RAIL and largest > RAIL_EXCESS * next_to_it:
-        doubts.append(
-            f"torque stays at its largest value in {largest} samples: limited by the drive, or stuck?"
+    if largest >= RAIL and largest > RAIL_EXCESS * second:
+        remarks.append(
+            f"torque stays at its largest value in {largest} samples: limited by the drive, or "
+            "stuck?"
         )
     elif rows[-1] >= max(RAIL, UNEQUAL * usual):
-        doubts.append(
+        remarks.append(
             f"torque does not change for {rows[-1]} samples in a row: did the channel stop?"
         )
     if column.of_nominal and column.factor == 0.01 and nominal_torque is not None:
@@ -249,11 +271,12 @@ def _doubts(
             bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > nominal_torque
         )
         if whole or np.mean(size) > LASTING * nominal_torque:
-            doubts.append(
+            remarks.append(
                 f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
-                f"{', in whole numbers' if whole else ''}: are the values ‰, labelled {column.unit}?"
+                f"{', in whole numbers' if whole else ''}: are the values ‰, labelled "
+                f"{column.unit}?"
             )
-    return doubts
+    return remarks
 
 
 def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:

@@ -75,7 +75,7 @@ class Sample:
         return self.z.reshape(self.weight.size, -1), self.weight.ravel()
 
     @property
-    def largest(self) -> float:
+    def largest_weight(self) -> float:
         """Return the largest weight of a point. Its inverse is an effective sample size [4]."""
         return float(self.weight.sum(axis=0).max())
 
@@ -173,7 +173,7 @@ def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -
         shares = [_with_bearing(model, z, residual, u, *pair) for pair in model.whiteners]
     sets = np.array(shares)
     sets[..., -2] -= log_proposal
-    # Sets at which the law overflows have no weight. Their other values must be finite.
+    # Sets at which the law overflows get the weight 0. Their other values must be finite.
     lost = ~np.isfinite(sets[..., -2])
     sets[lost], sets[lost, -2] = 0.0, -np.inf
     return sets

@@ -32,34 +32,37 @@ FIGURES_HEADER = (
     "torque_peak_N_m",
     "samples",
 )
-"""Columns of a table of figures; speed and torque at the motor, in the drive's positive direction."""
+"""Columns of a table of figures: speed and torque of the motor in the drive's positive direction."""
 
 REST_TIME = 0.3
 REST_SAMPLES = 6
-"""Readings of zero speed that last this long (s and samples) are rest; shorter ones, motion below the resolution."""
+"""Shortest time at zero speed, s and samples, that is rest.
+
+Shorter ones are motion below the resolution of the speed.
+"""
 
 FLICKER = 0.05
-"""Motions shorter than REST_SAMPLES and slower than this share of the usual speed are noise of the channel."""
+"""Share of the usual speed below which motions of fewer than REST_SAMPLES samples are noise."""
 
 BEYOND = 5.0
-"""Robust standard deviations between a point and its neighbours' line that make it an outlier."""
+"""Distance of an outlier from the line through its neighbours, in robust standard deviations."""
 
 LEAST = 0.005
-"""Least deviation assumed, as a share of the torque range: what a bend of the map looks like between its points."""
+"""Least standard deviation, as a share of the torque range, because a map is curved."""
 
 DRIFT = 0.2
-"""Change of speed from the first third of a recording to the last, as a share of its mean, that steady motion never has."""
+"""Relative change of speed, from first to last third of a recording, that is not steady motion."""
 
 _KEEP = 3.0
 _FEWEST = 5
 
 TABLE = "rig_figures.csv"
-"""Name of the table, beside the drive files; its rigs are named by the files' stems."""
+"""Name of the table in the folder of the drive files, whose stems are the names of the rigs."""
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueMap(ShortRepr):
-    """Points of a map, arrays (points,), sorted by speed; SI at the motor."""
+    """Points of a map, sorted by speed. Arrays (points,), SI, at the motor."""
 
     names: tuple[str, ...]
     w: Array
@@ -70,12 +73,12 @@ class TorqueMap(ShortRepr):
     samples: Array
     repairs: tuple[str, ...] = ()
     ripple: Array | None = None
-    """RMS of the part of the torque that repeats with the motor's angle; NaN where it turns less than twice."""
+    """RMS of the torque that repeats with the motor angle; NaN below two turns."""
     peak: Array | None = None
-    """Largest |torque| less |mean torque|."""
+    """Largest |torque| minus |mean torque|."""
 
     def spread(self, sign: int) -> Ripple | None:
-        """Ripple and noise of the recordings in one direction (±1); None where they are not known."""
+        """Return ripple and noise of the recordings in one direction (±1), or None without data."""
         here = np.sign(self.w) == sign
         if (
             self.ripple is None
@@ -96,9 +99,10 @@ class TorqueMap(ShortRepr):
 
 
 def rest_mask(time: Array, w: Array) -> Array:
-    """(samples,) of bool: True where the drive stands, not merely turns too slowly for the speed channel.
+    """Return a mask (samples,) of rest from times in s and speeds in rad/s, (samples,) each.
 
-    Flickers of the speed channel, brief motions far slower than the recording's others, count as standing.
+    Motion below the resolution of the speed is not rest. Flickers of the speed channel, which are
+    short motions at very low speed, belong to the rest.
     """
     still = np.abs(w) <= STANDSTILL
     fast = FLICKER * float(np.quantile(np.abs(w[~still]), 0.9)) if not still.all() else 0.0
@@ -107,21 +111,24 @@ def rest_mask(time: Array, w: Array) -> Array:
             still[start:stop] = True
     rest = np.zeros(len(w), dtype=bool)
     for start, stop in _runs(still):
-        long = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
+        lasting = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
         at_end = start == 0 or stop == len(w)
         turns = not at_end and w[start - 1] * w[stop] < 0
-        rest[start:stop] = long or turns
+        rest[start:stop] = lasting or turns
     return rest
 
 
 def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """(first, one past last) of every run of True."""
+    """Return the first index and one past the last index of each run of True, mask (samples,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
-    """Steady motion in one direction, or starts, stops and reversals; RecordingError where nothing moves."""
+    """Return the kind of a recording: steady motion in one direction, or starts and stops.
+
+    Raises RecordingError if the motor never moves.
+    """
     forward = np.sum(recording.w[recording.w > 0])
     backward = -np.sum(recording.w[recording.w < 0])
     if forward + backward == 0.0:
@@ -134,19 +141,21 @@ def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
 
 
 def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
-    """Means of steady-state recordings, sorted by speed."""
+    """Return the map of steady-state recordings."""
     order = sorted(recordings, key=lambda recording: float(recording.w.mean()))
     repairs = [f"{r.name}: {repair}" for r in order for repair in r.repairs]
     for r in order:
         if r.w.std() > abs(r.w.mean()):
             repairs.append(
-                f"{r.name}: speed noisier than its mean ({r.w.std():.3g} > {abs(r.w.mean()):.3g} rad/s), kept"
+                f"{r.name}: speed noisier than its mean ({r.w.std():.3g} > "
+                f"{abs(r.w.mean()):.3g} rad/s), kept"
             )
         third = len(r.w) // 3
         first, last = float(r.w[:third].mean()), float(r.w[-third:].mean())
         if abs(last - first) > max(DRIFT * abs(r.w.mean()), BEYOND * r.w.std() / np.sqrt(third)):
             repairs.append(
-                f"{r.name}: speed goes from {first:.3g} to {last:.3g} rad/s, its mean is taken: not steady"
+                f"{r.name}: speed goes from {first:.3g} to {last:.3g} rad/s, its mean is taken: "
+                "not steady"
             )
     rows = [
         [
@@ -175,7 +184,10 @@ def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
 
 
 def read_figures(path: str | Path, rig: str) -> TorqueMap:
-    """The map of one rig from a table written by `write_figures`; RecordingError naming file, line and fault."""
+    """Read the map of one rig from a table of figures.
+
+    Raises RecordingError with file, line and fault.
+    """
     path = Path(path)
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -204,39 +216,40 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
         rows.append(row)
     if not rows:
         raise RecordingError(
-            f"{path}: no figures of {rig!r}; rigs in the table: {', '.join(sorted(set(rigs))) or 'none'}"
+            f"{path}: no figures of {rig!r}; rigs in the table: "
+            f"{', '.join(sorted(set(rigs))) or 'none'}"
         )
     return _from_rows(names, rows)
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A point of a map that stands apart from its neighbours."""
+    """A point of a map that is far from its neighbours."""
 
     index: int
     distance: float
-    """Measured torque − torque on the line through its neighbours, N·m."""
+    """Measured torque minus the torque on the line through the neighbours, N·m."""
     weight: float
-    """Factor of its residual in a fit, < 1."""
+    """Factor of the residual in a fit, below 1."""
 
 
 def find_outliers(w: Array, tau: Array) -> list[Outlier]:
-    """Isolated points of a torque–velocity map sorted by speed (points,).
+    """Return isolated points of a torque–velocity map with speeds and torques (points,).
 
-    Every point is compared with the line through its two nearest neighbours of the same direction. A law that fits
-    badly makes no outliers, since neighbours then deviate alike. Fewer than five points in a direction show nothing.
+    Each point is compared with the line through its two nearest neighbours in the same direction.
+    A bad friction law therefore makes no outliers. A direction needs five points.
     """
-    left = np.ones(len(w), dtype=bool)
-    found: list[Outlier] = []
+    kept = np.ones(len(w), dtype=bool)
+    outliers: list[Outlier] = []
     for _ in range(len(w) // 4):
-        score, distance, deviation = _scores(w, tau, left)
+        score, distance, deviation = _scores(w, tau, kept)
         worst = int(np.argmax(np.abs(score)))
         if not np.abs(score[worst]) > BEYOND:
             break
-        left[worst] = False
+        kept[worst] = False
         weight = _KEEP * deviation / max(abs(distance[worst]), 1e-300)
-        found.append(Outlier(worst, float(distance[worst]), float(min(1.0, weight))))
-    return sorted(found, key=lambda outlier: outlier.index)
+        outliers.append(Outlier(worst, float(distance[worst]), float(min(1.0, weight))))
+    return sorted(outliers, key=lambda outlier: outlier.index)
 
 
 def _scores(w: Array, tau: Array, kept: Mask) -> tuple[Array, Array, float]:

@@ -153,12 +153,12 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
     unused = {LAW, "mu_stribeck", "stribeck_speed"} if drive.friction.law == "coulomb" else {LAW}
     assert drive.friction.posterior.law_shares(drive.friction.law) == result["law_shares"]
     for name in set(drive.friction.posterior.names) - unused:
-        shown = result["parameters"][name]
-        low, high = drive.friction.posterior.interval(name)
-        ends = min(low, shown["value"]), max(high, shown["value"])
-        # The end of an interval of 1000 draws has a standard deviation of 2 % of its length.
-        allowed = 0.1 * (shown["high"] - shown["low"])
-        assert ends == pytest.approx((shown["low"], shown["high"]), abs=allowed), name
+        shown, column = result["parameters"][name], drive.friction.posterior.column(name)
+        tails = (np.mean(column < shown["low"]), np.mean(column > shown["high"]))
+        for tail, end in zip(tails, ("low", "high"), strict=True):
+            # Of 1000 sets, 25 ± 5 lie beyond an end, and fewer if the value is the end.
+            assert tail <= 0.045, (name, end)
+            assert tail >= 0.005 or shown[end] == shown["value"], (name, end)
 
 
 def test_commands_refuse_what_they_cannot_use(tmp_path):
