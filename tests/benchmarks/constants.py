@@ -1,11 +1,12 @@
 """Which named problem changes when a numeric constant of the planner moves by a factor of two.
 
-    python -m tests.benchmarks.constants [--only NAME …] [--list] [-o FILE]
+    python -m tests.benchmarks.constants [--only NAME …] [--cpu] [--list] [-o FILE]
 
 Every constant at the level of a module in ROOMS is halved and doubled, in a process of its own whose import of that module
 is changed. The problems are planned until one of them changes: in its duration or outcome by more than GAP, or in its work
-(`EFFORT`, or CPU time if that is confirmed) by more than a tenth. The table goes to results/constants.md. `--only` measures
-the constants with these names, or of these modules, and replaces their rows.
+(`EFFORT`, which is the same on every machine) by more than a tenth. `--cpu` also compares CPU times, in alternating runs.
+The table goes to results/constants.md. `--only` measures the constants with these names, or of these modules, and replaces
+their rows.
 """
 
 from __future__ import annotations
@@ -231,7 +232,7 @@ def run(module: str, constant: str, factor: float, names: list[str]) -> Iterator
 
 
 def effect(
-    constant: Constant, factor: float, base: dict[str, list[Any]]
+    constant: Constant, factor: float, base: dict[str, list[Any]], *, cpu: bool
 ) -> tuple[str, str, str] | None:
     """Return how a constant is moved, the first problem that changes, and by how much."""
     how = f"× {factor:g}"
@@ -252,7 +253,7 @@ def effect(
         if abs(change) > WORK:
             return how, name, f"effort {100 * change:+.0f} %"
         share = (spent + LEAST_WORK) / (old_spent + LEAST_WORK) - 1
-        if abs(share) > WORK:
+        if cpu and abs(share) > WORK:
             slower.append((abs(share), name))
     for _, name in sorted(slower, reverse=True)[:2]:
         share = confirmed_share(constant, factor, name)
@@ -288,9 +289,9 @@ def confirmed_share(constant: Constant, factor: float, name: str) -> float:
     return (min(times[1]) + LEAST_WORK) / (min(times[0]) + LEAST_WORK) - 1
 
 
-def row(constant: Constant, base: dict[str, list[Any]]) -> list[str]:
+def row(constant: Constant, base: dict[str, list[Any]], *, cpu: bool) -> list[str]:
     """Measure one constant."""
-    effects = (effect(constant, factor, base) for factor in FACTORS)
+    effects = (effect(constant, factor, base, cpu=cpu) for factor in FACTORS)
     found = next((each for each in effects if each is not None), ("both ways", "none", "–"))
     short = constant.value if len(constant.value) <= 40 else constant.value[:37] + "…"
     label = f"{constant.module.removeprefix('ssm_planner.')}.{constant.name}"
@@ -334,6 +335,7 @@ def main() -> int:
         return 0
     parser = argparse.ArgumentParser(description="Effect of every constant of the planner.")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    parser.add_argument("--cpu", action="store_true", help="also compare CPU times")
     parser.add_argument("--list", action="store_true", help="only print the constants")
     parser.add_argument("-o", "--output", type=Path, default=TABLE)
     given = parser.parse_args()
@@ -344,7 +346,7 @@ def main() -> int:
     rows = read_rows(given.output)
     base = {line[0]: line[1:] for line in run("", "", 1.0, NAMES)}
     for constant in chosen:
-        line = row(constant, base)
+        line = row(constant, base, cpu=given.cpu)
         rows[line[0]] = line
         print(" | ".join(line), flush=True)
         given.output.write_text(document(rows), encoding="utf-8")
