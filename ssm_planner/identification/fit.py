@@ -191,7 +191,7 @@ def _check_directions(data: TorqueMap) -> None:
 def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Array]]:
     """Return the models that have fewer parameters than points, each with its z (k,).
 
-    Raises RecordingError if there are none.
+    Raises RecordingError if all have too many.
     """
     points = len(fitted[0][0].w)
     determined = [(model, z) for model, z in fitted if points > len(model.names)]

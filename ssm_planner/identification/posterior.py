@@ -11,8 +11,8 @@ s and c integrated out
 
     p(θ | τ) ∝ p(θ) · Σ_c p(c) |R_c|^(−1/2) (ν s₀² + eᵀ R_c⁻¹ e)^(−(n + ν)/2).
 
-The coordinates are z_i = (ln θ_i − ln c_i) / d_i. The parameters have no bounds except their sign,
-so no interval ends at a bound. The module `sampling` samples this posterior.
+The coordinates are z_i = (ln θ_i − ln c_i) / d_i. Only the sign of the parameters is bounded,
+so intervals do not end at a bound. The module `sampling` samples this posterior.
 
 [1] M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, J. R. Stat. Soc. B 63, 2001.
 """

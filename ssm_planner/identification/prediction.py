@@ -161,7 +161,7 @@ def predict_recording(
 
     A steady-state recording has its mean speed. load: constant effort on the output, N·m or N.
     load_inertia: inertia of the payload at the output, kg·m² or kg. At rest, a self-locking drive
-    needs no torque; a torque that a controller's integrator leaves there is not predicted.
+    holds without torque; a torque that a controller's integrator leaves is not predicted.
     """
     w = recording.w
     if kind_of(recording) == "steady":
@@ -191,7 +191,7 @@ def predict_recording(
 def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | None:
     """Return the torque (samples,) in N·m that repeats with the angle.
 
-    The result is None if the recording has no angle or the drive file no phases.
+    The result is None if the angle of the recording or the phases in the drive file are missing.
     """
     posterior = friction_of(drive).posterior
     if posterior is None or recording.angle is None:
@@ -269,7 +269,7 @@ def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
 def band_of(
     drive: Drive, motion: Motion, tau: Array, load: float, *, wave: Array | None = None
 ) -> PredictionBand | None:
-    """Return the band around the predicted torque, or None if the drive has no posterior.
+    """Return the band around the predicted torque, or None for a drive without a posterior.
 
     tau: (samples,) in N·m, with the departure. load: constant effort on the output including the
     rig's load_offset, N·m or N. wave: predicted torque that repeats with the angle, (samples,) in

@@ -237,7 +237,7 @@ def find_outliers(w: Array, tau: Array) -> list[Outlier]:
     """Return isolated points of a torque–velocity map with speeds and torques (points,).
 
     Each point is compared with the line through its two nearest neighbours in the same direction.
-    A bad friction law therefore makes no outliers. A direction needs five points.
+    A bad friction law therefore does not cause outliers. A direction needs five points.
     """
     kept = np.ones(len(w), dtype=bool)
     outliers: list[Outlier] = []
