@@ -110,15 +110,16 @@ def fit_dynamic(
     }
     subset = min(criterion, key=lambda s: criterion[s])
     theta = _polished(problem, starts[subset], list(subset))
-    others = [PARAMETERS[k] for k in range(3) if k not in subset]
+    undetermined = [PARAMETERS[k] for k in range(3) if k not in subset]
     gain = criterion[()] - criterion[subset]
     notes = []
     if subset:
         fitted = " and ".join(PARAMETERS[k] for k in subset)
         notes.append(f"start–stop recordings: {fitted} identified (Akaike gain {gain:.1f})")
-    if others:
+    if undetermined:
         notes.append(
-            f"start–stop recordings do not determine {' and '.join(others)}: kept as in the map"
+            f"start–stop recordings do not determine {' and '.join(undetermined)}: kept as in the "
+            "map"
         )
     return DynamicFit(
         drive=problem.model(theta),
@@ -143,13 +144,13 @@ def _polished(problem: _Problem, theta: Array, free: list[int]) -> Array:
     if not free:
         return theta
 
-    def completed(part: Array) -> Array:
+    def completed(free_values: Array) -> Array:
         values = theta.copy()
-        values[free] = part
+        values[free] = free_values
         return values
 
-    def misfit(part: Array) -> Array:
-        return problem.residual(completed(part))
+    def misfit(free_values: Array) -> Array:
+        return problem.residual(completed(free_values))
 
     solution = least_squares(
         misfit,

@@ -165,8 +165,8 @@ def fit_map(
     criterion[model.law] = blind[chosen]
     progress(f"computing the confidence intervals ({len(models) + 1} of {len(models) + 1})")
     fit = _report(model, z, data, _possible(fitted, model.law))
-    listed = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
-    return replace(fit, outliers=listed, criterion=criterion)
+    rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
+    return replace(fit, outliers=rows, criterion=criterion)
 
 
 def _check_fixed(fixed: Mapping[str, float]) -> None:
@@ -216,8 +216,8 @@ def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[S
     samples = [sample(model, z) for model, z in models.values()]
     evidence = np.array([law_sample.log_evidence for law_sample in samples])
     probability = np.exp(evidence - np.logaddexp.reduce(evidence))
-    least = [POSSIBLE if law == chosen else 0.0 for law in models]
-    probability = np.where(probability < POSSIBLE, least, probability)
+    minimum = [POSSIBLE if law == chosen else 0.0 for law in models]
+    probability = np.where(probability < POSSIBLE, minimum, probability)
     pairs = zip(samples, (probability / probability.sum()).tolist(), strict=True)
     return [(law_sample, share) for law_sample, share in pairs if share]
 
@@ -254,11 +254,11 @@ def _draw_sets(pooled: dict[str, Array]) -> dict[str, Array]:
     A Coulomb law has the Stribeck speeds of the other laws, which do not affect it.
     """
     cumulative = np.cumsum(pooled[WEIGHT])
-    chosen = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
-    chosen = np.random.default_rng(SEED).permutation(chosen)
+    indices = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
+    indices = np.random.default_rng(SEED).permutation(indices)
     ending = (LOAD_OFFSET, LAW)
     names = [name for name in pooled if name not in (*ending, *_WAYS, WEIGHT)]
-    columns = {name: pooled[name][chosen] for name in (*names, *ending) if name in pooled}
+    columns = {name: pooled[name][indices] for name in (*names, *ending) if name in pooled}
     for column in columns.values():
         missing = np.isnan(column)
         column[missing] = np.resize(column[~missing], missing.sum())

@@ -53,19 +53,21 @@ def fit_harmonics(
     turn of it. The result is None if no recording has two turns.
     """
     angles = [(r, travelled(r)) for r in recordings if r.w.mean() * direction > 0]
-    parts = [(r, (angle, r.tau)) for r, angle in angles if np.ptp(angle) >= 2 * TURN]
-    series = [part for _, part in parts]
-    if not parts:
+    recorded = [(r, (angle, r.tau)) for r, angle in angles if np.ptp(angle) >= 2 * TURN]
+    series = [curve for _, curve in recorded]
+    if not recorded:
         return None
-    if all(r.angle is not None for r, _ in parts):
+    if all(r.angle is not None for r, _ in recorded):
         span = np.ptp(np.concatenate([angle for angle, _ in series]))
         wheel = ratio if ratio is not None and span >= TURN * ratio else None
         return _fit(series, _orders(wheel), phased=True)
-    single = [_fit([part], _orders(None), phased=False) for part in series]
+    single = [_fit([curve], _orders(None), phased=False) for curve in series]
     turns = np.array([np.ptp(angle) for angle, _ in series])
     mean = single[int(np.argmax(turns))]
     for _ in range(_ROUNDS):
-        aligned = [_complex(one.rotated(-_start(_complex(mean), _complex(one)))) for one in single]
+        aligned = [
+            _complex(item.rotated(-_start(_complex(mean), _complex(item)))) for item in single
+        ]
         mean = _harmonics(mean.orders, np.average(aligned, axis=0, weights=turns), phased=False)
     return mean
 
@@ -85,14 +87,14 @@ def _harmonics(orders: tuple[float, ...], c: Any, phased: bool) -> Harmonics:
 
 
 def _fit(
-    parts: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool
+    curves: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool
 ) -> Harmonics:
     """Fit (angle, torque) of recordings by least squares, each with its own mean."""
-    means = np.repeat(np.eye(len(parts)), [len(tau) for _, tau in parts], axis=0)
-    waves = np.outer(np.concatenate([angle for angle, _ in parts]), orders)
+    means = np.repeat(np.eye(len(curves)), [len(tau) for _, tau in curves], axis=0)
+    waves = np.outer(np.concatenate([angle for angle, _ in curves]), orders)
     columns = np.column_stack([means, np.cos(waves), np.sin(waves)])
-    torque = np.concatenate([tau for _, tau in parts])
-    solution = np.linalg.lstsq(columns, torque, rcond=None)[0][len(parts) :]
+    torque = np.concatenate([tau for _, tau in curves])
+    solution = np.linalg.lstsq(columns, torque, rcond=None)[0][len(curves) :]
     cosine, sine = np.split(solution, 2)
     return _harmonics(orders, cosine - 1j * sine, phased)
 
@@ -103,5 +105,5 @@ def _start(reference: Any, c: Any) -> float:
     The orders are 1, 2, ….
     """
     angles = np.linspace(0, TURN, _STARTS, endpoint=False)
-    turned = np.exp(-1j * np.outer(angles, np.arange(1, len(reference) + 1)))
-    return float(angles[np.argmax(np.real(turned @ (np.conj(reference) * c)))])
+    rotated = np.exp(-1j * np.outer(angles, np.arange(1, len(reference) + 1)))
+    return float(angles[np.argmax(np.real(rotated @ (np.conj(reference) * c)))])

@@ -331,8 +331,8 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     remaining = np.sqrt(np.maximum(1.0 - np.sum(factors * shared, axis=1), 0.0))
     distance = np.abs(_log_speed(w)[:, None] - _log_speed(speeds))
     same = np.sign(w)[:, None] == np.sign(speeds)
-    nearest = _or_one(np.where(same, distance, np.inf).min(axis=1))
-    return np.asarray(factors), np.asarray(remaining * (1.0 + nearest))
+    distance_to_recorded = _or_one(np.where(same, distance, np.inf).min(axis=1))
+    return np.asarray(factors), np.asarray(remaining * (1.0 + distance_to_recorded))
 
 
 def outside(posterior: Posterior, w: Array) -> Array:

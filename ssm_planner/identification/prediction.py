@@ -92,8 +92,8 @@ class Prediction(ShortRepr):
         moving = np.logical_not(self.rest)
         if self.band is None or not moving.any():
             return None
-        inside = (self.recording.tau >= self.band.low) & (self.recording.tau <= self.band.high)
-        return float(inside[moving].mean())
+        covered = (self.recording.tau >= self.band.low) & (self.recording.tau <= self.band.high)
+        return float(covered[moving].mean())
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -208,14 +208,14 @@ def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | Non
 def unseen_speed(drive: Drive, motion: Motion) -> float | None:
     """Return the largest extrapolated motor speed of a motion, rad/s, or None."""
     posterior = friction_of(drive).posterior
-    fastest = np.array(
+    extremes = np.array(
         [end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL]
     )
-    fastest = fastest[np.isin(np.sign(fastest), motion.direction)]
-    if posterior is None or not posterior.speeds or not len(fastest):
+    extremes = extremes[np.isin(np.sign(extremes), motion.direction)]
+    if posterior is None or not posterior.speeds or not len(extremes):
         return None
-    apart = outside(posterior, fastest)
-    return float(fastest[np.argmax(apart)]) if apart.max() > UNSEEN else None
+    distance = outside(posterior, extremes)
+    return float(extremes[np.argmax(distance)]) if distance.max() > UNSEEN else None
 
 
 def departure(drive: Drive, motion: Motion, load: float) -> Array:
@@ -229,11 +229,11 @@ def departure(drive: Drive, motion: Motion, load: float) -> Array:
     posterior = friction_of(drive).posterior
     if posterior is None:
         return np.zeros(len(motion.w))
-    w, direction, kind = _kinds(motion)
+    w, direction, index = _kinds(motion)
     factors, _ = expected_departure(posterior, w)
     median = np.median(_sets(drive, posterior, w, load), axis=0)
     expected = median + factors @ np.array(posterior.departures)
-    return np.asarray(np.where(direction == 0, 0.0, expected)[kind])
+    return np.asarray(np.where(direction == 0, 0.0, expected)[index])
 
 
 def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
@@ -242,10 +242,10 @@ def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
     The third value is the index of the kind of each sample, (samples,).
     """
     pairs = np.column_stack([motion.w, motion.direction])
-    kinds, kind = np.unique(pairs, axis=0, return_inverse=True)
+    kinds, index = np.unique(pairs, axis=0, return_inverse=True)
     speed, direction = kinds.T
     w = np.where(direction == 0, 1.0, direction * np.maximum(np.abs(speed), STANDSTILL))
-    return w, direction, kind.reshape(-1)
+    return w, direction, index.reshape(-1)
 
 
 def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
@@ -278,29 +278,31 @@ def band_of(
     posterior = friction_of(drive).posterior
     if posterior is None:
         return None
-    # Samples of equal speed and direction have equal bands: each kind is drawn once.
-    w, direction, kind = _kinds(motion)
+    # Samples of equal speed and direction have equal bands: each index is drawn once.
+    w, direction, index = _kinds(motion)
     rng, count = np.random.default_rng(SEED), len(posterior.draws)
     spread = _sets(drive, posterior, w, load)
     scatter = posterior.scatter * expected_departure(posterior, w)[1]
     spread += scatter * rng.standard_t(SCATTER_DEGREES, (count, 1)) - np.median(spread, axis=0)
     spread[:, direction == 0] = 0.0
-    low, high = interval_of(tau.mean() + spread @ (np.bincount(kind, minlength=len(w)) / len(kind)))
+    low, high = interval_of(
+        tau.mean() + spread @ (np.bincount(index, minlength=len(w)) / len(index))
+    )
     peaks = np.zeros(count)
     for sign in (1, -1):
         same, ripple = direction == sign, posterior.ripple(sign)
         if not same.any():
             continue
         top = int(np.argmax(np.abs(tau) * (motion.direction == sign)))
-        peak = np.abs(tau[top] + spread[:, kind[top]])
+        peak = np.abs(tau[top] + spread[:, index[top]])
         if ripple is not None:
             peak += ripple.draw_peak(rng, count)
-            series, known = posterior.harmonics(sign), 0.0
+            series, known_square = posterior.harmonics(sign), 0.0
             if wave is not None and series is not None and series.phased:
-                known = float(np.sum(series.amplitudes**2) / 2)
-            spread[:, same] += ripple.draw(rng, count, known)[:, None]
+                known_square = float(np.sum(series.amplitudes**2) / 2)
+            spread[:, same] += ripple.draw(rng, count, known_square)[:, None]
         peaks = np.maximum(peaks, peak)
-    ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, kind]
+    ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, index]
     ends += tau if wave is None else tau + wave
     return PredictionBand((low, high), ends[0], ends[1], float(np.quantile(peaks, PEAK_CONFIDENCE)))
 

@@ -183,15 +183,15 @@ def parse_table(text: str, path: Path) -> Table:
         key, _, value = _strip(line).replace('"', "").partition(separator)
         header[key.strip().rstrip(":").lower()] = value.strip()
     names = [name.strip().strip('"') for name in _fields(lines[names_at], separator)]
-    first = names_at + 1
+    start = names_at + 1
     units = [""] * len(names)
-    if first < len(lines):
-        second = [field.strip().strip('"') for field in _fields(lines[first], separator)]
-        if second and not any(_MARKED.fullmatch(f) for f in second):
-            units, first = second, first + 1
+    if start < len(lines):
+        unit_fields = [field.strip().strip('"') for field in _fields(lines[start], separator)]
+        if unit_fields and not any(_MARKED.fullmatch(f) for f in unit_fields):
+            units, start = unit_fields, start + 1
     names, units = _align(names, units)
     return _samples(
-        lines, first, separator=separator, names=names, units=units, header=header, path=path
+        lines, start, separator=separator, names=names, units=units, header=header, path=path
     )
 
 
@@ -218,9 +218,9 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
         unit = split[index][1]
         allowed = UNITS[quantity]
         if unit.lower() not in allowed:
-            stated = f"unit {unit!r}" if unit else "no unit"
+            unit_text = f"unit {unit!r}" if unit else "no unit"
             raise RecordingError(
-                f"{path}: {quantity} column {table.names[index]!r} has {stated}; allowed: "
+                f"{path}: {quantity} column {table.names[index]!r} has {unit_text}; allowed: "
                 f"{', '.join(allowed)}"
             )
         columns[quantity] = Column(
@@ -242,12 +242,12 @@ def _separator(lines: list[str], path: Path) -> str:
 
 def _find_names(lines: list[str], separator: str, path: Path) -> int:
     """Return the index of the line of channel names, which names a speed or torque channel."""
-    words = ("velocity", "speed", "torque", "tau", "omega")
+    prefixes = ("velocity", "speed", "torque", "tau", "omega")
     for k, line in enumerate(lines[:200]):
         fields = [f.strip().strip('"').lower() for f in _fields(line, separator)]
         if (
             len(fields) >= 2
-            and any(f.startswith(words) for f in fields)
+            and any(f.startswith(prefixes) for f in fields)
             and not fields[0].startswith("trigger")
         ):
             return k
@@ -283,9 +283,9 @@ def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
             "mN*m": ("mnm",),
             "%": ("percent", "pct"),
         }
-        for known, spellings in spelled.items():
+        for unit_name, spellings in spelled.items():
             if suffix in spellings:
-                return stem.replace("_", " "), known
+                return stem.replace("_", " "), unit_name
         if any(suffix in units for units in UNITS.values()):
             return stem.replace("_", " "), suffix
     return plain.replace("_", " "), unit.strip()
@@ -389,8 +389,8 @@ def _samples(
         raise RecordingError(f"{path}: the header is there, but no sample follows it")
     if separator == "," and len(notes.counted.get(more, ())) > max(1, MOST_LEFT_OUT * len(rows)):
         raise RecordingError(
-            f"{path}:{notes.counted[more][0]}: more fields than the {width} columns that the header "
-            "names: where the comma separates columns, numbers with a decimal comma must be quoted"
+            f"{path}:{notes.counted[more][0]}: more fields than the {width} columns that the "
+            "header names: where the comma separates columns, numbers with a decimal comma must be quoted"
         )
     try:
         values = np.array(rows, dtype=float)

@@ -114,9 +114,10 @@ def read_recording(
     for quantity, channel in (("torque", channels[2]), ("speed", channels[1])):
         spikes = find_spikes(channel)
         if len(spikes):
-            shown = ", ".join(f"line {lines[k]}" for k in spikes[:5])
+            listing = ", ".join(f"line {lines[k]}" for k in spikes[:5])
             repairs.append(
-                f"{len(spikes)} isolated {quantity} samples far outside the rest left out ({shown})"
+                f"{len(spikes)} isolated {quantity} samples far outside the rest left out "
+                f"({listing})"
             )
             channel[spikes] = np.nan
     time, speed, torque, angle = channels[:, np.isfinite(channels).all(axis=0)]
@@ -229,18 +230,18 @@ def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | Non
 
 def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
     """Return a remark if times (samples,) in s contradict the sampling period of the header."""
-    stated, step = header.get("sampling period", ""), 1e3 * float(np.median(np.diff(time)))
-    if not NUMBER.fullmatch(stated) or float(stated) <= 0 or 0.5 < step / float(stated) < 2.0:
+    period, step = header.get("sampling period", ""), 1e3 * float(np.median(np.diff(time)))
+    if not NUMBER.fullmatch(period) or float(period) <= 0 or 0.5 < step / float(period) < 2.0:
         return []
     return [
-        f"samples lie {step:.3g} ms apart, the header says {stated}: is the unit of time right?"
+        f"samples lie {step:.3g} ms apart, the header says {period}: is the unit of time right?"
     ]
 
 
 def _torque_remarks(
     torque: Array, column: Column, nominal_torque: float | None, moving: NDArray[np.bool_]
 ) -> list[str]:
-    """Return remarks on suspicious values of a torque (samples,) in N·m. moving: mask (samples,)."""
+    """Return remarks on a suspicious torque (samples,) in N·m. moving: mask (samples,)."""
     remarks, size = [], np.abs(torque)
     below = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
     largest, second = (
@@ -288,15 +289,15 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
     remarks: dict[int, str] = {}
     for recording in sorted(recordings, key=lambda r: -len(r.w)):
         passages = _passages(recording)
-        least = REPEATED * len(passages)
-        source = next((r.name for r, other in originals if len(passages & other) > least), None)
+        minimum = REPEATED * len(passages)
+        source = next((r.name for r, other in originals if len(passages & other) > minimum), None)
         if source is None:
             originals.append((recording, passages))
         else:
             text = f"{recording.name}: the same samples as {source}, counted once"
             remarks[id(recording)] = text
-    kept = [r for r in recordings if id(r) not in remarks]
-    return kept, [remarks[id(r)] for r in recordings if id(r) in remarks]
+    originals_only = [r for r in recordings if id(r) not in remarks]
+    return originals_only, [remarks[id(r)] for r in recordings if id(r) in remarks]
 
 
 def _passages(recording: Recording) -> set[int]:

@@ -129,8 +129,8 @@ def weighted_interval(values: Array, weight: Array) -> tuple[float, float]:
 def _sampled(model: MapModel, mixture: Mixture, count: int, shift: float) -> Sample:
     """Return the sample of a mixture at `count` points."""
     blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
-    parts = [_weighted(model, mixture, block, shift) for block in blocks]
-    z, log_weight, square = np.split(np.concatenate(parts, axis=1), [-2, -1], axis=2)
+    samples = [_weighted(model, mixture, block, shift) for block in blocks]
+    z, log_weight, square = np.split(np.concatenate(samples, axis=1), [-2, -1], axis=2)
     return Sample(model, z, log_weight[..., 0] - math.log(count), square[..., 0])
 
 

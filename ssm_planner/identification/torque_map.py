@@ -32,7 +32,7 @@ FIGURES_HEADER = (
     "torque_peak_N_m",
     "samples",
 )
-"""Columns of a table of figures: speed and torque of the motor in the drive's positive direction."""
+"""Columns of a table of figures, for the motor in the drive's positive direction."""
 
 REST_TIME = 0.3
 REST_SAMPLES = 6
@@ -79,22 +79,22 @@ class TorqueMap(ShortRepr):
 
     def spread(self, sign: int) -> Ripple | None:
         """Return ripple and noise of the recordings in one direction (±1), or None without data."""
-        here = np.sign(self.w) == sign
+        side = np.sign(self.w) == sign
         if (
             self.ripple is None
             or self.peak is None
-            or not here.any()
-            or not np.all(self.tau_deviation[here] > 0)
+            or not side.any()
+            or not np.all(self.tau_deviation[side] > 0)
         ):
             return None
-        deviation, share = self.tau_deviation[here], self.ripple[here] / self.tau_deviation[here]
+        deviation, share = self.tau_deviation[side], self.ripple[side] / self.tau_deviation[side]
         usual = float(np.median(share[np.isfinite(share)])) if np.isfinite(share).any() else 0.0
         ripple = deviation * np.where(np.isfinite(share), share, usual)
         return Ripple(
-            torque=tuple(np.maximum(np.abs(self.tau[here]), 1e-12)),
+            torque=tuple(np.maximum(np.abs(self.tau[side]), 1e-12)),
             ripple=tuple(ripple),
             noise=tuple(np.sqrt(np.maximum(deviation**2 - ripple**2, 0.0))),
-            peak=tuple(np.maximum(self.peak[here], 1e-12)),
+            peak=tuple(np.maximum(self.peak[side], 1e-12)),
         )
 
 
@@ -111,10 +111,10 @@ def rest_mask(time: Array, w: Array) -> Array:
             still[start:stop] = True
     rest = np.zeros(len(w), dtype=bool)
     for start, stop in _runs(still):
-        lasting = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
+        lasts = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
         at_end = start == 0 or stop == len(w)
         turns = not at_end and w[start - 1] * w[stop] < 0
-        rest[start:stop] = lasting or turns
+        rest[start:stop] = lasts or turns
     return rest
 
 
@@ -151,10 +151,10 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
                 f"{abs(r.w.mean()):.3g} rad/s), kept"
             )
         third = len(r.w) // 3
-        first, last = float(r.w[:third].mean()), float(r.w[-third:].mean())
-        if abs(last - first) > max(DRIFT * abs(r.w.mean()), BEYOND * r.w.std() / np.sqrt(third)):
+        initial, final = float(r.w[:third].mean()), float(r.w[-third:].mean())
+        if abs(final - initial) > max(DRIFT * abs(r.w.mean()), BEYOND * r.w.std() / np.sqrt(third)):
             repairs.append(
-                f"{r.name}: speed goes from {first:.3g} to {last:.3g} rad/s, its mean is taken: "
+                f"{r.name}: speed goes from {initial:.3g} to {final:.3g} rad/s, its mean is taken: "
                 "not steady"
             )
     rows = [
@@ -239,28 +239,28 @@ def find_outliers(w: Array, tau: Array) -> list[Outlier]:
     Each point is compared with the line through its two nearest neighbours in the same direction.
     A bad friction law therefore does not cause outliers. A direction needs five points.
     """
-    kept = np.ones(len(w), dtype=bool)
+    mask = np.ones(len(w), dtype=bool)
     outliers: list[Outlier] = []
     for _ in range(len(w) // 4):
-        score, distance, deviation = _scores(w, tau, kept)
-        worst = int(np.argmax(np.abs(score)))
-        if not np.abs(score[worst]) > BEYOND:
+        score, distance, deviation = _scores(w, tau, mask)
+        index = int(np.argmax(np.abs(score)))
+        if not np.abs(score[index]) > BEYOND:
             break
-        kept[worst] = False
-        weight = _KEEP * deviation / max(abs(distance[worst]), 1e-300)
-        outliers.append(Outlier(worst, float(distance[worst]), float(min(1.0, weight))))
+        mask[index] = False
+        weight = _KEEP * deviation / max(abs(distance[index]), 1e-300)
+        outliers.append(Outlier(index, float(distance[index]), float(min(1.0, weight))))
     return sorted(outliers, key=lambda outlier: outlier.index)
 
 
-def _scores(w: Array, tau: Array, kept: Mask) -> tuple[Array, Array, float]:
+def _scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, float]:
     """Return the distance of each point from the line through its neighbours.
 
-    kept: mask (points,) of the points that are compared. The result has the distance over its
+    mask: points that are compared, (points,). The result has the distance over its
     expected deviation (points,), the distance in N·m (points,), and the deviation of a torque.
     """
     distance, spread = np.full(len(w), np.nan), np.ones(len(w))
     for sign in (-1.0, 1.0):
-        side = np.flatnonzero(kept & (np.sign(w) == sign))
+        side = np.flatnonzero(mask & (np.sign(w) == sign))
         count = len(side)
         if count < _FEWEST:
             continue
@@ -271,10 +271,10 @@ def _scores(w: Array, tau: Array, kept: Mask) -> tuple[Array, Array, float]:
         share = np.where(gap == 0, 0.5, (w[side] - w[a]) / np.where(gap == 0, 1.0, gap))
         distance[side] = tau[side] - (1 - share) * tau[a] - share * tau[b]
         spread[side] = np.sqrt(1.0 + (1 - share) ** 2 + share**2)
-    compared = np.isfinite(distance)
-    if not compared.any():
+    finite = np.isfinite(distance)
+    if not finite.any():
         return np.zeros(len(w)), np.zeros(len(w)), 0.0
-    deviation = 1.4826 * float(np.median(np.abs(distance[compared] / spread[compared])))
+    deviation = 1.4826 * float(np.median(np.abs(distance[finite] / spread[finite])))
     deviation = max(deviation, LEAST * float(np.ptp(tau)), 1e-300)
     distance = np.nan_to_num(distance)
     return distance / (spread * deviation), distance, deviation
