@@ -37,12 +37,12 @@ class Offsets:
 def offset_checks(
     robot: Robot, t: Array, q: Array, resolution: Array, offsets: dict[int, Offsets]
 ) -> list[LimitCheck]:
-    """Check the offsets of the joints against the positions.
+    """Check that the velocity and torque offsets of the drives agree with the positions.
 
-    The velocity changes between two setpoints by no more than the acceleration limit allows. The
-    torques follow from the motor law with any acceleration near the setpoint. The torque limits of
-    the
-    motors apply too.
+    A velocity offset may differ from the slopes of the positions beside it by the change that the
+    acceleration limit allows between two setpoints. A torque offset must follow from the motor law
+    with an acceleration that the positions have near the setpoint. It must also keep the torque
+    limit of the motor.
 
     Parameters
     ----------

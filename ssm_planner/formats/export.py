@@ -205,9 +205,12 @@ def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> 
 
 
 def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
-    """Verify a plan; return the new certificate and True if it and the stored certificate passed.
+    """Check a plan again before its export.
 
-    Raises ExportError if one of them did not pass, unless `force` is True.
+    Returns the new certificate, and whether both it and the stored certificate passed. A plan
+    without a stored certificate has not passed.
+
+    Raises ExportError if one of the two did not pass, unless `force` is True.
     """
     certificate = check(plan.motion, plan.robot, plan.limits)
     stored = plan.certificate

@@ -242,9 +242,10 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
 
 
 def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
-    """Return cos²(x/2) and sin²(x/2), (n,), for unit pointings u (3, n).
+    """Return cos² and sin² of half the elbow angle x, (n,), for unit directions of the tool u.
 
-    Pointings outside the workspace are moved into it in place.
+    u is (3, n). Directions outside the workspace are replaced in u by the nearest ones on its
+    boundary.
     """
     around = u[1] ** 2 + u[2] ** 2
     sine, cosine = (

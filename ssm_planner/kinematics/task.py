@@ -173,7 +173,8 @@ def joints_from_task_symbolic(
     branch : int
         Sign of sin(θ2 − δ), +1 or −1. δ (`mechanism.delta`) is the θ2 with the largest cos φ.
     reference : (4, 1), optional
-        Joints next to which each revolute joint is moved by whole turns.
+        Joints, rad and m. Each revolute joint gets the whole turns that bring it closest to its
+        reference.
 
     Returns
     -------

@@ -129,10 +129,11 @@ class ThermalSearch:
         return outcome
 
     def _stretched_until_cool(self, base: Outcome) -> tuple[float | None, Outcome] | None:
-        """Return a motion stretched just enough to be cool, or None if no stretch suffices.
+        """Make phases longer until the motors are cool enough.
 
-        The first value is the stretch of all phases. It is None if only the phases are stretched in
-        which the hot motors rest.
+        If the hot motors rest in some phases, only these take longer, by the time in which the
+        motors cool. Otherwise, all phases do. Returns the factor of all phases (None if only some
+        take longer) and the motion. Returns None if the motion does not pass its check.
         """
         phases = base.planned.phases
         may = [

@@ -440,9 +440,11 @@ def no_motion(problem: Problem, phase: Phase, path: JointPath, message: str) -> 
 def motor_too_weak(
     problem: Problem, phase: Phase, path: JointPath, samples: int = 0
 ) -> Reason | None:
-    """Return the weakest motor at the knots of a path, and with `samples` between them.
+    """Return a reason if a motor is too weak to start moving against gravity and friction.
 
-    A motor that is too weak at the knots of a free motion is too weak on every path between them.
+    The reason names the weakest motor. It is None if all motors are strong enough. The knots of the
+    path are tested, and `samples` evenly spaced points. A motor that is too weak at the knots of a
+    free motion is too weak on every path between them.
     """
     knots, _ = path.directions
     s = np.union1d(np.linspace(0.0, 1.0, samples), knots)

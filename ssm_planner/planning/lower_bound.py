@@ -28,12 +28,12 @@ AT_REST = np.zeros((2, 4))
 def lower_bound(
     robot: Robot, points: Array, speeds: Array = AT_REST, limits: TaskLimits = NONE
 ) -> float:
-    """Return a duration that no motion through points beats, s.
+    """Return a lower bound on the duration of any motion through points, s.
 
-    Only one joint counts at a time. The bound is the larger of two: the time of the slowest joint
-    through all points, and the sum over the segments of the slowest joint's time, with free
-    velocities at the via points. The limits on the rate of depth and on the tip speed also limit
-    joint 4, and the tip moves straight.
+    Each joint is bounded by itself, without regard to the others. The bound is the larger of two
+    numbers. One is the time of the slowest joint through all points. The other is the sum over the
+    segments of the slowest joint's time, with free velocities at the via points. The limits on the
+    rate of depth and on the tip speed also limit joint 4, and the tip moves straight.
 
     Parameters
     ----------
@@ -133,7 +133,8 @@ def minimum_time(
 ) -> float:
     """Return the shortest time over a signed distance with bounded velocity and acceleration, s.
 
-    `speeds` are the velocities at both ends. None means that the velocity there is free.
+    `speeds` are the signed velocities at the start and at the end, in the units of `velocity`.
+    None means that the velocity is free. The limit is raised to an end velocity that exceeds it.
     """
     start, end = (
         None if speed is None else float(math.copysign(1.0, distance)) * speed for speed in speeds

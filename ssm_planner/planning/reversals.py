@@ -161,7 +161,8 @@ def _fill_zeros(directions: Array) -> Array:
 def _borders(multipliers: DirectionMultipliers, directions: Array) -> Array:
     """Return the instants between which no direction changes, (k + 1,), s.
 
-    The points are included.
+    The times of the points are always included. A change of direction within the share
+    LEAST_SEGMENT of the motion from another of these instants is left out.
     """
     instants, points = multipliers.instants, multipliers.points
     gap = LEAST_SEGMENT * instants[-1]

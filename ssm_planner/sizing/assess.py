@@ -177,8 +177,9 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
 
     `input_inertia` of a drive includes the rotor of the joint's original motor. If both rotor
     inertias are stated, the result is the drive with its new input inertia, None and an empty
-    tuple. Otherwise it is the drive with the largest possible input inertia, the range of that
-    inertia (kg·m²), and the names of the values that would determine it.
+    tuple. If both motors have the same rotor, the drive stays as it is. Otherwise, the result is
+    the drive with the largest possible input inertia, the range of the input inertia (kg·m²), and
+    the names of the unknown values.
     """
     low, high = shaft_inertia(load, motor)
     original = load.motor

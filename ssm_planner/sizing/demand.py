@@ -282,7 +282,12 @@ def _drawn_demands(
 
 
 def thinned(load: JointLoad) -> JointLoad:
-    """Select about SHARE evenly spaced instants and every jump, turn and peak of the torque."""
+    """Select the instants of a load that decide about motors.
+
+    These are about SHARE evenly spaced instants, all jumps of the torque, all changes of direction,
+    the 20 largest peaks of the torque, the extremes of torque, effort and speed, and the last
+    instant.
+    """
     torque = load.torque()
     size = np.abs(torque)
     step = np.diff(torque)

@@ -208,7 +208,11 @@ def _max_instants(trajectory: Trajectory) -> int:
 
 
 def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indices, Array, Array]:
-    """Cut the pieces at every turn of a joint. Returns piece, local start and local end."""
+    """Split the pieces of a trajectory wherever a joint reverses.
+
+    Reversals are found between samples at `rate`, Hz. Returns the index of the piece and the local
+    start and end of every interval, s.
+    """
     lengths = np.diff(trajectory.breaks)
     counts = np.clip(np.ceil(lengths * rate).astype(int), 4, _max_instants(trajectory)) + 1
     index = np.repeat(np.arange(len(lengths)), counts)

@@ -318,9 +318,11 @@ def _judge(
 def _search_largest(
     judge: Callable[[float], _Judgement], start: float, upper: float, lower: float
 ) -> WhatIf:
-    """Return the largest value up to which no margin is negative.
+    """Return the largest value whose margins are not negative.
 
-    The search doubles or halves the value from `start` and then bisects.
+    Margins are assumed to fall as the value grows. The search doubles or halves the value from
+    `start` and then bisects. The result is "never" if `lower` has a negative margin, and
+    "unlimited" if `upper` has none.
     """
     judgement = judge(start)
     low = start

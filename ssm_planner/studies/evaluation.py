@@ -198,9 +198,9 @@ def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
 
 
 def _plan_motions(problems: Mapping[str, Problem], previous: Motions) -> Motions | Rejection:
-    """Return a certified trajectory for each problem, or the rejection.
+    """Plan a trajectory for each problem. Returns a Rejection at the first one without a plan.
 
-    previous: trajectories to reuse if they keep the limits.
+    previous: trajectories that are used again if they pass the check.
     """
     motions = {}
     for name, problem in problems.items():

@@ -99,7 +99,10 @@ class Screens:
             return
 
     def _family(self, designs: Sequence[Design]) -> Family | None:
-        """Return the geometries; None unless alpha, home_tilt and home_roll define them."""
+        """Return the geometries of all designs as arrays.
+
+        None if other keys than alpha, home_tilt and home_roll (ANGLES) define them.
+        """
         geometry = self.study.robot["geometry"]
         if (
             "alpha" not in geometry
@@ -188,7 +191,10 @@ class Screens:
     def _start(
         self, designs: Sequence[Design], family: Family, rejections: list[Rejection | None]
     ) -> None:
-        """Reject motors that cannot start a motion from rest on either branch."""
+        """Reject designs whose motors cannot start a motion from rest on either branch.
+
+        The reason is that of the first branch.
+        """
         if self.robot is None:
             return
         alive = np.array([rejection is None for rejection in rejections])
@@ -275,7 +281,11 @@ class Screens:
         )
 
     def _groups(self, name: str, designs: Sequence[Design]) -> Iterator[tuple[Joint, Array]]:
-        """Generate each drive and motor of a joint with the indices of its candidates."""
+        """Yield each distinct variant of a joint with the indices of the designs that choose it.
+
+        A variant has the drive and the motor that a design chooses. Variants whose drive and motor
+        do not fit together are left out.
+        """
         assert self.robot is not None
         original = self.robot.joints[JOINTS.index(name)]
         paths = [path for path in self._joints if path.split(".")[1] == name]

@@ -186,7 +186,11 @@ def _receive(stream: BinaryIO | Any) -> bytes:
 
 
 def serve() -> None:
-    """Evaluate calls from standard input and answer on standard output until the input closes."""
+    """Evaluate pickled calls from standard input until it closes.
+
+    Each call is (function, arguments, keywords). The answer on standard output is the pickled
+    result or the error of the call.
+    """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # keep the output of libraries out of the answers
     while True:

@@ -109,7 +109,7 @@ def declared_velocities(
 ) -> tuple[Array, Array]:
     """Return the declared q̇ (4,) at both ends.
 
-    If any rate is allowed at an end, its result is the rate of the trajectory.
+    At an end where no rate is declared, this is the velocity of the trajectory itself.
     """
     velocities = []
     actual = end_velocities(trajectory)

@@ -192,9 +192,12 @@ def path_derivatives(
 
 
 def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
-    """Return fits (n, size of `fit_of`) of elements that cover [low, high] (n,) in s.
+    """Fit polynomials to the curves of a path on n elements [low, high] in s.
 
-    They extend beyond the element by half its width, but stay on the smooth piece of the path.
+    The curves are the derivatives of the joints, the coefficients of the dynamics and the speeds of
+    the tool. Returns one row for each element: centre and half width of the fitted interval, and
+    the coefficients (`fit_of` names the parts). The interval reaches beyond the element by half its
+    width, but stays on the smooth piece of the path.
     """
     middle, breaks = (low + high) / 2, path.breaks
     index = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)

@@ -270,9 +270,11 @@ class Multipliers:
         rows: Array,
         active: frozenset[tuple[str, int | None]],
     ) -> Multipliers:
-        """Select the bounds that keep a direction.
+        """Keep the multipliers of the bounds on u̇ that forbid a joint to reverse.
 
-        `lower` and `upper` (n, m) are the multipliers of the bounds on u̇.
+        `lower` and `upper` (n, m) are the multipliers of the bounds on u̇. Bounds that forbid a
+        reversal are u̇ ≥ 0 where the joint moves forwards and u̇ ≤ 0 where it moves backwards. All
+        other entries are zero.
         """
         v_min, v_max = data.velocity
         forward = (v_min == 0) & (v_max > 0)

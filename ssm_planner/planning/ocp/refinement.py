@@ -44,6 +44,8 @@ TOLERANCE = 5e-7
 """Share by which a row may exceed its limit between collocation points."""
 COARSE = 4e-3
 """Excess of a row over its limit above which its element is cut."""
+DIVERGED = 1.0
+"""Excess of an inactive row above which a solution is no useful initial point."""
 PARTS = 3
 """Number of elements into which an element is cut."""
 CUTS = 2
@@ -357,6 +359,8 @@ NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 class _Refinement:
     """State of a refinement."""
 
+    guess: Guess
+    """Guess at which the refinement began."""
     problem: OcpProblem
     active: frozenset[RowName]
     backoff: Array
@@ -374,11 +378,11 @@ class _Refinement:
             problem.row_names, problem.row_maxima(elements), NEAR
         )
         backoff = np.zeros((len(elements), len(problem.row_names)))
-        return cls(problem, active, backoff, elements=elements, start=guess.point)
+        return cls(guess, problem, active, backoff, elements=elements, start=guess.point)
 
     def restarted(self, guess: Guess) -> _Refinement:
         """Return the state with another guess, and with the same active rows and backoff."""
-        return replace(self, elements=guess.elements, start=guess.point)
+        return replace(self, guess=guess, elements=guess.elements, start=guess.point)
 
     def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
         """Return the program to solve next."""
@@ -520,9 +524,9 @@ def _confirmed(refined: _Refined, aim: Aim) -> _Refined | None:
     """Confirm a motion of the structured solver by Ipopt. None if Ipopt does not confirm it.
 
     Ipopt starts at the solution. If both motions are equally good, that of the structured solver is
-    taken, because the dynamics hold exactly in it, as tiny elements require. A better motion of
-    Ipopt that violates a row between the collocation points would have to be refined, so it
-    confirms nothing.
+    taken, because it satisfies the dynamics exactly, which very short elements need. A better
+    motion of Ipopt that violates a row between the collocation points would have to be refined, so
+    it confirms nothing. Motions that no Ipopt run has to confirm are returned as they are.
     """
     structured, problem = refined.solution, refined.state.problem
     if problem.method != "confirmed" or structured.solver != "structured" or not structured.solved:
@@ -561,14 +565,17 @@ def _next(
 
     The first of these steps that applies is taken.
 
-    1. Violated rows that are not active become active.
+    1. Violated rows that are not active become active. If the solution has diverged, the next
+       solve begins at the guess again.
     2. Elements with large violations are cut, in the first CUTS rounds.
     3. The bounds of violated rows are lowered.
     """
     missed = chosen_rows(state.problem.row_names, violation, TOLERANCE) - state.active
     if missed:
-        start = InitialPoint(solution.point.x)
-        return replace(state, active=state.active | missed, start=start)
+        state = replace(state, active=state.active | missed)
+        if violation.max() > DIVERGED and len(state.elements) == len(state.guess.elements):
+            return state.restarted(state.guess)
+        return replace(state, start=InitialPoint(solution.point.x))
     coarse = violation.max(axis=1) > COARSE
     if may_cut and k <= CUTS and coarse.any():
         return state.cut(solution, coarse)
