@@ -270,6 +270,7 @@ def test_a_trajectory_needs_a_robot(tmp_path: Path) -> None:
         ssm_planner.check(file)
 
 
+@pytest.mark.slow
 def test_identify_and_predict_give_values() -> None:
     found = ssm_planner.identify(ROOT / "problems/drives/rig3_worm.yaml")
     assert found.drive.friction is not None

@@ -22,7 +22,9 @@ from tests.support.page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
 from .conftest import PLAN, READY, ROOT, Visit
 
+pytestmark = pytest.mark.slow
 Open = Callable[..., Visit]
+
 SITE = ROOT / "docs/_build/html"
 """What `make docs` builds; CI builds it before the tests."""
 

@@ -16,6 +16,7 @@ from tests.support.page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
 from .conftest import Visit
 
+pytestmark = pytest.mark.slow
 Open = Callable[..., Visit]
 
 

@@ -192,11 +192,11 @@ def path_derivatives(
 
 
 def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
-    """Fit polynomials to the curves of a path on n elements [low, high] in s.
+    """Fit polynomials to the curves of a path on the elements [low, high], (n,) each, in s.
 
     The curves are the derivatives of the joints, the coefficients of the dynamics and the speeds of
-    the tool. Returns one row for each element: centre and half width of the fitted interval, and
-    the coefficients (`fit_of` names the parts). The interval reaches beyond the element by half its
+    the tool. Returns one row for each element, (n, size of `fit_of`): centre and half width of the
+    fitted interval, and the coefficients. The interval reaches beyond the element by half its
     width, but stays on the smooth piece of the path.
     """
     middle, breaks = (low + high) / 2, path.breaks

@@ -355,6 +355,7 @@ def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
         assert found.confirmation[1] == pytest.approx(-1e-5, rel=0.1)
 
 
+@pytest.mark.slow
 def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
     """Where the tip passes the port the retina's row begins: at a border between two segments."""
     problem = load_problem("eye_approach")
