@@ -27,7 +27,10 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "retiming": ("planning/retiming", ("tests/planning/retiming", "tests/planning/test_curves.py")),
     "formats": ("formats", ("tests/formats",)),
     "simulation": ("simulation", ("tests/simulation",)),
-    "plans": ("plans.py", ("tests/test_plans.py", "tests/formats/test_plan_file.py")),
+    "plans": (
+        "plans.py",
+        ("tests/test_plans.py", "tests/test_notebooks.py", "tests/formats/test_plan_file.py"),
+    ),
 }
 """Modules of each room, and the tests that answer for it."""
 
