@@ -12,6 +12,7 @@ import csv
 import hashlib
 import json
 import sqlite3
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -30,6 +31,8 @@ done: planned, checked and sized. infeasible: rejected for a named reason. faile
 program. quarantined: ended its worker process at every attempt.
 """
 FORMAT = 1
+LOCK_WAIT = 0.5
+"""Time for which an open store may be locked by another process, s."""
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS candidates (
     key TEXT PRIMARY KEY, number INTEGER NOT NULL, state TEXT NOT NULL, stage TEXT, reason TEXT,
@@ -77,13 +80,19 @@ class Store(AbstractContextManager["Store"]):
             lock.touch()
         except OSError as error:
             raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from error
-        self._lock = locked(lock, wait=False)
-        try:
-            self._lock.__enter__()
-        except OSError as error:
-            raise ProblemError(
-                "another program works on this study", file=path, allowed="one at a time"
-            ) from error
+        # A worker that a killed driver was starting keeps the lock for a moment.
+        deadline = time.monotonic() + LOCK_WAIT
+        while True:
+            self._lock = locked(lock, wait=False)
+            try:
+                self._lock.__enter__()
+                break
+            except OSError as error:
+                if time.monotonic() > deadline:
+                    raise ProblemError(
+                        "another program works on this study", file=path, allowed="one at a time"
+                    ) from error
+                time.sleep(0.02)
         try:
             self._open()
         except BaseException:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
 import time
+from pathlib import Path
 
 import pytest
 
+from ssm_planner.atomic import locked
 from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.studies.store import Candidate, Store, key_of, write_table
 
@@ -48,6 +51,20 @@ def test_one_driver_at_a_time(tmp_path):
     with Store(tmp_path / "study.sqlite"), pytest.raises(ProblemError, match="another program"):
         Store(tmp_path / "study.sqlite")
     Store(tmp_path / "study.sqlite").__exit__(None, None, None)
+
+
+def test_a_lock_that_is_given_back_at_once_is_waited_for(tmp_path: Path) -> None:
+    """As by a worker that a killed driver was starting."""
+    path = tmp_path / "study.sqlite"
+    with Store(path):
+        pass
+    lock = locked(path.with_suffix(".lock"))
+    lock.__enter__()
+    release = threading.Timer(0.1, lock.__exit__, (None, None, None))
+    release.start()
+    with Store(path) as store:
+        assert list(store.rows()) == []
+    release.join()
 
 
 @pytest.mark.parametrize(
