@@ -45,7 +45,11 @@ TOLERANCE = 5e-7
 COARSE = 4e-3
 """Excess of a row over its limit above which its element is cut."""
 DIVERGED = 1.0
-"""Excess of an inactive row above which a solution is no useful initial point."""
+"""Excess of an inactive row above which a solution is a bad initial point.
+
+Without the restart at the guess, random problem 30436 and two missions with a hot motor
+(tests/planning/test_continuous_torque.py) have no plan.
+"""
 PARTS = 3
 """Number of elements into which an element is cut."""
 CUTS = 2
