@@ -159,6 +159,26 @@ def test_sliders_at_their_ends_leave_the_page_alive(visit: Open, server: ViewSer
     opened.wait("document.getElementById('reach').className === 'good'")
 
 
+def test_a_late_answer_does_not_replace_a_newer_one(visit: Open, server: ViewServer) -> None:
+    opened = visit(server.url)
+    page = opened.page
+    reachable = "document.getElementById('reached').textContent === 'The pose is reachable.'"
+    page.fill("#tilt", "-170")
+    opened.wait(f"!({reachable})")
+    held: list[Any] = []
+    page.route("**/workspace", lambda route: held.append(route), times=1)
+    page.click("#own")
+    while not held:
+        page.wait_for_timeout(20)
+    page.fill("#tilt", "-100")
+    opened.wait(reachable)
+    with page.expect_response("**/workspace"):
+        held.pop().continue_()
+    page.wait_for_timeout(200)
+    assert page.evaluate(reachable)
+    assert page.evaluate("document.getElementById('reach').textContent") != ""
+
+
 def test_what_is_set_stands_in_the_address(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     page = opened.page

@@ -105,14 +105,21 @@
   };
   const range = () => [value("low"), value("high")];
   const angles = () => ({ alpha: value("alpha"), beta: value("beta") });
-  const updatePose = follower(async () => showBranches(await ask("/ik", { ...angles(), pose: pose() })));
+  // an answer is shown unless a newer one has been asked for
+  let newest = 0;
+  const askJoints = async () => {
+    const number = ++newest;
+    const answer = await ask("/ik", { ...angles(), pose: pose() });
+    return () => number === newest && showBranches(answer);
+  };
+  const updatePose = follower(async () => (await askJoints())());
   const updateAll = follower(async () => {
-    const [band, joints, begin] = await Promise.all([ask("/workspace", { ...angles(), tilt_range: range() }),
-      ask("/ik", { ...angles(), pose: pose() }), ask("/ik", { ...angles(), pose: state.from })]);
+    const [band, showJoints, begin] = await Promise.all([ask("/workspace", { ...angles(), tilt_range: range() }),
+      askJoints(), ask("/ik", { ...angles(), pose: state.from })]);
     const nearest = begin.branches.find(({ branch, in_limits: inside }) => inside && branch === state.sign) ?? begin.branches.find(({ in_limits: inside }) => inside);
     state.begin = begin.reachable ? (nearest ?? begin.branches[0]).joints : null;
     showWorkspace(band);
-    showBranches(joints);
+    showJoints();
     SSM.ready ??= performance.now();
   });
 
