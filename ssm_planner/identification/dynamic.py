@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ssm_planner.identification.recordings import Recording
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import CONFIDENCE
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 PARAMETERS = ("mu_static", "dwell_constant", "memory")
 
@@ -32,7 +32,7 @@ _STEPS = np.array([1e-3, 1e-2, 2e-3])
 _SUBSETS: tuple[tuple[int, ...], ...] = ((), (0,), (2,), (0, 2), (0, 1), (0, 1, 2))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class DynamicFit(ShortRepr):
     """Result of `fit_dynamic`."""
 

@@ -36,7 +36,7 @@ from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 DRAWS = 1000
 """Number of equally likely parameter sets in a posterior."""
@@ -72,7 +72,7 @@ class Estimate:
     """True if the value is the smallest with which the drive locks itself."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class MapFit(ShortRepr):
     """Result of `fit_map`: the chosen law on one map."""
 

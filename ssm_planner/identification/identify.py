@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +28,10 @@ from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import Harmonics
 from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Identification(ShortRepr):
     """Friction of a drive as identified from recordings."""
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -31,7 +31,7 @@ from ssm_planner.dynamics.transmission import mesh_coefficients
 from ssm_planner.identification.parameters import TYPICAL_MU, map_torque, with_parameters
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices, Mask, record
 
 SPREADS = {
     "b_c": 1.0,
@@ -67,7 +67,7 @@ NEGLIGIBLE = 1e-5
 SEED = 20_210_521
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class MapModel:
     """One friction law on one torque–velocity map.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem.drive import Drive, Friction
 from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET, Posterior, interval_of
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, record
 
 START_LEAD = 0.05
 """Time before the first nonzero speed reading in which the motor already pushes, s.
@@ -48,7 +48,7 @@ LONG_REST = 10.0
 """Assumed time at rest before a recording that begins at rest, s."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PredictionBand(ShortRepr):
     """95 % band of the motor torque of a recording, N·m, arrays (samples,)."""
 
@@ -62,7 +62,7 @@ class PredictionBand(ShortRepr):
     """99 % bound of the largest |torque|."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Prediction(ShortRepr):
     """Predicted and measured motor torque of one recording, N·m, arrays (samples,)."""
 
@@ -307,7 +307,7 @@ def band_of(
     return PredictionBand((low, high), ends[0], ends[1], float(np.quantile(peaks, PEAK_CONFIDENCE)))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Motion:
     """Motion of a drive from a recorded speed, with rests, directions and acceleration."""
 

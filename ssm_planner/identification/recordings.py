@@ -6,7 +6,7 @@ The reader states every repair of a file.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ from ssm_planner.identification.recorder_csv import (
     parse_table,
 )
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 MAX_BYTES = 32_000_000
 """Largest file: more than half an hour at 1 kHz. An export of the EPOS recorder has about 10 kB."""
@@ -49,7 +49,7 @@ SPIKE_GAP = 3.0
 """Distance of a spike from the other samples, in units of their range."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Recording(ShortRepr):
     """Speed and torque of one motor over time in the drive's positive direction.
 

@@ -17,14 +17,13 @@ difference to the posterior. The sum of the weights is the evidence of the law.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ssm_planner.identification.posterior import DEGREES, SHARES, MapModel, covariance_near
 from ssm_planner.problem.posterior import CONFIDENCE
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, record
 
 ADAPTATION = (2**12, 2**12, 2**12, 2**13, 2**14)
 """Number of points in each round of adaptation. The components double from round to round."""
@@ -44,7 +43,7 @@ Mixture = list[tuple[Array, Array]]
 """Components: mean (d,) and Cholesky factor of the covariance (d, d)."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Sample:
     """Parameter sets of one friction law that represent its posterior by their weights.
 

@@ -19,7 +19,7 @@ from ssm_planner.identification.harmonics import ripple_rms, travelled
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.problem.posterior import Ripple
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array, Mask, record
 
 FIGURES_HEADER = (
     "rig",
@@ -60,7 +60,7 @@ TABLE = "rig_figures.csv"
 """Name of the table in the folder of the drive files, whose stems are the names of the rigs."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class TorqueMap(ShortRepr):
     """Points of a map, sorted by speed. Arrays (points,), SI, at the motor."""
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from ssm_planner.codegen.mapped import Mapped
 from ssm_planner.interior.spline import Spline
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, record
 
 _P, _L = ctypes.c_void_p, ctypes.c_long
 _Values = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P)
@@ -55,7 +55,7 @@ class NativeGroup(Protocol):
     group: ElementGroup
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class RowGroup:
     """Rows G(z, p) ≤ bound at some of the elements."""
 
@@ -172,7 +172,7 @@ class Program:
         return rows, len(self.equal[2]) + int(has_duration)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Point:
     """An iterate: unknowns c (rows, m) and T (b,)."""
 

@@ -7,13 +7,12 @@ border. Without the compiled part (`available`) only Ipopt solves programs.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 
 import numpy as np
 
 from ssm_planner.interior.problem import Called, ElementGroup, Point, Program
 from ssm_planner.native import library
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 TOLERANCE = 1e-8
 LAST_BARRIER = 11.0
@@ -24,7 +23,7 @@ BARRIER = 1e-4
 """First μ of a cold start."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class State:
     """The final state of a solve, from which another solve may start."""
 
@@ -45,7 +44,7 @@ class State:
         return sizes == (program.free.shape, program.spline.blocks, program.sizes)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Outcome:
     """The result of a solve.
 

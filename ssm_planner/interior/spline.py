@@ -20,19 +20,18 @@ C code computes M and its derivatives with respect to η: native/spline.c.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, record
 
 LOCAL = 4
 """Number of rows of unknowns on which an element depends."""
 Kind = Literal["hermite", "bspline"]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Spline:
     """A spline with n elements, m coordinates and b blocks."""
 

@@ -10,7 +10,7 @@ joints again.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Literal
 
@@ -39,7 +39,7 @@ from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
 from ssm_planner.problem.motion import Free, Joints, Motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 StopAt = Literal["shortest", "nearest", "any"]
 RESCUES = 3
@@ -383,7 +383,7 @@ def _with_best_spin(
     return incumbent, incumbent_problem
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Candidate:
     """A motion list with other joints at one target, and its phases.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, Sel
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
@@ -31,7 +30,7 @@ def silent(_: object) -> None:
     """Ignore a message."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Outcome:
     """A planned motion, its certificate, and the reason why it is rejected."""
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, Literal
@@ -27,6 +27,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
+from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 
 GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
@@ -54,7 +55,7 @@ Attempt = Callable[[Problem], "float | Reason"]
 """Returns the duration of a certified plan, or the reason of the failure."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Relaxation:
     """A limit of a problem that may be changed from `present` to at least `needed`."""
 
@@ -106,7 +107,7 @@ class Pause(Relaxation):
         return f"a dwell of {value:.6g} s at the end"
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class LessRate(Relaxation):
     """Rates at one end of the motion, reduced by a common factor. The factor is the value."""
 
@@ -139,7 +140,7 @@ class LessRate(Relaxation):
         return "{" + ", ".join(entries) + "}"
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Cure:
     """A relaxation that was tried at one value.
 

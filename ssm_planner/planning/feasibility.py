@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -46,7 +46,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 from ssm_planner.units import display_unit
 
 
@@ -579,7 +579,7 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
     return None if hottest is None else hottest[1]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _SlowMotion:
     """A straight phase from rest to rest at n samples."""
 

@@ -6,7 +6,6 @@ A bound takes each joint, and each limited rate, as if it moved alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from ssm_planner.problem.limits import TASK, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, record
 
 NONE = TaskLimits()
 
@@ -224,7 +223,7 @@ def _runs(positions: Array) -> list[float]:
     return [abs(run) for run in runs]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SCurve:
     """A motion with piecewise linear acceleration.
 

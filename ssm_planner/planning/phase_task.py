@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -11,10 +10,10 @@ from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.prechecks import least_duration
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PlannedPhase:
     """A phase with its motion, the duration by TOPP-RA along the same path, and a lower bound."""
 
@@ -47,7 +46,7 @@ class PlannedPhase:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PhaseTask:
     """Requirements on the motion of a phase."""
 

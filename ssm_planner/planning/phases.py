@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from itertools import product
 
@@ -48,10 +48,10 @@ from ssm_planner.problem.motion import (
     key_of,
 )
 from ssm_planner.problem.problem import Problem
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Phase:
     """One entry of the motion list with its end points in task and joint coordinates."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,10 +32,10 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory, hold, join
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PlannerResult:
     """Result of planning a problem.
 

@@ -8,8 +8,6 @@ at speed where it would otherwise be at rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ssm_planner.planning.lower_bound import minimum_times
@@ -17,7 +15,7 @@ from ssm_planner.planning.ocp.nlp import Reversals
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.problem import Problem
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 PAYS = 2e-3
 """Relative saving that velocities at points must reach."""
@@ -52,7 +50,7 @@ def passing_turns(problem: Problem, phase: Phase) -> Reversals | None:
     return Reversals(phase.points, via_velocity=alone.without_idle(free))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Passing:
     """Joints that pass the via points at the same instants, each limited as if it were alone."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.plant import FRICTION, Q, W
 from ssm_planner.simulation.playback import CURRENT, TRIP, Commands, ControlledArm
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array, Mask, record
 
 SEED = 20_261_122
 TIP_INTERVAL = 5
@@ -25,7 +24,7 @@ PROGRESS_INTERVAL = 1000
 """Number of periods between two progress reports."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Draws(ShortRepr):
     """Results of one playback under n frictions. Arrays are (n,) and (n, 4), in SI units."""
 

@@ -26,10 +26,10 @@ from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia, stalled
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Compliance:
     """Spring, damper and backlash between each drive and its joint.
 
@@ -74,7 +74,7 @@ class Compliance:
         return twist - xp.fmin(xp.fmax(twist, -free), free)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class ArmMotion:
     """A simulated motion at the control instants. Arrays are (n,) and (n, 4), in SI units.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -26,7 +25,7 @@ from ssm_planner.simulation.plant import (
     Q,
     W,
 )
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array, Mask, record
 from ssm_planner.units import rpm
 
 STEPS = 2
@@ -48,7 +47,7 @@ _BREAKAWAY = 100
 """Number of periods in which a drive breaks away."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Commands:
     """Commands to the drives in every period of the position loop.
 
@@ -83,7 +82,7 @@ class Commands:
         return np.column_stack([*parts, self.power])
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Played:
     """A simulated motion of n periods."""
 

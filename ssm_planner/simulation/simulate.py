@@ -34,7 +34,7 @@ from ssm_planner.simulation.playback import (
     compliance_of,
 )
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 PERIOD = 1
 """Period of the exported set points, ms."""
@@ -179,7 +179,7 @@ class MotorUse(ShortRepr):
     """True if values of the motor are placeholders."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PowerLosses(ShortRepr):
     """Behaviour of the arm after all drives lose their power, at each of n instants."""
 
@@ -201,7 +201,7 @@ class PowerLosses(ShortRepr):
         return int(np.argmax(self.travel))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SimulationResult(ShortRepr):
     """A simulated playback, the planned motion, and the verdict.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render
 from ssm_planner.reporting.html.scene import link_sides, mechanism_scene
-from ssm_planner.typing import Range
+from ssm_planner.typing import Range, record
 from ssm_planner.units import display_unit
 
 PUBLISHED = math.radians(30.0), math.radians(109.778)
@@ -58,7 +57,7 @@ def view_page(start: dict[str, Any], token: str) -> str:
     )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Study:
     """State of the view.
 

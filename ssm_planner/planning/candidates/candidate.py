@@ -17,9 +17,10 @@ from typing import ClassVar
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
+from ssm_planner.typing import record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Candidate(ABC):
     """One way to move a phase."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,6 +15,7 @@ from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.limits import LensClearance, RetinaClearance
+from ssm_planner.typing import record
 
 SHARES = (0.7, 0.55, 0.4, 0.85, 0.25)
 """Depths to which the guess draws the tool back, divided by the smaller depth of both ends.
@@ -24,7 +24,7 @@ The candidates try them in this order.
 """
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Detour(Candidate):
     """A free motion on which the joints reverse once, so that the tool passes retina or lens."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 from ssm_planner.planning.candidates.candidate import Attempt, Candidate
@@ -11,9 +10,10 @@ from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath
+from ssm_planner.typing import record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Direct(Candidate):
     """A motion along the given path, or a free motion whose joints reverse only where they must."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -19,11 +18,12 @@ from ssm_planner.planning.tolerances import GAP
 from ssm_planner.planning.via_velocities import PAYS, passing_turns
 from ssm_planner.problem.limits import Duration
 from ssm_planner.problem.motion import Free
+from ssm_planner.typing import record
 
 NONE_PAYS = Reason(None, None, None, None, "no reversal saves time")
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Reversing(Candidate):
     """A motion with reversals, found from the motion without them."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,13 +16,13 @@ from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import join
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 ROOM = 1.1
 """Distance that joints get to stop, divided by their shortest braking distance."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class StopFirst(Candidate):
     """A free motion that begins at speed, split into a stop and a motion from rest."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
 from ssm_planner.planning.candidates.candidate import Attempt, Candidate
@@ -12,9 +12,10 @@ from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
+from ssm_planner.typing import record
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class TaskLine(Candidate):
     """The straight motion to the target of a free motion."""
 

@@ -32,6 +32,7 @@ from ssm_planner.planning.ocp.constraints import (
 )
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
+from ssm_planner.typing import record
 
 COLLOCATION = (0.0, 0.5, 1.0)
 """Shares c of an element at which the path constraints hold.
@@ -237,7 +238,7 @@ def _column(rows: list[PathConstraint]) -> ca.SX:
     return ca.vertcat(ca.SX(0, 1), *(row.value for row in rows))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class ElementFunctions:
     """Functions of (z, *p) that are evaluated on every element, with r rows at 3 points.
 

@@ -61,7 +61,7 @@ from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRat
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices, Mask, record
 
 ELEMENTS, ONE_TIME_ELEMENTS = 40, 96
 """Number of elements of a motion, and of one in which all elements share one time.
@@ -494,7 +494,7 @@ def jerk_for_all(
     return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SegmentChain:
     """The k segments of a free motion, and its guess."""
 

@@ -10,7 +10,6 @@ keeping the other limits, the guess is that of TOPP-RA (`retimed_guess`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
@@ -24,7 +23,7 @@ from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic, Trajectory
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Indices, record
 
 SHORTEST_ARC = 0.01
 """Arcs shorter than this share of the duration are joined with their neighbour."""
@@ -42,7 +41,7 @@ Side = Literal["left", "right"]
 """Side of an instant."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Mesh:
     """n elements between instants (n + 1,), and the interval of each, (n,).
 
@@ -211,7 +210,7 @@ def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> t
     return np.array(result), np.append(turns[:-1], result[-1])
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SegmentGuess:
     """Guess of one segment of a free motion, with n elements."""
 

@@ -30,7 +30,7 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import MotorTorque, TipSpeed
 from ssm_planner.problem.posterior import LAWS
 from ssm_planner.problem.problem import Eye
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 MECHANISM = Layout(
     omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1
@@ -186,7 +186,7 @@ def _addresses(arrays: dict[str, Array]) -> dict[str, int]:
     return {name: values.__array_interface__["data"][0] for name, values in arrays.items()}
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _ElementInputs:
     """Inputs of the functions of an element model that do not depend on its parameters."""
 
@@ -411,7 +411,7 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
 _INTEGERS = ("moving", "undriven", "slots", "actuation", "cost")
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _ModelData:
     """Data that are the same for all problems of an element model."""
 

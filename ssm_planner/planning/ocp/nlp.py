@@ -17,7 +17,7 @@ import numpy as np
 from ssm_planner.interior.solve import State
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.trajectory import Cubic, Trajectory
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices, Mask, record
 
 Solver = Literal["structured", "Ipopt"]
 Method = Literal["Ipopt", "structured", "confirmed", "estimated"]
@@ -105,7 +105,7 @@ class NlpStructure:
         return [(k, k - side) for k in self.borders for side in (0, 1) if k >= side]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class BoundaryConditions:
     """Positions and velocities of the coordinates at borders and ends."""
 
@@ -155,7 +155,7 @@ class BoundaryConditions:
         return lower, upper, (v_min, v_max)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class NlpData:
     """Parameters and bounds of one program."""
 
@@ -209,7 +209,7 @@ class NlpData:
         return replace(self, duration=duration, weights=(time, 1.0))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class InitialPoint:
     """Point at which a solver starts: variables, and multipliers of an earlier solution."""
 
@@ -219,7 +219,7 @@ class InitialPoint:
     """State of the structured solver."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Guess:
     """Motion at which a solve begins: elements (n, 4 m + 1), and times (b,) of the blocks."""
 
@@ -247,7 +247,7 @@ class Confirmation:
     """Ipopt's duration of the fastest motion divided by that of the structured solver, minus 1."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Multipliers:
     """Lagrange multipliers of a solution by element, in scaled time."""
 
@@ -282,7 +282,7 @@ class Multipliers:
         return cls(np.where(forward, -lower, np.where(backward, upper, 0.0)), rows, active)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class DirectionMultipliers:
     """First-order savings of a motion if joints left their directions, for n elements."""
 
@@ -304,7 +304,7 @@ class DirectionMultipliers:
         return float(np.abs(self.values).sum(axis=0).max(initial=0.0))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Reversals:
     """Borders at which joints may reverse on a free motion."""
 
@@ -320,7 +320,7 @@ class Reversals:
     """A motion through the borders, and its instants there, (k + 1,), s."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class NlpSolution:
     """Result of a solver. `message` is its return status in Ipopt's words."""
 
@@ -353,7 +353,7 @@ class NlpSolution:
         return self.status == "solved"
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PhaseSolution:
     """Motion of a phase as joint polynomials, or the status of a failure."""
 

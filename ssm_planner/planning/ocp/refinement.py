@@ -36,7 +36,7 @@ from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.limits import LensClearance, MotorTorque
 from ssm_planner.problem.problem import Objective
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices, Mask, record
 
 NEAR = 0.8
 """A row below this share of its limit in the guess stays inactive until it is found violated."""
@@ -359,7 +359,7 @@ result.
 NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Refinement:
     """State of a refinement."""
 
@@ -458,7 +458,7 @@ class _Refinement:
         return replace(self, backoff=self.backoff + increase, start=solution.point)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Refined:
     """Latest solution with the iterations of all rounds, and the state in which it was found."""
 

@@ -9,7 +9,6 @@ segments in which every joint keeps its direction.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from ssm_planner.planning.lower_bound import SCurve, minimum_time
 from ssm_planner.planning.ocp.mesh import SegmentGuess, elements_between
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array, Mask, record
 
 LEAST_SEGMENT = 4e-3
 """Smallest time between two borders of the guess, as a share of the duration.
@@ -28,7 +27,7 @@ ROUNDS = 60
 """Number of bisections."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class TurningGuess:
     """The segments of a motion between two points."""
 
@@ -42,7 +41,7 @@ class TurningGuess:
     """Direction of every joint in every segment, (k, joints)."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Profile:
     """Motion of one joint between two velocities: decelerate to a peak, cruise, and end."""
 

@@ -15,7 +15,6 @@ q'_{i+1} with h = 3σ² − 2σ³.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -36,7 +35,7 @@ from ssm_planner.planning.retiming.paths import (
 )
 from ssm_planner.planning.tolerances import ROUNDING, SAMPLES
 from ssm_planner.trajectory import quintics
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array, Mask, record
 
 HALF = 0.5
 """Largest share of a piece that one rounding may take."""
@@ -49,7 +48,7 @@ PER_PIECE = 400
 """Grid intervals of TOPP-RA for every piece and every rounding."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class BlendedPath(JointPath):
     """Pieces that follow each other, with rounded corners.
 

@@ -17,7 +17,7 @@ dynamics/transmission.py (the friction law).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -34,7 +34,7 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import TASK, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.typing import Array, Indices, Mask, record
 
 ACTIVE = 0.998
 """Share of its limit from which on a row counts as binding."""
@@ -44,7 +44,7 @@ CEILING, NONE = -1, -2
 """Values in place of a row index: the speed ceiling binds, or nothing binds."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PathTerm:
     """The function a s̈ + b ṡ² + c + k ṡ at n points of a path."""
 
@@ -82,7 +82,7 @@ class PathTerm:
         return PathTerm(values)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class LinearConstraints:
     """Rows a s̈ + b ṡ² + c + k ṡ ≤ 1, (n, rows) each, and the bound ṡ² ≤ ceiling, (n,).
 
@@ -155,7 +155,7 @@ class LinearConstraints:
         return value + middle(self.k) * np.sqrt(x) if len(self.curved) else value
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _TorqueLaw:
     """Terms of the torque of one motor for friction coefficients mu (n,).
 
@@ -201,7 +201,7 @@ class _TorqueLaw:
         return PathTerm(-values)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Law:
     """Data of the rows of one actuation."""
 
@@ -226,7 +226,7 @@ class _Law:
         return np.array_equal(self.first, other.first)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PathLimits:
     """Limits of a robot at n points of a path, without the motion along it."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import joints_from_task_symbolic, roll_of_tip, task_of_tip_symbolic
 from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array, Mask, record
 
 if TYPE_CHECKING:  # It loads slowly, and few paths are splines.
     from scipy.interpolate import CubicSpline
@@ -43,7 +42,7 @@ BESIDE = 1e-4
 """Distance of a grid point from the break beside it, as a share of the piece."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PathSamples:
     """q and its derivatives with respect to s, (n, 4) each, at s (n,)."""
 
@@ -158,7 +157,7 @@ class ClosedPath(JointPath):
         return turns
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class StraightPath(ClosedPath):
     """The joints along task(s) = start + s (end − start), on one inverse-kinematics branch."""
 
@@ -194,7 +193,7 @@ def _with_derivatives(joints: ca.SX, s: ca.SX, order: int) -> Any:
     return ca.cse(values)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class TipPath(ClosedPath):
     """The joints for a tip on p(s) = fixed + s line + cos(s angle) u + sin(s angle) v.
 
@@ -284,7 +283,7 @@ def with_knots(knots: Array, others: Iterable[float]) -> Array:
     return np.sort(knots)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class MotionPath(JointPath):
     """The path of a motion, q(s) with s = t / duration.
 
@@ -349,7 +348,7 @@ def joint_starts(
     return starts
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SplinePath(JointPath):
     """The natural cubic spline through points (k + 1, 4).
 
@@ -429,7 +428,7 @@ def smooth_runs(points: Array, scale: Array) -> list[Array]:
     return [points[a : b + 1] for a, b in pairwise(cuts) if b > a]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PolylinePath(JointPath):
     """Straight lines in joint space through points (k + 1, 4), each over the same share of s."""
 

@@ -25,14 +25,13 @@ interpolation scheme).
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 
 import numpy as np
 
 from ssm_planner.native import library
 from ssm_planner.planning.retiming.constraints import LinearConstraints
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array, Mask, record
 
 LEVEL = 1e-10
 """A row whose |q| is below this share of its |p| bounds x alone."""
@@ -114,7 +113,7 @@ def _fastest_numpy(
     return np.maximum(result, low)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class _Intervals:
     """The lines of (1), and the bounds (n + 1,) of x on each interval by itself."""
 

@@ -10,7 +10,7 @@ Reachability Analysis, IEEE T-RO 34(3), 2018, and its interpolation scheme.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, record
 
 COARSE = 200
 """Number of grid intervals of the rough motion that determines where grid points lie."""
@@ -37,7 +37,7 @@ SLOWER = 1 / 16
 """Factor on ṡ² at the tangents after a pass without a motion."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Retiming:
     """Result of TOPP-RA.
 
