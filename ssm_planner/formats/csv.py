@@ -10,6 +10,7 @@ import math
 import re
 import tempfile
 import warnings
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -415,8 +416,8 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> _Rows:
     if not rows.count:
         raise TrajectoryError(f"{path}: no row follows the header")
     width = len(layout.names)
-    last_line = _last_line(path)
-    if last_line and len(last_line.split(layout.separator)) < width:
+    (_, last_line), *_ = deque(_data_lines(path, layout), 1)
+    if len(last_line.split(layout.separator)) < width:
         raise TrajectoryError(
             f"{path}: the last row has fewer than {width} columns: the file is incomplete"
         )
@@ -442,9 +443,7 @@ def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
     Only the first `LOOK` rows are read.
     """
     exponents = np.full(4, 99)
-    for count, (_, line) in enumerate(_data_lines(path, layout)):
-        if count == LOOK:
-            break
+    for _, line in islice(_data_lines(path, layout), LOOK):
         fields = line.split(layout.separator)
         for i, heading in enumerate(positions):
             exponents[i] = min(exponents[i], _last_digit(fields[heading.column].strip()))
@@ -462,10 +461,7 @@ def _last_digit(text: str) -> int:
 
 
 def _line_of(path: Path, layout: Layout, row: int) -> int:
-    for count, (k, _) in enumerate(_data_lines(path, layout)):
-        if count == row:
-            return k + 1
-    return layout.header + 2 + row
+    return next(islice(_data_lines(path, layout), row, None))[0] + 1
 
 
 def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
@@ -482,17 +478,6 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
         raise TrajectoryError(f"{path}: not a text file") from error
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
-
-
-def _last_line(path: Path) -> str:
-    with path.open("rb") as file:
-        file.seek(max(0, path.stat().st_size - 4096))
-        lines = [
-            line
-            for line in file.read().decode("utf-8", errors="replace").splitlines()
-            if line.strip()
-        ]
-    return lines[-1] if lines else ""
 
 
 def _number(text: str) -> bool:

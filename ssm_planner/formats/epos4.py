@@ -7,6 +7,7 @@ Position streams can be read back as a joint trajectory.
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -354,8 +355,7 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
             raise TrajectoryError(f"{folder}: the streams of the axes have different times")
         time = t
         columns.append(values)
-    if time is None:
-        raise TrajectoryError(f"{folder}: the folder contains no streams")
+    assert time is not None
     q = np.stack(columns, axis=1)
     reading = join_points(
         Points(time, q, resolution=resolution, place=f"{folder}: setpoint {{}}".format), robot
@@ -405,16 +405,16 @@ def _per_unit(folder: Path, joint: Joint, axis: JsonObject) -> float:
             f"{folder}: the manifest does not give the increments of joint {joint.name}"
         )
     expected = joint.motor_direction * joint.drive.ratio * turn / (2 * np.pi)
-    if not abs(numbers - expected) <= SAME * abs(expected):
+    if not math.isclose(numbers, expected, rel_tol=SAME):
         raise TrajectoryError(
             f"{folder}: joint {joint.name}: the manifest states {numbers:.9g} increments per "
             f"{joint.unit}, but the robot's drive and {turn} increments per motor turn give "
             f"{expected:.9g}"
         )
     rated = axis.get("rated_torque_Nm")
-    if not isinstance(rated, (int, float)) or not abs(
-        rated - joint.motor.nominal_torque
-    ) <= SAME * abs(rated):
+    if not isinstance(rated, (int, float)) or not math.isclose(
+        rated, joint.motor.nominal_torque, rel_tol=SAME
+    ):
         raise TrajectoryError(
             f"{folder}: joint {joint.name}: the rated torque differs from that of the robot's motor"
         )
@@ -423,8 +423,8 @@ def _per_unit(folder: Path, joint: Joint, axis: JsonObject) -> float:
 
 def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
     """Convert offsets (n,) in mrpm and per mille to the joint's side."""
-    if joint.drive is None or joint.motor is None:
-        raise TrajectoryError(f"joint {joint.name} of the robot has no drive or no motor")
+    assert joint.drive is not None
+    assert joint.motor is not None
     to_speed = joint.motor_direction * rpm / (1000 * joint.drive.ratio)
     to_torque = joint.motor_direction * joint.motor.nominal_torque / 1000
     return Offsets(speed * to_speed, torque * to_torque, 0.5 * abs(to_speed), 0.5 * abs(to_torque))

@@ -57,7 +57,7 @@ def offset_checks(
         Offsets by joint index.
     """
     slopes = np.diff(q, axis=0) / np.diff(t)[:, None]
-    qd = np.gradient(q, t, axis=0) if len(t) > 1 else np.zeros_like(q)
+    qd = np.gradient(q, t, axis=0)
     for i, offset in offsets.items():
         qd[:, i] = offset.velocity
     checks = []

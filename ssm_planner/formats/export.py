@@ -182,16 +182,15 @@ def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> 
         if stop is not None:
             t = np.append(np.arange(0.0, stop.duration, STOP_PERIOD), stop.duration)
             columns = [
-                q if scale is None else np.round(scale * q)
+                q if scale is None else np.round(scale * q) + 0.0
                 for q, scale in zip(stop.sample(t).q.T, per_unit, strict=True)
             ]
             stop_rows.append(np.column_stack([np.full(len(t), start), t, *columns]))
     rows = np.vstack(stop_rows) if stop_rows else np.empty((0, 2 + len(names)))
-    forms = ["%.6f", "%.6f", *("%.12g" if scale is None else "%d" for scale in per_unit)]
     np.savetxt(
         path,
         rows,
-        fmt=forms,
+        fmt=["%.6f"] * 2 + ["%.12g"] * 4,
         delimiter=",",
         header=",".join(["from_s", "time_s", *names]),
         comments="",

@@ -214,23 +214,13 @@ class PiecesOfPoints:
         h = length[:, None]
         q0 = points.q[left]
         q1 = points.q[right]
-        if points.qd is not None and points.qdd is not None and quintic.all():
-            return quintics(
-                length,
-                (q0, points.qd[left], points.qdd[left]),
-                (q1, points.qd[right], points.qdd[right]),
-            )
         coefficients = np.zeros((len(h), DEGREE + 1, 4))
         coefficients[:, 0], coefficients[:, 1] = q0, (q1 - q0) / h
-        if points.qd is not None and cubic.any():
-            v0 = points.qd[left]
-            v1 = points.qd[right]
-            coefficients[cubic] = cubics(length, (q0, v0), (q1, v1))[cubic]
-            if points.qdd is not None and quintic.any():
-                quintic_pieces = quintics(
-                    length, (q0, v0, points.qdd[left]), (q1, v1, points.qdd[right])
-                )
-                coefficients[quintic] = quintic_pieces[quintic]
+        tables = [table for table in (points.q, points.qd, points.qdd) if table is not None]
+        for flags, count, curves in ((cubic & ~quintic, 2, cubics), (quintic, 3, quintics)):
+            if flags.any():
+                ends = (tuple(table[k] for table in tables[:count]) for k in (left, right))
+                coefficients[flags] = curves(length, *ends)[flags]
         return coefficients
 
 
@@ -279,7 +269,7 @@ def check_derivatives(
     """
     if len(t) <= FEW:
         return
-    intervals = np.unique(np.linspace(0, len(t) - 2, min(len(t) - 1, ENOUGH)).astype(int))
+    intervals = np.unique(np.linspace(0, len(t) - 2, ENOUGH).astype(int))
     slopes = (value[intervals + 1] - value[intervals]) / (t[intervals + 1] - t[intervals])[:, None]
     means = (derivative[intervals + 1] + derivative[intervals]) / 2
     for i, joint in enumerate(robot.joints):
@@ -296,18 +286,14 @@ def check_derivatives(
                     f"{joint.name}: swapped columns?"
                 )
         if residual < ALIKE:
-            hint = next(
-                (f": {text}?" for scale, text in FACTORS if 1 / UNLIKE < factor / scale < UNLIKE),
-                "",
+            sides = (("", factor), (f" in the {names[0]}", 1 / factor))
+            hints = (
+                f": {text}{side}?"
+                for scale, text in FACTORS
+                for side, ratio in sides
+                if 1 / UNLIKE < ratio / scale < UNLIKE
             )
-            hint = hint or next(
-                (
-                    f": {text} in the {names[0]}?"
-                    for k, text in FACTORS
-                    if 1 / UNLIKE < factor * k < UNLIKE
-                ),
-                "",
-            )
+            hint = next(hints, "")
             raise TrajectoryError(
                 f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its "
                 f"{names[0]}{hint}"

@@ -350,15 +350,11 @@ class _Fit:
 
         whole: round both to integers.
         """
+        free = np.pad(np.ones(len(self.positions) - 2), 1)
         if not is_complete:
-            d, w = self._solve(
-                np.zeros(len(self.positions)),
-                np.r_[0.0, np.full(len(self.positions) - 2, np.inf), 0.0],
-            )
+            d, w = self._solve(np.zeros(len(self.positions)), free)
             return self.positions + d, (self.velocities + w) * self.rate
         ends = np.clip(np.round(self.positions), *self.range) - self.positions
-        free = np.full(len(ends), np.inf)
-        free[[0, -1]] = 0.0
         d, _ = self._solve(ends, free)
         position = np.clip(np.round(self.positions + d), *self.range)
         _, w = self._solve(position - self.positions, np.zeros(len(ends)))
@@ -396,7 +392,7 @@ class _Fit:
         for sign in (1, -1):
             blocks.append([sign * eye, None, -eye, None])
             upper.append(np.zeros(n))
-        velocity_range = np.r_[0.0, np.full(n - 2, np.inf), 0.0]
+        velocity_range = np.pad(np.full(n - 2, np.inf), 1)
         low = np.where(is_fixed, d, -np.inf)
         high = np.where(is_fixed, d, np.inf)
         solution = milp(

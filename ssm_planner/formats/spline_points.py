@@ -83,7 +83,7 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     candidate = max(trials, key=lambda trial: trial.certificate.worst.margin)
     divisions = PARTS[trials.index(candidate) - smooth] if not candidate.with_acceleration else 1
     for _ in range(TRIALS):
-        if candidate.certificate.passed or not certificate.passed:
+        if candidate.certificate.passed:
             return candidate
         stretch = candidate.stretch * max(
             _slower(plan, limit) for limit in candidate.certificate.violations

@@ -107,9 +107,7 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     """
     label, unit = of_heading(name)
     tokens = [token for token in re.split(r"[^a-z0-9]+|_", label.lower()) if token]
-    if tokens and (
-        tokens[0] in ("t", "time", "timestamp") or tokens[:3] == ["time", "from", "start"]
-    ):
+    if tokens and tokens[0] in ("t", "time", "timestamp"):
         if unit not in TIMES:
             raise ValueError(_unit_fault(unit, ", ".join(TIMES)))
         return (-1, 0), TIMES[unit]

@@ -39,6 +39,8 @@ NO_MASS = (
     "some readers refuse a massless link"
 )
 PLUGIN = "mock_components/GenericSystem"
+SIZES = ((0.08, 0.003), (0.12, 0.001))
+"""Length and radius (m) of the cylinder that shows a turning and a sliding link."""
 NO_EFFORT = 1e3
 """Effort limit (N·m or N) of a joint without a motor. URDF requires a number."""
 
@@ -69,7 +71,7 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
             *(f"not included: {x}" for x in ABSENT),
             *(f"body {one_line(name)} {NO_MASS}" for name in light),
             "the collision shapes are the thin cylinders of the visuals; the hardware of "
-            "ros2_control is a placeholder, {PLUGIN}",
+            f"ros2_control is a placeholder, {PLUGIN}",
         ],
     }
 
@@ -108,7 +110,7 @@ def _links(robot: Robot) -> Iterator[dict[str, Any]]:
             "body": body,
             "joint": joint,
             "inertia": inertia_about_com(body) if body.mass > 0 else None,
-            "size": (0.12, 0.001) if joint.slides else (0.08, 0.003),
+            "size": SIZES[joint.slides],
             "rpy": rpy(frame.T @ body.frame),
             "axis": body.frame.T @ axis,
             "effort": effort_limit(joint),

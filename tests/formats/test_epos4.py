@@ -2,11 +2,14 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import hashlib
 import json
+import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +17,14 @@ import pytest
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.epos4 import period_ms
+from ssm_planner.formats.epos4 import (
+    _offsets,
+    _streams,
+    period_ms,
+    read_table,
+    setpoint_times,
+)
+from ssm_planner.formats.epos4_setup import axes_of
 from ssm_planner.formats.export import export
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
@@ -545,3 +555,167 @@ def test_a_plan_that_ends_between_setpoints(robot: Robot, tmp_path: Path) -> Non
     rows = stream(tmp_path / "e", "roll")
     assert rows["time_s"][-1] >= plan.trajectory.duration
     assert rows["target_position_inc"][-1] == round(0.3001 * 78227.8)
+
+
+def test_the_time_at_which_a_plan_starts_is_of_no_account(plan: Plan, tmp_path: Path) -> None:
+    later = Trajectory(plan.motion.breaks + 7.0, plan.motion.coefficients, ())
+    moved = certified(dataclasses.replace(plan, trajectory=later))
+    for source, name in ((plan, "a"), (moved, "b")):
+        export(source, "epos4", tmp_path / name, counts_per_turn=COUNTS, rate=125.0)
+    for name in (*DRIVEN, "spin"):
+        a, b = stream(tmp_path / "a", name), stream(tmp_path / "b", name)
+        for column, values in a.items():
+            assert b[column] == pytest.approx(values, abs=1 if name in DRIVEN else 1e-9)
+    assert objects(tmp_path / "a", "roll") == pytest.approx(objects(tmp_path / "b", "roll"), abs=1)
+
+
+@pytest.mark.parametrize("mode", ["csp", "csv", "cst"])
+def test_files_and_manifest_of_each_mode(plan: Plan, tmp_path: Path, mode: str) -> None:
+    files, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, mode=mode, rate=125.0)
+    plain = {f"{name}_time_position.csv" for name in DRIVEN} if mode == "csp" else set()
+    streams = {f"{name}.csv" for name in (*DRIVEN, "spin")}
+    assert set(files) == {"objects.csv", "manifest", *streams, *plain}
+    assert (manifest["mode"], manifest["rate_hz"]) == (mode, 125.0)
+    assert manifest["interpolation_period_ms"] == manifest["sync"]["period_ms"] == 8
+    spin = stream(tmp_path, "spin")
+    exact = plan.motion.sample(np.minimum(spin["time_s"], plan.motion.duration)).q[:, 2]
+    assert spin["position_rad"] == pytest.approx(exact, abs=1e-15)
+    count = len(spin["time_s"])
+    assert (
+        f"{count} setpoints; the last is the target, reached by {spin['time_s'][-1]:.3f} s"
+        in (manifest["notes"])
+    )
+
+
+def test_notes_state_the_rounding_of_the_manifest_in_other_units(
+    plan: Plan, tmp_path: Path
+) -> None:
+    _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=64)
+    units = {"roll": ("deg", 180 / np.pi), "tilt": ("deg", 180 / np.pi), "insertion": ("mm", 1e3)}
+    for joint in plan.robot.joints:
+        if joint.drive is None:
+            continue
+        (note,) = (n for n in manifest["notes"] if n.startswith(f"joint {joint.name}: rounding"))
+        unit, scale = units[joint.name]
+        effects = manifest["axes"][joint.name]["rounding"]
+        numbers = [float(x) for x in re.findall(r"([0-9.e+-]+) (?=deg|mm|%)", note)]
+        expected = [scale * effects["position"], scale * effects["speed"]]
+        expected += [100 * effects["speed"] / joint.velocity, scale * effects["acceleration"]]
+        assert numbers == pytest.approx(expected, rel=0.06)
+        assert note.count(unit) == 3
+    (spin,) = (note for note in manifest["notes"] if "joint spin has no drive" in note)
+    travel = np.ptp(plan.motion.sample(plan.motion.breaks).q[:, 2])
+    assert spin.endswith(f"moves it by {np.degrees(travel):.4g} deg")
+
+
+def test_a_joint_without_drive_that_does_not_move_needs_no_note(
+    robot: Robot, tmp_path: Path
+) -> None:
+    moves = (np.array([0.01, 0.0, 0.0, 0.0]),)
+    plan = read_back(tmp_path / "plan.json", robot, trapezoids(robot, moves))
+    _, manifest = export(plan, "epos4", tmp_path / "e", counts_per_turn=COUNTS)
+    assert not any("spin" in note for note in manifest["notes"])
+
+
+@pytest.mark.parametrize("error", [-1e-13, 0.0, 1e-13])
+@pytest.mark.parametrize("period", [1, 4, 100])
+def test_a_duration_of_whole_periods_needs_one_setpoint_more(error: float, period: int) -> None:
+    """Rounding of the duration adds no setpoint; a microsecond more does."""
+    rest = np.zeros((1, 6, 4))
+    for extra, count in ((0.0, 21), (1e-6, 22)):
+        duration = 20 * period * 1e-3 * (1 + error) + extra
+        motion = Trajectory(np.array([0.0, duration]), rest, ())
+        t, stretch = setpoint_times(SimpleNamespace(motion=motion), period)  # type: ignore[arg-type]
+        assert len(t) == count
+        assert np.diff(t) == pytest.approx(period * 1e-3)
+        assert stretch == 1.0
+
+
+@pytest.mark.parametrize(
+    ("key", "largest", "quantity"),
+    [
+        ("q", 2**31 - 1, "target position"),
+        ("speed", 2**31 - 1, "velocity"),
+        ("torque", 2**15 - 1, "torque"),
+    ],
+)
+def test_every_column_is_kept_to_the_range_of_its_object(
+    robot: Robot, key: str, largest: int, quantity: str
+) -> None:
+    """Whole numbers up to the largest are written as they are, the next one is refused."""
+    axis = axes_of(robot, COUNTS)["roll"]
+    unit = {
+        "q": 1 / axis.increments_per_unit,
+        "speed": 1e-3 * 2 * np.pi / 60,
+        "torque": 1e-3 * axis.rated_torque,
+    }[key]
+    for sign in (1, -1):
+        motion = {name: np.zeros((2, 4)) for name in ("q", "speed", "torque")}
+        motion[key][1, 0] = sign * largest * unit
+        written = _streams({"roll": axis}, motion, "csp")["roll"]
+        assert [abs(column[1]) for column in written.values()].count(largest) == 1
+        motion[key][1, 0] = sign * (largest + 1) * unit
+        for mode in ("csp", "csv", "cst"):
+            with pytest.raises(ExportError, match=f"joint roll: {quantity} of .* does not fit"):
+                _streams({"roll": axis}, motion, mode)
+
+
+def test_offsets_are_read_in_the_units_in_which_they_are_written(robot: Robot) -> None:
+    joint = dataclasses.replace(robot.joints[1], motor_direction=-1)
+    assert joint.drive is not None
+    assert joint.motor is not None
+    offsets = _offsets(joint, np.array([60_000.0]), np.array([1000.0]))  # 1 turn/s, rated torque
+    assert offsets.velocity == pytest.approx([-2 * np.pi / joint.drive.ratio])
+    assert offsets.torque == pytest.approx([-joint.motor.nominal_torque])
+    assert offsets.velocity_rounding == pytest.approx(np.pi / joint.drive.ratio / 60_000)
+    assert offsets.torque_rounding == pytest.approx(0.5e-3 * joint.motor.nominal_torque)
+
+
+def test_positions_are_read_with_their_rounding(plan: Plan, tmp_path: Path) -> None:
+    _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
+    reading = read_trajectory(tmp_path, plan.robot)
+    for i, joint in enumerate(plan.robot.joints):
+        rows, axis = stream(tmp_path, joint.name), manifest["axes"][joint.name]
+        scale = axis.get("increments_per_unit", 1.0)
+        column = "position_rad" if joint.drive is None else "target_position_inc"
+        q = reading.trajectory.sample(rows["time_s"]).q[:, i]
+        assert q * scale == pytest.approx(rows[column], abs=1e-6)
+        assert reading.resolution[i] == (0.0 if joint.drive is None else 0.5 / scale)
+    assert reading.interpolation.startswith("linear")
+
+
+def test_streams_that_do_not_fit_each_other_or_the_robot(plan: Plan, tmp_path: Path) -> None:
+    files, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=10.0)
+    joints = plan.robot.joints
+    for lacking in ("drive", "motor"):
+        without = (dataclasses.replace(joints[0], **{lacking: None}), *joints[1:])
+        bare = dataclasses.replace(plan.robot, joints=without)
+        with pytest.raises(TrajectoryError, match="joint roll has a stream, but the robot has no"):
+            read_trajectory(tmp_path, bare)
+    lines = files["tilt.csv"].read_text(encoding="utf-8").splitlines()
+
+    def refused(changed: list[str], message: str) -> None:
+        files["tilt.csv"].write_text("\n".join(changed) + "\n", encoding="utf-8")
+        digest = hashlib.sha256(files["tilt.csv"].read_bytes()).hexdigest()
+        mended = {**manifest, "files": {**manifest["files"], "tilt.csv": digest}}
+        files["manifest"].write_text(json.dumps(mended), encoding="utf-8")
+        with pytest.raises(TrajectoryError, match=message):
+            read_trajectory(tmp_path, plan.robot)
+
+    refused(lines[:-1], "the streams of the axes have different times")
+    refused(lines[:2], r"tilt\.csv: the file has fewer than two rows")
+    refused([*lines[:2], lines[2].replace(",", ",nan,", 1)], "columns")
+    refused([*lines[:2], "0.1,nan,0,0"], r"tilt\.csv: .* not finite")
+    refused([lines[0].replace("time_s", "t"), *lines[1:]], "no column time_s")
+    for axis in (None, 3, {}, {"file": 3}):
+        wrong = {**manifest, "axes": {**manifest["axes"], "tilt": axis}}
+        files["manifest"].write_text(json.dumps(wrong), encoding="utf-8")
+        with pytest.raises(TrajectoryError, match=r"lists no file for joint tilt|was modified"):
+            read_trajectory(tmp_path, plan.robot)
+
+
+def test_a_table_of_two_rows_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("b,time,a\n1,0,3\n4,1,6\n", encoding="utf-8")
+    t, (a, b) = read_table(path, "time", ("a", "b"))
+    assert np.array_equal([t, a, b], [[0, 1], [3, 6], [1, 4]])

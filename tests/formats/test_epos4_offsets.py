@@ -106,3 +106,48 @@ def test_accelerations_near_a_setpoint_are_those_of_the_intervals_around(robot: 
     low, high = module._accelerations(robot, 100 * t, 100 * qd, offsets)
     assert low.min(axis=0) == pytest.approx(-limit)
     assert high.max(axis=0) == pytest.approx(limit)
+
+
+def test_a_torque_may_exceed_the_motor_law_by_its_rounding_and_a_thousandth(plan: Plan) -> None:
+    """Of the largest torque of the joint, beyond the range that the accelerations nearby give."""
+    t = np.linspace(0.0, plan.motion.duration, 200)
+    q, offsets = stream(plan, t)
+    qd = np.gradient(q, t, axis=0)
+    for i in DRIVEN:
+        qd[:, i] = offsets[i].velocity
+    low, high = module._torque_range(plan.robot, t, q, qd, offsets)
+    for i in DRIVEN:
+        joint, rounding = plan.robot.joints[i], 1e-4 * np.abs(high[:, i]).max()
+        allowed = 2 * rounding + 1e-3 * np.abs(high[:, i]).max()
+        for k, sign, bound in ((60, 1, high), (140, -1, low)):
+            for share, passed in ((0.99, True), (1.01, False)):
+                torque = offsets[i].torque.copy()
+                torque[k] = bound[k, i] + sign * share * allowed
+                other = replace(offsets[i], torque=torque, torque_rounding=rounding)
+                check = checks_of(plan, t, q, {**offsets, i: other})["torque offset", joint.name]
+                assert check.passed is passed
+                assert check.time == t[k]
+                assert check.worst == pytest.approx(share * allowed)
+
+
+def test_a_torque_offset_within_its_rounding_keeps_the_limit_of_the_motor(plan: Plan) -> None:
+    t = np.linspace(0.0, plan.motion.duration, 50)
+    q, offsets = stream(plan, t)
+    joint, rounding = plan.robot.joints[0], 1e-3
+    assert joint.motor is not None
+    for excess, passed in ((0.9, True), (1.1, False)):
+        for sign in (1, -1):
+            torque = offsets[0].torque.copy()
+            torque[20] = sign * (joint.motor.max_torque + excess * rounding)
+            other = replace(offsets[0], torque=torque, torque_rounding=rounding)
+            check = checks_of(plan, t, q, {**offsets, 0: other})["motor torque", "roll"]
+            assert check.passed is passed
+            assert check.time == t[20]
+
+
+def test_a_joint_may_rest_up_to_the_rounding_of_its_offset(robot: Robot) -> None:
+    """And up to a millionth of its speed limit; a joint without offsets has no rounding."""
+    offsets = {1: Offsets(np.zeros(2), np.zeros(2), 0.25, 0.0)}
+    for i, joint in enumerate(robot.joints):
+        expected = 1e-6 * joint.velocity + (0.25 if i == 1 else 0.0)
+        assert module._slow(robot, i, offsets) == pytest.approx(expected)

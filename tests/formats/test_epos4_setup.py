@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ExportError
+from ssm_planner.formats import epos4_setup as module
 from ssm_planner.formats.epos4 import period_ms, rounding_effects
 from ssm_planner.formats.epos4_setup import (
     INT16,
@@ -169,3 +170,39 @@ def test_setup_objects_are_the_limits_of_the_joint_in_the_units_of_the_drive(rob
     bare = tuple(replace(each, drive=None) for each in robot.joints)
     with pytest.raises(ExportError, match="no joint of robot"):
         axes_of(replace(robot, joints=bare), 4096)
+
+
+def test_values_fit_their_objects_up_to_the_largest(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    axis = axes_of(robot, 4096)["insertion"]
+    effects = {"position": 0.0, "speed": 0.0, "acceleration": 0.0}
+    rows = {row["object"]: int(row["value"], 0) for row in setup_objects(axis, "csp", 4, effects)}
+    for key in ("0x60C2:02", "0x6065:00", "0x607D:01"):
+        largest = abs(rows[key])
+        for reduced, fits in ((0, True), (1, False)):
+            table = tuple(
+                (k, name, unit, str(largest - reduced) if k == key else most, reason)
+                for k, name, unit, most, reason in module.OBJECTS
+            )
+            monkeypatch.setattr(module, "OBJECTS", table)
+            if fits:
+                assert len(setup_objects(axis, "csp", 4, effects)) == len(rows)
+                continue
+            message = rf"= {rows[key]} does not fit \(allowed: up to {largest - 1}\)"
+            with pytest.raises(ExportError, match=message):
+                setup_objects(axis, "csp", 4, effects)
+        monkeypatch.undo()
+
+
+def test_the_current_limit_of_the_drive_is_not_above_that_of_the_motor(robot: Robot) -> None:
+    """Limits that protect the motor are rounded down, those that leave room are rounded up."""
+    joint = robot.joints[3]
+    assert joint.motor is not None
+    effects = {"position": 0.0, "speed": 0.0, "acceleration": 0.0}
+    for constant in (0.03, 0.007, 0.0123):
+        motor = replace(joint.motor, torque_constant=constant)
+        changed = replace(robot, joints=(*robot.joints[:3], replace(joint, motor=motor)))
+        rows = setup_objects(axes_of(changed, 4096)["insertion"], "csp", 1, effects)
+        (value,) = (int(row["value"]) for row in rows if row["object"] == "0x3001:02")
+        assert value <= 1000 * motor.max_torque / constant < value + 1

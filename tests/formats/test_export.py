@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -11,12 +12,13 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
-from ssm_planner.formats.export import FORMATS, export
+from ssm_planner.formats.export import FORMATS, export, verified
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
@@ -398,3 +400,60 @@ def test_an_export_at_a_lower_speed_is_the_slower_motion(plan: Plan, tmp_path: P
     t = np.linspace(0.0, fast.duration, 50)
     assert slow.sample(2 * t).q == pytest.approx(fast.sample(t).q, abs=1e-9)
     assert slow.sample(2 * t).qd == pytest.approx(fast.sample(t).qd / 2, abs=1e-6)
+
+
+def test_a_verified_manifest_has_no_warning_and_one_entry_a_line(
+    plan: Plan, tmp_path: Path
+) -> None:
+    files, manifest = export(plan, "urdf", tmp_path)
+    assert "warning" not in manifest
+    assert (manifest["start_rate"], manifest["end_rate"]) == ({}, {})
+    lines = files["manifest"].read_text(encoding="utf-8").splitlines()
+    depth = {line.split(":")[0].strip(): len(line) - len(line.lstrip()) for line in lines}
+    assert depth['"format"'] < depth['"sha256"']
+    assert len(lines) > len(manifest)
+
+
+def test_one_stop_can_be_exported(plan: Plan, tmp_path: Path) -> None:
+    """That of the first instant: the motion rests there, so the file has no rows."""
+    _, manifest = export(plan, "csv", tmp_path, stops=1)
+    assert manifest["stops"]["instants"] == 1
+    assert (tmp_path / "stops.csv").read_text(encoding="utf-8").startswith("from_s,time_s,roll_rad")
+
+
+def test_stops_have_no_negative_zero(plan: Plan, tmp_path: Path) -> None:
+    export(plan, "epos4", tmp_path, stops=4, counts_per_turn=4)
+    text = (tmp_path / "stops.csv").read_text(encoding="utf-8")
+    assert ",-0," not in text
+    for line in text.splitlines()[1:]:
+        roll, tilt, _, insertion = line.split(",")[2:]
+        assert all(str(int(count)) == count for count in (roll, tilt, insertion))
+
+
+@pytest.mark.parametrize("stored", ["none", "failed"])
+def test_the_message_says_what_the_stored_certificate_lacks(
+    plan: Plan, tmp_path: Path, stored: str
+) -> None:
+    assert plan.certificate is not None
+    failed = replace(plan.certificate, limits=(replace(plan.certificate.limits[0], margin=-0.5),))
+    changed = SimpleNamespace(
+        motion=plan.motion, robot=plan.robot, limits=plan.limits, path=plan.path,
+        certificate=None if stored == "none" else failed, uncertified_reason=None,
+    )  # fmt: skip
+    reason = {"none": "has no certificate", "failed": "has a certificate that did not pass"}[stored]
+    with pytest.raises(ExportError, match=f"the plan {reason}: plan again, or use --force"):
+        verified(changed, force=False)  # type: ignore[arg-type]
+    assert verified(changed, force=True)[1] is False  # type: ignore[arg-type]
+
+
+def test_the_message_states_the_worst_excess_of_the_plan(bad_plan: Plan) -> None:
+    worst = check(bad_plan.motion, bad_plan.robot, bad_plan.limits).worst
+    with pytest.raises(ExportError) as caught:
+        verified(bad_plan, force=False)
+    stated = re.search(
+        r"check: (.+) of (\S+) exceeds its limit by (\S+) % at (\S+) s", str(caught.value)
+    )
+    assert stated is not None
+    assert stated.group(1, 2) == (worst.name, worst.joint)
+    assert float(stated.group(3)) == pytest.approx(-100 * worst.margin, rel=1e-2)
+    assert float(stated.group(4)) == pytest.approx(worst.time, abs=1e-4)

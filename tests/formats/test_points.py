@@ -194,3 +194,101 @@ def test_headings_tell_joint_derivative_and_unit(
     if key[0] >= 0:
         with pytest.raises(TrajectoryError, match=f"joint {robot.joints[key[1]].name}"):
             headings([other for other in others if other != name], robot, "file")
+
+
+def test_the_first_of_several_faults_is_named(robot: Robot) -> None:
+    t, q, qd = T.copy(), curves(0), curves(1)
+    qd[[9, 20], 2] = np.nan
+    with pytest.raises(TrajectoryError, match="point 9: velocity is not a finite number"):
+        join_points(Points(t, q, qd), robot)
+    t[[6, 7, 15]] = t[3]
+    with pytest.raises(TrajectoryError, match=r"point 6: time goes back: 0\.25 s after 0\.41"):
+        join_points(Points(t, q), robot)
+    t = T.copy()
+    t[6] = t[5]
+    with pytest.raises(
+        TrajectoryError, match=r"point 6: the same time twice: 0\.41\d* s after 0\.41\d* s"
+    ):
+        join_points(Points(t, q), robot)
+
+
+def test_two_points_are_a_trajectory(robot: Robot) -> None:
+    reading = join_points(Points(np.array([0.5, 2.5]), np.array([[0.0] * 4, [0.2] * 4])), robot)
+    assert reading.trajectory.duration == 2.0
+    assert reading.trajectory.sample([1.5]).q == pytest.approx(0.1)
+    with pytest.raises(TrajectoryError, match="point 0: 1 point; a trajectory needs at least two"):
+        join_points(Points(np.zeros(1), np.zeros((1, 4))), robot)
+
+
+@pytest.mark.parametrize(("count", "compared"), [(20, False), (21, True)])
+def test_few_points_are_not_compared_with_their_slopes(
+    robot: Robot, count: int, compared: bool
+) -> None:
+    assert count - compared == module.FEW
+    t, q, qd = (table[:count] for table in (T, curves(0), np.degrees(curves(1))))
+    if not compared:
+        join_points(Points(t, q, qd), robot)
+        return
+    with pytest.raises(TrajectoryError, match="times the slope"):
+        join_points(Points(t, q, qd), robot)
+
+
+@pytest.mark.parametrize("interval", [0, 1, 12, 22, 23])
+def test_every_interval_is_compared(robot: Robot, interval: int) -> None:
+    """A joint that moves in one interval alone shows its unit there."""
+    q, qd = np.zeros((2, 25, 4))
+    q[interval + 1 :, 1] = 0.1
+    slope = 0.1 / (T[1] - T[0])
+    j = np.arange(25)
+    sign = (-1.0) ** np.where(j <= interval, interval - j, j - interval - 1)
+    for factor, fault in ((1.0, False), (57.3, True)):
+        # Means that vanish in all intervals but the one.
+        qd[:, 1] = factor * slope * sign
+        means = (qd[1:, 1] + qd[:-1, 1]) / 2
+        assert np.flatnonzero(np.abs(means) > 1e-12).tolist() == [interval]
+        if not fault:
+            join_points(Points(T, q, qd), robot)
+            continue
+        with pytest.raises(TrajectoryError, match=r"velocities of joint tilt are 57\.3 times"):
+            join_points(Points(T, q, qd), robot)
+
+
+@pytest.mark.parametrize(
+    ("factor", "fault"),
+    [(0.51, None), (1.9, None), (0.49, ""), (2.1, ""), (-1.0, ""), (30.0, "degrees"), (110.0, "degrees"),
+     (27.0, ""), (130.0, ""), (520.0, "milli"), (1900.0, "milli"), (480.0, ""), (2100.0, "")],
+)  # fmt: skip
+def test_a_factor_up_to_two_is_no_other_unit(
+    robot: Robot, factor: float, fault: str | None
+) -> None:
+    """Of the slope on both sides, whether the values or their derivatives have another unit."""
+    small = 1e-5 * np.array([1.0, 1.0, 1.0, 0.1])
+    q, qd = curves(0) * small, curves(1) * small
+    if fault is None:
+        join_points(Points(T, q, factor * qd), robot)
+        return
+    for by_positions in (False, True):
+        tables = (factor * q, qd) if by_positions else (q, factor * qd)
+        with pytest.raises(TrajectoryError, match="times the slope of its positions") as caught:
+            join_points(Points(T, *tables), robot)
+        text = str(caught.value).partition("positions")[2]
+        assert text.startswith(f": {fault}") == bool(fault)
+        assert ("in the positions" in text) == (bool(fault) and by_positions)
+
+
+def test_columns_are_alike_up_to_a_twentieth(robot: Robot) -> None:
+    """Residual and factor of proportional columns, by hand."""
+    slope = np.array([1.0, 0.0])
+    for across, residual in ((0.0, 0.0), (1.0, 0.5**0.5)):
+        factor, found = module._compare(slope, np.array([1.0, across]))
+        assert (factor, found) == pytest.approx((1.0, residual))
+    assert module._compare(slope, np.zeros(2)) == (0.0, 1.0)
+    assert module._compare(2 * slope, np.array([3.0, 0.0])) == pytest.approx((1.5, 0.0))
+    for factor, residual, same in (
+        (1.049, 0.049, True),
+        (0.951, 0.0, True),
+        (1.051, 0.0, False),
+        (0.949, 0.0, False),
+        (1.0, 0.051, False),
+    ):
+        assert module._same(factor, residual) is same

@@ -5,20 +5,26 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.epos4_setup import axes_of
 from ssm_planner.formats.export import export
-from ssm_planner.formats.pvt import INT24, LARGEST_TIME, _Fit
+from ssm_planner.formats.pvt import EXCESS, INT24, LARGEST_TIME, _Fit, _trials
 from ssm_planner.formats.read import read_trajectory
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_rates
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Samples
+from ssm_planner.trajectory import Samples, Trajectory
 from ssm_planner.verification.check import check
 from tests.support.plans import certified
 
@@ -192,22 +198,23 @@ def test_rows_keep_to_whole_increments_within_the_range_of_the_joint(plan: Plan)
         assert _Fit(plan, 3, t, 1.0, unit).range == expected
 
 
-STRETCH, UNIT = 1.03, -2e5
+STRETCH = 1.03
 
 
-@pytest.fixture(scope="module")
-def fit(smooth_plan: Plan) -> tuple[_Fit, np.ndarray]:
-    """The program of a stretched table of joint 2, and its times."""
-    t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, 13)
-    t[4:7] += [0.01, -0.012, 0.007]
-    return _Fit(smooth_plan, 1, t, STRETCH, UNIT), t
+@pytest.fixture(scope="module", params=[(13, -2e5), (13, 400.0), (4, -90.0)])
+def fit(request: pytest.FixtureRequest, smooth_plan: Plan) -> tuple[_Fit, np.ndarray, float]:
+    """The program of a stretched table of joint 2, its times, and increments per rad."""
+    count, unit = request.param
+    t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, count)
+    t[1:3] += [0.01, -0.012]
+    return _Fit(smooth_plan, 1, t, STRETCH, unit), t, unit
 
 
 def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
-    fit: tuple[_Fit, np.ndarray],
+    fit: tuple[_Fit, np.ndarray, float],
 ) -> None:
     """Each row equals a derivative or a Bernstein coefficient of the cubic, for any p and v."""
-    made, t = fit
+    made, t, _ = fit
     tau = t[-1] / (len(t) - 1)
     assert made.rate == pytest.approx(1 / tau)
     rng = np.random.default_rng(5)
@@ -225,16 +232,17 @@ def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
 
 
 def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
-    fit: tuple[_Fit, np.ndarray], smooth_plan: Plan
+    fit: tuple[_Fit, np.ndarray, float], smooth_plan: Plan
 ) -> None:
-    made, t = fit
+    """Of an interval and its neighbours. The last fortieth may be left out."""
+    made, t, unit = fit
     tau, n = t[-1] / (len(t) - 1), len(t) - 1
     joint, motion = smooth_plan.robot.joints[1], smooth_plan.motion
-    limit = joint.acceleration * abs(UNIT) * tau**2
+    limit = joint.acceleration * abs(unit) * tau**2
 
     def values(x: np.ndarray) -> tuple[np.ndarray, ...]:
         s = motion.sample(motion.breaks[0] + np.minimum(x / STRETCH, motion.duration))
-        return s.q[:, 1] * UNIT, s.qd[:, 1] * UNIT * tau, s.qdd[:, 1] * UNIT * tau**2
+        return s.q[:, 1] * unit, s.qd[:, 1] * unit * tau, s.qdd[:, 1] * unit * tau**2
 
     position, velocity, _ = values(t)
     assert made.positions == pytest.approx(position)
@@ -242,33 +250,38 @@ def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
     tolerances = [tolerance for _, _, tolerance in made.rows_of]
     assert tolerances == pytest.approx([limit, limit, 0.0, 0.0, 0.0])
     largest = max(limit, np.abs(values(np.linspace(0, t[-1], 20_001))[2]).max())
-    for k in range(n):
-        x = np.linspace(t[max(k - 1, 0)], t[min(k + 2, n)], 2001)
-        q, qd, qdd = values(x)
-        cap = largest - 3 / ((t[k + 1] - t[k]) / tau) ** 2
+
+    def bounds(begin: float, end: float, cap: float) -> list[tuple[float, float]]:
+        q, qd, qdd = values(np.linspace(begin, end, 2001))
         low = max(min(qdd.min(), qdd.min() / STRETCH**2) - 0.01 * limit, -cap)
         high = min(max(qdd.max(), qdd.max() / STRETCH**2) + 0.01 * limit, cap)
-        for (_, bounds, _), expected, scale in zip(
-            made.rows_of,
-            [(low, high)] * 2 + [(qd.min(), qd.max())] + [(q.min(), q.max())] * 2,
-            [limit, limit, np.ptp(velocity), np.ptp(position), np.ptp(position)],
-            strict=True,
+        return [(low, high)] * 2 + [(qd.min(), qd.max())] + [(q.min(), q.max())] * 2
+
+    for k in range(n):
+        cap = largest - 3 / ((t[k + 1] - t[k]) / tau) ** 2
+        begin, end = t[max(k - 1, 0)], t[min(k + 2, n)]
+        last = 0.0 if k + 2 > n - 1 else (end - begin) / 20
+        whole, part = bounds(begin, end, cap), bounds(begin, end - last, cap)
+        spans = [limit, limit, np.abs(velocity).max(), np.ptp(position), np.ptp(position)]
+        for (_, (low, high), _), outer, inner, span in zip(
+            made.rows_of, whole, part, spans, strict=True
         ):
-            assert bounds[0][k] == pytest.approx(expected[0], abs=2.5e-2 * scale)
-            assert bounds[1][k] == pytest.approx(expected[1], abs=2.5e-2 * scale)
+            assert outer[0] - 2e-3 * span <= low[k] <= inner[0] + 2e-3 * span
+            assert inner[1] - 2e-3 * span <= high[k] <= outer[1] + 2e-3 * span
 
 
-def test_a_solution_keeps_fixed_positions_and_the_rows(fit: tuple[_Fit, np.ndarray]) -> None:
+def test_a_solution_keeps_fixed_positions_and_the_rows(
+    fit: tuple[_Fit, np.ndarray, float],
+) -> None:
     """Rounded positions stay where they are; velocities move so that every row holds."""
-    made, t = fit
+    made, t, _ = fit
     n = len(t)
     shift = np.round(made.positions) - made.positions
     free = np.zeros(n)
     d, w = made._solve(shift, free)
     assert d == pytest.approx(shift)
     assert np.abs(w[[0, -1]]).max() == pytest.approx(0.0, abs=1e-9)
-    loose = np.full(n, np.inf)
-    loose[[0, -1]] = 0.0
+    loose = np.pad(np.ones(n - 2), 1)
     d, w = made._solve(np.zeros(n), loose)
     p, v = made.positions + d, made.velocities + w
     for (a, b, c, e), (low, high), tolerance in made.rows_of:
@@ -278,3 +291,146 @@ def test_a_solution_keeps_fixed_positions_and_the_rows(fit: tuple[_Fit, np.ndarr
         room = 1e-6 * (1 + np.abs(value).max()) + (0.0 if tolerance else np.zeros(n - 1))
         assert np.all(value <= np.maximum(high, base) + room)
         assert np.all(value >= np.minimum(low, base) - room)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_rows_are_the_nearest_to_the_plan(smooth_plan: Plan, sign: float) -> None:
+    """Another form of the program, with d = a − b and a, b ≥ 0, has the same least Σ |d|."""
+    unit = sign * 5e4
+    t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, 9)
+    made, n = _Fit(smooth_plan, 1, t, STRETCH, unit), 9
+    d, _ = made._solve(np.zeros(n), np.pad(np.ones(n - 2), 1))
+    rows, room = [], []
+    for (p0, p1, v0, v1), (low, high), tolerance in made.rows_of:
+        position = np.diag(p0) @ np.eye(n - 1, n) + np.diag(p1) @ np.eye(n - 1, n, k=1)
+        velocity = np.diag(v0) @ np.eye(n - 1, n) + np.diag(v1) @ np.eye(n - 1, n, k=1)
+        base = position @ made.positions + velocity @ made.velocities
+        if not tolerance:
+            low, high = np.minimum(low, base), np.maximum(high, base)
+        whole = np.hstack([position, -position, velocity])
+        excess = np.full((n - 1, 1), -tolerance)
+        rows += [np.hstack([whole, excess]), np.hstack([-whole, excess])]
+        room += [high - base, base - low]
+    cost = np.r_[np.ones(2 * n), np.zeros(n), EXCESS]
+    still = np.r_[1.0, np.zeros(n - 2), 1.0]
+    limits = [(0.0, 0.0 if end else None) for end in still] * 2
+    limits += [(0.0, 0.0) if end else (None, None) for end in still] + [(0.0, None)]
+    best = linprog(cost, np.vstack(rows), np.concatenate(room), bounds=limits)
+    assert best.x[-1] == pytest.approx(0.0, abs=1e-9)
+    assert best.fun > 0.1
+    assert np.abs(d).sum() == pytest.approx(best.fun, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [-60.0, 2e3, 1e5])
+@pytest.mark.parametrize("is_complete", [True, False])
+def test_a_table_begins_and_ends_where_the_plan_does(
+    smooth_plan: Plan, unit: float, is_complete: bool
+) -> None:
+    """Also if few increments leave no good rows in between, and also if the motion ends at speed."""
+    motion = smooth_plan.motion
+    end = STRETCH * motion.duration
+    for t in (np.linspace(0.0, end, 8), np.linspace(0.1, 0.7, 8) * end):
+        position, velocity = _Fit(smooth_plan, 1, t, STRETCH, unit).rows(is_complete)
+        s = motion.sample(motion.breaks[0] + t[[0, -1]] / STRETCH)
+        exact = s.q[:, 1] * unit, s.qd[:, 1] * unit / STRETCH
+        for found, expected in zip((position, velocity), exact, strict=True):
+            ends = np.round(expected) if is_complete else expected
+            assert found[[0, -1]] == pytest.approx(ends, rel=1e-6, abs=1e-6)
+        if is_complete:
+            assert np.array_equal(np.round([position, velocity]), [position, velocity])
+
+
+def test_the_manifest_describes_the_rows(plan: Plan, tmp_path: Path) -> None:
+    files, manifest = export(plan, "pvt", tmp_path, counts_per_turn=COUNTS)
+    stretch = manifest["stretch"]
+    for i, joint in enumerate(plan.robot.joints):
+        axis = manifest["axes"][joint.name]
+        time, position, velocity = rows(tmp_path, joint.name)
+        assert axis["file"] == f"{joint.name}.csv"
+        assert (axis["start"], axis["start_velocity"]) == (position[0], velocity[0])
+        assert (axis["end"], axis["end_velocity"]) == (position[-1], velocity[-1])
+        t = np.cumsum(time) / 1000
+        assert t[-1] == pytest.approx(stretch * plan.motion.duration)
+        exact = plan.motion.sample(np.minimum(t / stretch, plan.motion.duration)).q[:, i]
+        header = files[f"{joint.name}.csv"].read_text(encoding="utf-8").splitlines()[0]
+        if joint.drive is None:
+            assert header == "time_ms,position_rad,velocity_rad_per_s"
+            assert "no drive" in axis["note"]
+            continue
+        assert header == "time_ms,position_inc,velocity_inc_per_s"
+        assert "note" not in axis
+        error = np.abs(position / axis["increments_per_unit"] - exact).max()
+        assert axis["deviation"] == pytest.approx(error, rel=1e-6)
+        (note,) = (n for n in manifest["notes"] if n.startswith(f"joint {joint.name}: up to"))
+        assert note.endswith(f"up to {error:.2g} {joint.unit} from the plan at the rows")
+        assert axis["mrpm_per_inc_per_s"] * COUNTS == 60_000
+    count, slower, text = re.match(
+        r"(\d+) rows, (\S+) % slower than the plan; (.*)", manifest["notes"][0]
+    ).groups()  # type: ignore[union-attr]
+    assert int(count) == len(time)
+    assert float(slower) == pytest.approx(100 * (stretch - 1), rel=0.06)
+    assert text == manifest["spline"]["interpolation"]
+    assert manifest["start_rate"] == manifest["end_rate"] == {}
+
+
+@pytest.mark.parametrize("which", ["start", "end"])
+def test_the_rates_at_moving_ends_are_those_of_the_rounded_rows(
+    plan: Plan, robot: Robot, tmp_path: Path, which: str
+) -> None:
+    """A part of a motion that begins or ends at speed; the other end declares no rate."""
+    whole = plan.motion
+    half = len(whole.breaks) // 3
+    rows_, breaks = (
+        (slice(None, half), whole.breaks[: half + 1])
+        if which == "end"
+        else (slice(half, None), whole.breaks[half:])
+    )
+    part = Trajectory(breaks, whole.coefficients[rows_], ())
+    ends = part.sample(part.breaks[[0, -1]], "left" if which == "end" else "right")
+    mechanism = Mechanism.from_geometry(robot.geometry)
+    k = 0 if which == "start" else -1
+    exact = dict(zip(TASK, task_rates(mechanism, ends.q, ends.qd)[k].tolist(), strict=True))
+    problem = dataclasses.replace(plan.problem, **{f"{which}_rate": exact})
+    cut = certified(dataclasses.replace(plan, problem=problem, trajectory=part))
+    assert cut.passed
+    _, manifest = export(cut, "pvt", tmp_path, counts_per_turn=1024)
+    other = {"start": "end", "end": "start"}[which]
+    assert manifest[f"{other}_rate"] == {}
+    axes = manifest["axes"]
+    states = np.array(
+        [
+            [
+                rows(tmp_path, j.name)[n, k] / axes[j.name].get("increments_per_unit", 1.0)
+                for j in robot.joints
+            ]
+            for n in (1, 2)
+        ]
+    )
+    stated = manifest[f"{which}_rate"]
+    rounded = task_rates(mechanism, states[:1], states[1:])[0]
+    assert [stated[name] for name in TASK] == pytest.approx(rounded, abs=1e-9)
+    slowed = np.array([exact[name] for name in TASK]) / manifest["stretch"]
+    assert rounded == pytest.approx(slowed, abs=2e-2 * np.abs(slowed).max())
+    assert check(
+        read_trajectory(tmp_path, robot).trajectory,
+        robot,
+        read_trajectory(tmp_path, robot).ends_on(plan.limits),
+    ).passed
+
+
+def test_a_table_needs_a_millisecond_for_each_of_its_two_intervals(plan: Plan) -> None:
+    coefficients = np.zeros((1, 6, 4))
+    coefficients[0, 0] = plan.motion.sample(np.zeros(1)).q[0]
+    axes = axes_of(plan.robot, COUNTS)
+    for duration, count in ((0.002, 3), (0.041, 3), (0.08, 3), (0.081, 4), (0.001, 0)):
+        short = dataclasses.replace(
+            plan, trajectory=Trajectory(np.array([0.0, duration]), coefficients, ())
+        )
+        if not count:
+            with pytest.raises(ExportError, match="the motion of 1 ms is too short for a table"):
+                next(_trials(short, axes, (0.0,)))
+            continue
+        table = next(_trials(short, axes, (0.0,)))
+        assert len(table.t) == count
+        assert table.t[-1] == duration
+        assert table.stretch == pytest.approx(1.0)

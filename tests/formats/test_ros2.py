@@ -4,16 +4,18 @@ import dataclasses
 import itertools
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.errors import ExportError
+from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.export import export
 from ssm_planner.formats.joint_trajectory import REST, controller_faults, message_from
-from ssm_planner.formats.ros2 import link_poses, quaternion
+from ssm_planner.formats.read import read_trajectory
+from ssm_planner.formats.ros2 import _of_states, link_poses, quaternion, state_times
 from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -256,3 +258,91 @@ def test_a_spline_that_no_points_mend_is_refused(
     )
     with pytest.raises(ExportError, match=r"exceeds the velocity limit of tilt by 1\.\d+ %"):
         spline_points(slower, plan.certificate)
+
+
+def test_a_late_subscriber_receives_the_description_of_the_robot(
+    plan: Plan, tmp_path: Path
+) -> None:
+    """Its topic is latched: reliable, transient local, one message. Other topics state no quality."""
+    export(plan, "ros2", tmp_path, rate=20.0)
+    metadata = yaml.safe_load((tmp_path / "bag/metadata.yaml").read_text(encoding="utf-8"))
+    topics = {
+        entry["topic_metadata"]["name"]: entry["topic_metadata"]["offered_qos_profiles"]
+        for entry in metadata["rosbag2_bagfile_information"]["topics_with_message_count"]
+    }
+    assert not any(topics.pop(name) for name in ("/joint_trajectory", "/joint_states", "/tf"))
+    (profiles,) = topics.values()
+    (quality,) = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
+    assert quality["depth"] == 1
+    assert str(quality["history"]) in ("1", "keep_last")
+    assert str(quality["reliability"]) in ("1", "reliable")
+    assert str(quality["durability"]) in ("1", "transient_local")
+    never = {"sec": 2**31 - 1, "nsec": 2**32 - 1}
+    assert quality["deadline"] == quality["lifespan"] == never
+    assert quality["avoid_ros_namespace_conventions"] is False
+
+
+def test_a_bag_with_one_motion_needs_no_note(plan: Plan, robot: Robot, tmp_path: Path) -> None:
+    export(plan, "ros2", tmp_path, rate=20.0)
+    assert read_trajectory(tmp_path / "bag", robot).notes == ()
+
+
+@pytest.mark.parametrize(
+    ("duration", "rate", "count"),
+    [(1.0, 10.0, 11), (1.05, 10.0, 12), (0.3, 1000.0, 301), (0.7, 10.0, 8), (0.01, 10.0, 2)],
+)
+def test_states_are_those_of_the_rate_and_the_end(duration: float, rate: float, count: int) -> None:
+    """Whether the duration is a multiple of the period up to rounding, or not."""
+    for rounding in (-1e-15, 0.0, 1e-15):
+        t = state_times(duration + rounding, rate)
+        assert len(t) == count
+        assert t[:-1] == pytest.approx(np.arange(count - 1) / rate)
+        assert t[-1] == pytest.approx(duration)
+
+
+def test_rates_of_a_bag_up_to_the_largest(plan: Plan, tmp_path: Path) -> None:
+    _, manifest = export(plan, "ros2", tmp_path, rate=1000.0, bag=False)
+    assert manifest["rate_hz"] == 1000.0
+    with pytest.raises(ExportError, match=r"rate 1000\.1 Hz is out of range .allowed: above 0, up"):
+        export(plan, "ros2", tmp_path, rate=1000.1, bag=False)
+
+
+def test_a_message_that_a_controller_would_reject_is_not_exported(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = ["point 3: a fault", "another"]
+    monkeypatch.setattr("ssm_planner.formats.ros2.controller_faults", lambda *_: (faults, []))
+    with pytest.raises(ExportError, match=r"would reject the trajectory: point 3: a fault$"):
+        export(plan, "ros2", tmp_path / "x", bag=False)
+    assert not list(tmp_path.iterdir())
+
+
+def test_comments_name_the_plan(plan: Plan, bad_plan: Plan, tmp_path: Path) -> None:
+    for source, mark in ((plan, ""), (bad_plan, "_unverified")):
+        _, manifest = export(source, "ros2", tmp_path, bag=False, force=True)
+        for name in ("joint_trajectory", "goal"):
+            text = (tmp_path / f"{name}{mark}.yaml").read_text(encoding="utf-8")
+            comments = [line for line in text.splitlines() if line.startswith("# ")]
+            assert ("UNVERIFIED" in comments[0]) == bool(mark)
+            assert f"SHA-256 {source.sha256}" in comments[bool(mark)]
+            assert comments[1 + bool(mark)] == f"# {manifest['notes'][0]}."
+            assert ("ros2 topic pub" in text) == (name == "joint_trajectory")
+
+
+def test_a_changed_bag_of_an_export_is_refused(plan: Plan, robot: Robot, tmp_path: Path) -> None:
+    """By the manifest above it, which also lists files outside the bag."""
+    export(plan, "ros2", tmp_path, rate=20.0)
+    (tmp_path / "goal.yaml").write_text("changed", encoding="utf-8")
+    assert read_trajectory(tmp_path / "bag", robot).trajectory.duration > 0
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    file.write_bytes(file.read_bytes() + b" ")
+    with pytest.raises(TrajectoryError, match=r"bag\.mcap: the file was modified after the exp"):
+        read_trajectory(tmp_path / "bag", robot)
+
+
+def test_joint_states_have_positions() -> None:
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0))
+    for count in (0, 1, 3):
+        state = SimpleNamespace(name=["a", "b"], position=[0.0] * count, velocity=[], header=header)
+        with pytest.raises(TrajectoryError, match=f"0: {count} values of position for 2 joints"):
+            _of_states([state])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -82,3 +83,69 @@ def test_a_slower_motion_makes_up_for_an_excess_of_its_order(
     for without in (("position", "tilt"), ("continuous torque", "tilt"), ("velocity", "nobody")):
         other = replace(found, name=without[0], joint=without[1], margin=-1e-4)
         assert module._slower(jerky, other) == np.inf
+
+
+def test_a_tiny_excess_is_made_up_for_too(plan: Plan) -> None:
+    """The factor exceeds the least one by some rounding."""
+    found = plan.certificate.limits[0]
+    for excess in (1e-9, 1e-8):
+        tiny = replace(found, name="velocity", joint="tilt", margin=-excess)
+        assert 1 + 10 * excess < module._slower(plan, tiny) < 1 + 1e-6
+
+
+def test_the_message_names_the_worst_limit_of_the_spline(plan: Plan, bad_plan: Plan) -> None:
+    with pytest.raises(ExportError) as caught:
+        spline_points(bad_plan, plan.certificate)
+    stated = re.search(
+        r"through (\d+) points exceeds the (.+) limit of (\S+) by (\S+) % at (\S+) s",
+        str(caught.value),
+    )
+    assert stated is not None
+    worst = bad_plan.certificate.worst
+    assert int(stated.group(1)) in {
+        count * (len(bad_plan.motion.breaks) - 1) + 1 for count in module.PARTS
+    }
+    assert stated.group(2, 3) in {(v.name, v.joint) for v in bad_plan.certificate.violations}
+    assert 0 < float(stated.group(4)) <= -100.5 * worst.margin
+    assert 0 <= float(stated.group(5)) <= bad_plan.motion.duration * (1 + module.LARGEST_STRETCH)
+
+
+@pytest.mark.parametrize("divisions", [1, 2, 4])
+def test_pieces_are_divided_into_equal_parts(plan: Plan, divisions: int) -> None:
+    later = Trajectory(plan.motion.breaks + 3.0, plan.motion.coefficients, ())
+    for source in (plan, replace(plan, trajectory=later)):
+        points = module._trial(source, divisions, True, 1.25, None)
+        t = points.samples.t / 1.25
+        breaks = plan.motion.breaks
+        assert len(t) == divisions * (len(breaks) - 1) + 1
+        assert t[::divisions] == pytest.approx(breaks, abs=1e-12)
+        steps = np.diff(t).reshape(-1, divisions)
+        assert steps == pytest.approx(np.tile(steps[:, :1], divisions))
+        assert points.samples.q == pytest.approx(plan.motion.sample(t).q, abs=1e-9)
+        assert (points.stretch, points.with_acceleration) == (1.25, True)
+
+
+@pytest.mark.parametrize("which", ["begins", "ends"])
+def test_a_motion_that_ends_at_speed_keeps_it_to_the_end_and_stops_there(
+    plan: Plan, which: str
+) -> None:
+    whole = plan.motion
+    k = len(whole.breaks) // 3
+    rows = slice(k, None) if which == "begins" else slice(None, k)
+    breaks = whole.breaks[k:] if which == "begins" else whole.breaks[: k + 1]
+    cut = replace(plan, trajectory=Trajectory(breaks, whole.coefficients[rows], ()))
+    points = module._trial(cut, 1, False, 1.0, None)
+    assert len(points.samples.t) == len(breaks)
+    ends = cut.motion.sample(breaks[[0, -1]]).qd
+    assert points.samples.qd[0] == pytest.approx(ends[0], abs=1e-12)
+    assert points.samples.qd[-1] == pytest.approx(ends[1], abs=1e-9)
+    assert points.samples.qd[0].any() == (which == "begins")
+    assert points.samples.qd[-1].any() == (which == "ends")
+    later = at_times(cut, breaks[-1] + np.array([1e-3, 1.0]))
+    assert later.q == pytest.approx(np.tile(cut.motion.sample(breaks[-1:]).q, (2, 1)))
+    assert not any(getattr(later, name).any() for name in ("qd", "qdd", "qddd"))
+
+
+def test_smooth_plans_need_no_more_points_than_breaks(smooth_plan: Plan) -> None:
+    points = spline_points(smooth_plan, smooth_plan.certificate)
+    assert len(points.samples.t) == len(smooth_plan.motion.breaks)

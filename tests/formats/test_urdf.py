@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,7 +12,17 @@ import pytest
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.formats.export import export
-from ssm_planner.formats.urdf import LINKS, SMALLEST_MASS, _links, effort_limit, rpy, urdf
+from ssm_planner.formats.urdf import (
+    LINKS,
+    NO_EFFORT,
+    PLUGIN,
+    SMALLEST_MASS,
+    _links,
+    _triple,
+    effort_limit,
+    rpy,
+    urdf,
+)
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
@@ -251,3 +262,38 @@ def test_links_are_drawn_by_their_kind_and_without_mass_have_no_inertia(robot: R
     sizes = {joint.slides: link["size"] for joint, link in zip(robot.joints, links, strict=True)}
     assert sizes[True][1] < sizes[False][1]
     assert len({link["size"] for link in links}) == 2
+
+
+def test_notes_name_the_plugin_and_the_bodies_without_mass(
+    plan: Plan, bad_plan: Plan, tmp_path: Path
+) -> None:
+    _, manifest = export(plan, "urdf", tmp_path)
+    assert any(note.endswith(f"is a placeholder, {PLUGIN}") for note in manifest["notes"])
+    light = [body.name for body in plan.robot.bodies if body.mass == 0]
+    assert light
+    assert [
+        note.split(" has no mass")[0] for note in manifest["notes"] if "has no mass" in note
+    ] == [f"body {name}" for name in light]
+    assert sum(note.startswith("not included: ") for note in manifest["notes"]) >= 4
+    for source, mark in ((plan, ""), (bad_plan, "_unverified")):
+        export(source, "urdf", tmp_path, force=True)
+        for name in (f"robot{mark}.urdf", f"controllers{mark}.yaml"):
+            assert ("UNVERIFIED" in (tmp_path / name).read_text(encoding="utf-8")) == bool(mark)
+
+
+def test_numbers_have_all_digits_and_no_negative_zero(robot: Robot) -> None:
+    values = np.array([1 / 3, -0.0, -5e-17, 2e-16, -1e22])
+    assert _triple(values) == "0.3333333333333333 0.0 0.0 2e-16 -1e+22"
+    assert not re.search(r'["\s]-0\.0["\s]', urdf(robot))
+
+
+def test_joints_without_a_motor_have_the_stated_effort(robot: Robot) -> None:
+    efforts = [
+        float(limit.get("effort", 0)) for limit in ElementTree.fromstring(urdf(robot)).iter("limit")
+    ]
+    for joint, effort in zip(robot.joints, efforts, strict=True):
+        assert effort == effort_limit(joint)
+        assert (effort == NO_EFFORT) == (joint.motor is None or joint.drive is None)
+    for lacking in ("motor", "drive"):
+        bare = dataclasses.replace(robot.joints[0], **{lacking: None})
+        assert effort_limit(bare) == NO_EFFORT
