@@ -505,9 +505,13 @@ class Plan(ShortRepr):
         """Result of `to_dict`, for pages."""
         return self.to_dict()
 
+    @cached_property
+    def _text(self) -> str:
+        return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
+
     def to_json(self) -> str:
         """Return the text of plan.json."""
-        return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
+        return self._text
 
     @classmethod
     def from_json(cls, data: bytes, file: Path) -> Plan:

@@ -25,6 +25,15 @@ settings.register_profile("search", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 
+@pytest.fixture
+def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sample posteriors at few points, for tests that need no accurate intervals."""
+    from ssm_planner.identification import sampling
+
+    monkeypatch.setattr(sampling, "ADAPTATION", (2**11,) * 4)
+    monkeypatch.setattr(sampling, "POINTS", 2**12)
+
+
 @pytest.fixture(scope="session")
 def robot() -> Robot:
     """The shipped vitreoretinal robot."""

@@ -99,6 +99,7 @@ def test_exact_maps_give_back_the_truth(name, law, truth, fixed):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize(("law", "truth"), [("coulomb", WORM), ("stribeck_exponential", STRIBECK)])
 def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
     drive, load = rig("rig3_worm")
@@ -344,6 +345,7 @@ def test_maps_that_cannot_support_a_fit_are_refused():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize(("law", "fits"), [("auto", 4), ("given", 8)])
 def test_intervals_called_separable_cover_the_truth(case, law, fits):

@@ -94,7 +94,7 @@ def _write(folder: Path, variant: str, objective: str, planner: str) -> tuple[Pa
         ranges["payload"] = ["0 g", "30 g"]
     problem = {
         "robot": "robot.yaml",
-        "start": {"roll": "0 deg", "tilt": "-85 deg", "spin": "0 deg", "depth": "0 mm"},
+        "start": {"roll": "0 deg", "tilt": "-85 deg", "spin": "0 deg", "depth": "1 mm"},
         "motion": MISSION[:3] if planner == "toppra" else MISSION,
         "limits": ranges,
         "planner": planner,
@@ -125,7 +125,8 @@ def test_every_objective_and_planner_plans_or_refuses(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("ssm_planner.reporting.figures.process.write_figures", lambda *_: {})
+    # The next test writes the folder of every variant.
+    monkeypatch.setattr("ssm_planner.pipeline.run.write_folder", lambda *_: {})
     statuses = {}
     for objective, planner in itertools.product(OBJECTIVES, PLANNERS):
         _, problem = _write(tmp_path, variant, objective, planner)
@@ -154,7 +155,9 @@ def _commands(plan: Path, robot: Path, problem: Path, out: Path) -> Iterator[tup
     yield ("simulate", plan, "--stall", "tilt@0.3s")
     yield ("simulate", plan, "--payload", "20g", "--speed", "50%")
     yield from (("compare", plan, table), ("compare", plan, f"roll={table}", "--json"))
-    yield ("retime", table, "--robot", robot, "-o", out / "retimed")
+    yield ("export", plan, "--to", "csv", "-o", out / "coarse", "--rate", "50")
+    coarse = out / "coarse/trajectory.csv"
+    yield ("retime", coarse, "--robot", robot, "-o", out / "retimed")
     yield from (("report", plan, "-o", out / "page"), ("report", plan, plan, "-o", out / "two"))
     yield from (("workspace", robot), ("ik", robot, "--tilt", "-100deg", "--within-limits"))
     yield ("plan", problem, "--from", plan, "--at", "0.3s", "-o", out / "from", "--json")
