@@ -115,7 +115,7 @@ def load_study(name: str | Path) -> Study:
 def study_from(section: Section) -> Study:
     """Convert a section into a study. Raises ProblemError."""
     model = validated(section, StudyModel)
-    robot = _tree(follow(section, "robot"))
+    robot = robot_content(follow(section, "robot"))
     motions: JsonObject = {}
     for i, name in enumerate(model.motions):
         motion = follow(section, "motions", i, file_kind="problem")
@@ -150,7 +150,7 @@ def study_from(section: Section) -> Study:
     return study
 
 
-def _tree(robot: Section) -> JsonObject:
+def robot_content(robot: Section) -> JsonObject:
     """Return the content of a robot file; drives and motors replace the names of their files.
 
     Raises ProblemError.

@@ -17,9 +17,10 @@ from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Straight, Task
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 from ssm_planner.studies.workers import Workers
 from ssm_planner.typing import Range
-from ssm_planner.view.page import SAME, Pose, Study, number, pose, tilt_range
+from ssm_planner.view.page import Pose, Study, number, pose, tilt_range
 
 KEPT = 8
 """Number of runs whose results stay available."""
@@ -132,17 +133,14 @@ class Jobs:
         The request is {alpha, beta, start, tilt_range, target or motion: [{pose} or {dwell}, …]} or
         {own: true}. Raises ProblemError.
         """
-        if self.study.problem is None:
+        original = self.study.problem
+        if original is None:
             raise ProblemError(
                 "planning needs a robot with drives: start the view with a problem file"
             )
         if request.get("own") is True:
-            return self.study.problem
-        _, original = self.study.mechanism(request)
-        if not original:
-            raise ProblemError(
-                f"the masses of the links are known for the robot's own alpha and beta only (within {SAME:g} rad)"
-            )
+            return original
+        robot = self.study.robot(original.robot, request)
         steps = request.get("motion", [{"pose": request.get("target")}])
         if (
             not isinstance(steps, list)
@@ -151,7 +149,8 @@ class Jobs:
         ):
             raise ProblemError("not a motion", key="motion", allowed="a list of poses and dwells")
         return posed_problem(
-            self.study.problem,
+            original,
+            robot,
             pose(request, "start"),
             [_step(step) for step in steps],
             tilt_range(request),
@@ -224,16 +223,16 @@ def run_plan(problem: Problem, steps: Path) -> Outcome:
 
 
 def posed_problem(
-    problem: Problem, start: Pose, steps: Sequence[Pose | float], tilt: Range
+    problem: Problem, robot: Robot, start: Pose, steps: Sequence[Pose | float], tilt: Range
 ) -> Problem:
-    """Return the problem of straight motions through poses (rad and m) and dwells (s).
+    """Return the problem of straight motions of a robot through poses (rad and m) and dwells (s).
 
     The limits are those of `problem` within the tilt range `tilt` (rad). Raises ProblemError.
     """
     low, high = problem.ranges.get("tilt", tilt)
     tilt_limit = TaskRange("tilt", max(low, tilt[0]), min(high, tilt[1]))
     return Problem(
-        problem.robot,
+        robot,
         start=Task(*start),
         motion=tuple(Dwell(step) if isinstance(step, float) else Straight(*step) for step in steps),
         limits=(*(limit for limit in problem.limits if limit.key != tilt_limit.key), tilt_limit),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,16 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import design_region, tilt_interval
-from ssm_planner.loading.files import shipped_names
+from ssm_planner.loading.files import follow, of_data, read, shipped_names
+from ssm_planner.loading.robots import robot_from
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Dwell, Task
 from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.robot import Robot
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render
 from ssm_planner.reporting.html.scene import link_sides, mechanism_scene
+from ssm_planner.studies.study_file import robot_content
 from ssm_planner.typing import Range, record
 from ssm_planner.units import display_unit
 
@@ -82,7 +86,49 @@ class Study:
         alpha, beta = (number(request, key, LOWEST, HIGHEST) for key in ("alpha", "beta"))
         if abs(alpha - original.alpha) < SAME and abs(beta - original.beta) < SAME:
             return original, True
-        return Mechanism.from_angles(alpha, beta, insertion_sign=original.insertion_sign), False
+        share = math.cos(beta) / math.cos(alpha)  # of cos(home tilt), where the roll at home is 0
+        home = math.copysign(math.acos(share), original.home_tilt) if abs(share) <= 1.0 else None
+        sign = original.insertion_sign
+        return Mechanism.from_angles(alpha, beta, home, insertion_sign=sign), False
+
+    def robot_file(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the content of the problem's robot file with the angles of a request.
+
+        Its roll at q = 0 stays 0, so that its tilt at q = 0 follows from cos β = cos α cos φ.
+        Raises ProblemError.
+        """
+        file = None if self.problem is None else self.problem.file
+        if file is None or not Path(file).is_file():
+            raise ProblemError("the problem was not read from a file")
+        mechanism, _ = self.mechanism(request)
+        content = robot_content(follow(read(Path(file)), "robot"))
+        if "home_tilt" not in content["geometry"] or abs(mechanism.home_roll) > SAME:
+            raise ProblemError(
+                "the frames of the robot's links do not follow these angles",
+                key="beta",
+                allowed="β between α and 180° − α, and a robot file with alpha and home_tilt",
+            )
+        geometry = {
+            name: _in_units(name, getattr(mechanism, name)) for name in ("alpha", "home_tilt")
+        }
+        content["geometry"] = {**content["geometry"], **geometry}
+        content["geometry"].pop("beta", None)
+        return content
+
+    def robot(self, original: Robot, request: Mapping[str, Any]) -> Robot:
+        """Return the robot of the problem with the angles of a request.
+
+        Its links keep their masses and shapes. Their frames follow the angles. Raises ProblemError.
+        """
+        if self.mechanism(request)[1]:
+            return original
+        turned = robot_from(of_data(self.robot_file(request)))
+        first, second, third, fourth = (
+            replace(body, frame=other.frame)
+            for body, other in zip(original.bodies, turned.bodies, strict=True)
+        )
+        bodies = first, second, third, fourth
+        return replace(original, geometry=turned.geometry, bodies=bodies)
 
     def start(self) -> dict[str, Any]:
         """Return the initial values of the page, such as angles, ranges and joints."""
@@ -151,10 +197,10 @@ class Study:
                 return {"alpha": alpha, "beta": beta, "margin": margin}
         raise ProblemError("no α and β reach this range", key="tilt_range")
 
-    def problem_file(self, problem: Problem) -> dict[str, Any]:
+    def problem_file(self, request: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
         """Return the YAML of a motion from the view, completed by the view's problem file.
 
-        Raises ProblemError.
+        The file holds the robot if its angles have changed. Raises ProblemError.
         """
         import yaml
 
@@ -168,6 +214,8 @@ class Study:
         shipped = shipped_names("robots").get(robot.stem)
         if shipped is not None and (file.parent / robot).resolve() == shipped.resolve():
             document["robot"] = robot.stem  # The name also works in another folder.
+        if self.problem is not None and problem.robot is not self.problem.robot:
+            document["robot"] = self.robot_file(request)
         document["start"] = _coordinates(problem.start)
         document["motion"] = [
             {"dwell": f"{step.duration:.12g} s"}

@@ -49,7 +49,9 @@ class ViewServer(ThreadingHTTPServer):
             "/progress": self.jobs.progress,
             "/cancel": self.jobs.cancel,
             "/suggest": study.suggest,
-            "/yaml": lambda request: study.problem_file(self.jobs.requested_problem(request)),
+            "/yaml": lambda request: study.problem_file(
+                request, self.jobs.requested_problem(request)
+            ),
         }
 
     def server_close(self) -> None:

@@ -11,6 +11,7 @@ import re
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.loading.load import load_problem
+from ssm_planner.plans import load_plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.serialization import plain
 from ssm_planner.view.jobs import Job, Outcome, posed_problem
@@ -158,7 +160,11 @@ def test_other_paths_and_methods_are_refused(server: ViewServer) -> None:
         ("/ik", {"alpha": 1e400, "beta": 1.0, "pose": POSE}, "alpha"),
         ("/workspace", {**ANGLES}, "tilt_range"),
         ("/workspace", {**ANGLES, "tilt_range": [1, 0]}, "tilt_range"),
-        ("/plan", {**ANGLES, "start": POSE, "target": POSE, "tilt_range": [-2, -1]}, "alpha"),
+        (
+            "/plan",
+            {"alpha": 0.6, "beta": 0.4, "start": POSE, "target": POSE, "tilt_range": [-2, -1]},
+            "beta",
+        ),
         ("/progress", {"job": "../x"}, "job"),
     ],
 )
@@ -171,7 +177,8 @@ def test_bad_values_are_named(
 
 
 def test_branches_reach_the_pose(server: ViewServer) -> None:
-    mechanism = Mechanism.from_angles(**ANGLES)
+    mechanism, _ = server.study.mechanism(ANGLES)
+    assert (mechanism.alpha, mechanism.beta) == pytest.approx(tuple(ANGLES.values()), abs=1e-12)
     found = ask(server, "/ik", {**ANGLES, "pose": POSE})
     rotation, position = pose_from_task(mechanism, [POSE])
     assert found["reachable"]
@@ -323,8 +330,44 @@ def test_waypoints_and_dwells_are_planned_and_saved(
     assert json.loads(send(server, "GET", answer["plan"])[1])["status"] == "solved"
 
 
+def test_other_angles_are_planned_with_the_links_of_the_robot(
+    server: ViewServer, tilt_insert: Problem, tmp_path: Path
+) -> None:
+    request = {
+        "alpha": math.radians(38),
+        "beta": math.radians(104),
+        "start": [0.0, math.radians(-95), 0.0, 0.0],
+        "motion": [{"pose": [0.0, math.radians(-100), 0.0, 0.004]}],
+        "tilt_range": [math.radians(-130), math.radians(-81)],
+    }
+    made = server.jobs.requested_problem(request)
+    turned, original = made.robot, tilt_insert.robot
+    mechanism = Mechanism.from_geometry(turned.geometry)
+    assert (mechanism.alpha, mechanism.beta) == pytest.approx(
+        (request["alpha"], request["beta"]), abs=1e-12
+    )
+    assert turned.joints == original.joints
+    for body, known in zip(turned.bodies, original.bodies, strict=True):
+        assert replace(body, frame=known.frame) == known
+    # the z axis of every body stays on its joint
+    for body, axis in zip(turned.bodies, turned.geometry.axes, strict=True):
+        assert body.frame[:, 2] == pytest.approx(axis, abs=1e-12)
+    drawn = server.study.ik({**request, "pose": request["motion"][0]["pose"]})["branches"]
+    answer = finished(server, ask(server, "/plan", request)["job"])
+    assert "check passed" in answer["message"]
+    planned = tmp_path / "plan.json"
+    planned.write_text(send(server, "GET", answer["plan"])[1], encoding="utf-8")
+    trajectory = load_plan(planned).motion
+    end = trajectory.positions(trajectory.breaks[-1:])[0]
+    assert min(np.abs(end - branch["joints"]).max() for branch in drawn) < 1e-8
+    saved = tmp_path / "saved.yaml"
+    saved.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
+    robot = load_problem(saved).robot
+    assert robot.geometry.omega3 == pytest.approx(turned.geometry.omega3, abs=1e-12)
+    assert robot.bodies[1].frame == pytest.approx(turned.bodies[1].frame, abs=1e-12)
+
+
 def test_a_relaxation_can_be_planned(tilt_insert: Problem) -> None:
-    from dataclasses import replace
 
     weak = replace(tilt_insert, motion=(replace(tilt_insert.motion[0], duration=0.5),))
     with ViewServer(Study(weak)) as running:
@@ -354,7 +397,9 @@ def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
 def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
     problem = load_problem(APPROACH)
     low, high = problem.ranges["tilt"]
-    made = posed_problem(problem, (0.0, -1.8, 0.0, 0.002), [(0.0, -2.0, 0.0, 0.015)], (low, high))
+    made = posed_problem(
+        problem, problem.robot, (0.0, -1.8, 0.0, 0.002), [(0.0, -2.0, 0.0, 0.015)], (low, high)
+    )
     assert plain(made.task_limits) == plain(problem.task_limits)
 
 

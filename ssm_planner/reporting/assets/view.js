@@ -131,9 +131,8 @@
     find("outcome").classList.toggle("old", stale);
     find("result").hidden = stale;
     const reason = !start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
-      : !state.own ? "The link masses are only known for the robot's own α and β. Restore these angles to plan."
       : !state.steps.length && String(pose()) === String(state.from) ? "The pose is the start of the motion. Move a slider of the pose, or plan the motion of the problem file." : "";
-    find("why").textContent = reason;
+    find("why").textContent = reason || (state.own ? "" : "The links keep their masses and shapes; their frames follow α and β.");
     find("plan").disabled = Boolean(reason) || Boolean(state.job);
     find("save").disabled = Boolean(reason);
     find("whole").disabled = !start.can_plan || Boolean(state.job);
