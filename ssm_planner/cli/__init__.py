@@ -1,4 +1,4 @@
-"""Command line: it parses arguments, calls the library, prints results and sets the exit status."""
+"""Command line: parse arguments, call the library, print results and return the exit status."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ ISSUES = "the issue list of ssm_planner"
 OBJECTS = 50_000
 """Number of new objects after which Python collects garbage.
 
-Modules create many objects on import, and all of them stay.
+The default is too small here: imported modules create many objects that are never garbage.
 """
-AGAIN = 0.01
-"""Delay in s before an interruption that the interpreter ignored is repeated."""
+RETRY_DELAY = 0.01
+"""Delay before the program repeats an interruption that the interpreter ignored, s."""
 STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 
 COMMANDS = {
@@ -45,99 +45,106 @@ COMMANDS = {
     ),
     "check": (
         "check",
-        "certificate of any trajectory: plan.json, CSV or JointTrajectory",
+        "certify any trajectory: plan.json, CSV or JointTrajectory",
         "check results/tilt_insert",
     ),
     "export": (
         "export",
-        "files for the controller: csv, epos4, pvt, ros2, urdf, c",
+        "write files for the controller: csv, epos4, pvt, ros2, urdf, c",
         "export results/tilt_insert --to epos4 -o stream",
     ),
     "simulate": (
         "simulate",
-        "simulation of the exported set points, with optional faults",
+        "simulate the exported set points, with optional faults",
         "simulate results/tilt_insert --power-loss everywhere -o simulated",
     ),
     "compare": (
         "compare",
-        "a recording of the executed motion against the plan",
+        "compare recordings of the executed motion with the plan",
         "compare results/tilt_insert roll.csv tilt.csv",
     ),
     "size": (
         "size",
-        "requirements of the motion, and suitable motors and gears",
+        "compute what the motion requires of motors and gears, and find suitable ones",
         "size results/tilt_insert --what-if",
     ),
     "study": (
         "study",
-        "comparison of many candidate robots over a set of motions",
+        "compare many candidate robots over a set of motions",
         "study problems/studies/vitreoretinal.yaml -o results/study",
     ),
     "report": (
         "pages",
-        "a page with mechanism, plots and certificate, or a comparison of two plans",
+        "write a page with mechanism, plots and certificate, or compare two plans",
         "report results/tilt_insert -o report.html",
     ),
     "film": (
         "pages",
-        "the motion as a film of arm and eye: GIF, MP4 and single pictures",
+        "draw the motion as a film of arm and eye: GIF, MP4 and single pictures",
         "film results/eye_approach -o film",
     ),
     "view": (
         "pages",
-        "a local page with sliders: workspace, inverse kinematics and planning",
+        "open a local page with sliders: workspace, inverse kinematics and planning",
         "view tilt_insert",
     ),
     "workspace": (
         "kinematics",
-        "closed-form tilt range, or the (alpha, beta) that reach a range",
+        "compute the tilt range, or the (alpha, beta) that reach a given range",
         "workspace --reach -140deg -80deg",
     ),
     "identify": (
         "friction",
-        "friction with confidence intervals, map figure and drive file",
+        "fit friction with confidence intervals, and write a drive file and a figure",
         "identify problems/drives/rig1_lead_screw.yaml -o identified.yaml",
     ),
     "predict": (
         "friction",
-        "comparison of predicted and measured torque, NRMSD",
+        "compare predicted and measured torque",
         "predict identified.yaml recording.csv",
     ),
     "ik": (
         "kinematics",
-        "closed-form inverse kinematics, all branches",
+        "compute the inverse kinematics in closed form, on all branches",
         "ik vitreoretinal --tilt -100deg --depth 15mm",
     ),
     "new": (
         "files",
-        "a commented template: robot, drive, motor, problem, study, …",
+        "write a commented template: robot, drive, motor, problem, study, …",
         "new problem my_problem.yaml",
     ),
     "schema": (
         "files",
-        "the JSON schema of a kind of file, for editors that complete and check",
+        "print the JSON schema of a kind of file, for editors that complete and check",
         "schema robot",
     ),
     "reproduce": (
         "pages",
-        "the paper's tables and figures with our values",
+        "recompute the tables and figures of the paper",
         "reproduce -o results",
     ),
 }
 """Module in ssm_planner.cli, help text and example of every command.
 
-A module is imported only when its command is used. For each of its commands it has
-<command>_arguments(parser) and run_<command>(options), which returns the exit status: 0 if all
-checks passed, 1 if the problem is infeasible or a check failed, 2 for invalid input.
+A module is imported only if one of its commands is used. For each command, the module defines two
+functions. `<command>_arguments(parser)` adds the arguments. `run_<command>(options)` runs the
+command and returns the exit status: 0 if all checks passed, 1 if the problem is infeasible or a
+check failed, and 2 if the input is invalid.
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit status."""
+    """Run one command and return its exit status.
+
+    Parameters
+    ----------
+    arguments : Sequence[str], optional
+        Name of the command and its arguments. The default is the command line of the process.
+    """
     if arguments is None:
         gc.set_threshold(OBJECTS)
     _prepare_streams()
-    words = [_kept_apart(word) for word in (sys.argv[1:] if arguments is None else arguments)]
+    words = [_shielded(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     signals = _Signals(for_good=arguments is None)
     try:
         with signals:
@@ -169,10 +176,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _fix_kernels() -> None:
     """Make NumPy and SciPy round alike on every processor with AVX2 and FMA.
 
-    OpenBLAS and NumPy choose among kernels when they load, and each kernel rounds differently.
-    The environment decides this choice, so it is set before NumPy loads. Where the Python
-    installation has loaded NumPy already, the command begins again in the same process.
-    Child processes inherit the choice.
+    OpenBLAS and NumPy choose their kernels when they load, and each kernel rounds differently.
+    Environment variables determine this choice, so this function sets them before NumPy loads. If
+    the Python installation has already loaded NumPy, the command restarts in the same process.
+    Child processes inherit the variables.
     """
     from ssm_planner.native import library
 
@@ -189,7 +196,7 @@ def _fix_kernels() -> None:
 
 
 def _refused(error: SsmPlannerError, as_json: bool = False) -> int:
-    """Print an error, with --json on stdout as well, and return the exit status."""
+    """Print an error on stderr, and as JSON on stdout if requested. Return the exit status."""
     print(f"ssm-planner: {error}", file=sys.stderr)
     if as_json:
         import json
@@ -203,7 +210,7 @@ def _refused(error: SsmPlannerError, as_json: bool = False) -> int:
 
 
 def _discard_output() -> None:
-    """Discard the output that would be flushed at exit."""
+    """Discard the output that Python would otherwise flush at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -213,7 +220,7 @@ class _Signals:
     def __init__(self, for_good: bool) -> None:
         """Create the context.
 
-        With for_good, the program ends afterwards and must not be interrupted again.
+        If `for_good` is true, the program ends after the context, and further signals are ignored.
         """
         self.arrived: int | None = None
         self.for_good = for_good
@@ -223,7 +230,7 @@ class _Signals:
         if threading.current_thread() is threading.main_thread():
             for name in ("SIGINT", "SIGTERM", "SIGHUP"):
                 number = getattr(signal, name, None)
-                # signals that are already ignored, such as by nohup, stay ignored
+                # A signal that is already ignored, for example by nohup, stays ignored.
                 if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
                     self._before[number] = signal.signal(number, self._arrive)
         if self._before:
@@ -240,35 +247,31 @@ class _Signals:
         raise KeyboardInterrupt
 
     def _ignored(self, unraisable: Any) -> None:
-        """Repeat an interruption that a finaliser or a weak reference's callback has swallowed."""
+        """Repeat an interruption that was lost in a finaliser or a weak reference's callback."""
         if not isinstance(unraisable.exc_value, KeyboardInterrupt):
             self._hook(unraisable)
-        elif (
-            self.arrived is not None
-        ):  # stop a search otherwise, from a thread because an exception is lost in this hook
-            threading.Timer(AGAIN, self._again).start()
+        elif self.arrived is not None:
+            # An exception would be lost in this hook too, so a thread sends the signal.
+            threading.Timer(RETRY_DELAY, self._send_signal).start()
 
-    def _again(self) -> None:
+    def _send_signal(self) -> None:
         if sys.unraisablehook == self._ignored:
             signal.pthread_kill(threading.main_thread().ident or 0, self.arrived or signal.SIGINT)
 
 
 def _interrupted(signals: _Signals) -> int:
-    """Report the results that an interruption leaves, and return the exit status."""
-    exec(
-        ""
-    )  # exec() resets CPython's record of an interruption, which would end the process by SIGINT
+    """Report which results were complete before an interruption, and return the exit status."""
+    # CPython records an interruption, and would later end the process. exec() resets the record.
+    exec("")
     atomic = sys.modules.get("ssm_planner.atomic")
-    written = [str(path) for path in atomic.written_files] if atomic is not None else []
+    results = [str(path) for path in atomic.written_files] if atomic is not None else []
     if atomic is not None and signals.for_good:
         atomic.remove_temporaries()
-    left = (
-        f"completed before that: {', '.join(written)}"
-        if written
-        else "earlier results are unchanged"
-    )
+    state = "earlier results are unchanged"
+    if results:
+        state = f"completed before that: {', '.join(results)}"
     term = signals.arrived is not None and signals.arrived != signal.SIGINT
-    print(f"\nssm-planner: {'terminated' if term else 'interrupted'}; {left}", file=sys.stderr)
+    print(f"\nssm-planner: {'terminated' if term else 'interrupted'}; {state}", file=sys.stderr)
     return TERMINATED if term else INTERRUPTED
 
 
@@ -278,17 +281,16 @@ def _fault(error: Exception) -> int:
         import traceback
 
         traceback.print_exception(type(error), error, error.__traceback__)
-    place = error.__traceback__
-    while place is not None and place.tb_next is not None:
-        place = place.tb_next
-    where = (
-        ""
-        if place is None
-        else f" at {os.path.basename(place.tb_frame.f_code.co_filename)}:{place.tb_lineno}"
-    )
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    location = ""
+    if trace is not None:
+        file = os.path.basename(trace.tb_frame.f_code.co_filename)
+        location = f" at {file}:{trace.tb_lineno}"
     text = " ".join(f"{type(error).__name__}: {error}".split())
     print(
-        f"ssm-planner: internal fault{where}: {text[:200]}; please report it in {ISSUES}, "
+        f"ssm-planner: internal fault{location}: {text[:200]}; please report it in {ISSUES}, "
         f"with the command and its files ({DEBUG}=1 shows the traceback)",
         file=sys.stderr,
     )
@@ -300,7 +302,8 @@ def _prepare_streams() -> None:
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - for the rest of the process
+            null = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 used until the exit
+            setattr(sys, name, null)
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
@@ -308,15 +311,11 @@ def _prepare_streams() -> None:
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     from ssm_planner.cli.terminal import Parser, UsageError, suggestion
 
-    named = next((word for word in words if not word.startswith("-")), None)
-    if (
-        named is not None
-        and named not in COMMANDS
-        and not {"-h", "--help", "--version"} & set(words)
-    ):
-        raise UsageError(
-            f"unknown command {named!r}{suggestion(named, COMMANDS)} (one of {', '.join(COMMANDS)})"
-        )
+    request = next((word for word in words if not word.startswith("-")), None)
+    asks_for_help = not {"-h", "--help", "--version"}.isdisjoint(words)
+    if request is not None and request not in COMMANDS and not asks_for_help:
+        hint = suggestion(request, COMMANDS)
+        raise UsageError(f"unknown command {request!r}{hint} (one of {', '.join(COMMANDS)})")
     parser = Parser(
         prog="ssm-planner",
         description="Plan, verify and export motions of serial spherical mechanisms with "
@@ -327,7 +326,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument(
         "--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}"
     )
-    asked = [*words, *os.environ.get("COMP_LINE", "").split()]
+    requested = [*words, *os.environ.get("COMP_LINE", "").split()]
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, (module, text, example) in COMMANDS.items():
         command = commands.add_parser(
@@ -336,21 +335,21 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
             description=text[0].upper() + text[1:] + ".",
             epilog=f"Example: ssm-planner {example}",
         )
-        if name in asked:
+        if name in requested:
             implementation = importlib.import_module(f"ssm_planner.cli.{module}")
             getattr(implementation, f"{name}_arguments")(command)
             command.set_defaults(run=getattr(implementation, f"run_{name}"))
-    if "_ARGCOMPLETE" in os.environ:  # a shell asks for completions
+    if "_ARGCOMPLETE" in os.environ:  # A shell requests completions.
         import argcomplete
 
         argcomplete.autocomplete(parser)
     return parser
 
 
-def _kept_apart(word: str) -> str:
-    """Return the word with a leading space if it is a negative value such as `-140deg`.
+def _shielded(word: str) -> str:
+    """Prepend a space to a negative value such as `-140deg`.
 
-    argparse treats a word with a space as a value and not as an option.
+    argparse treats a word that contains a space as a value and not as an option.
     """
     return f" {word}" if re.match(r"-\.?\d", word) else word
 

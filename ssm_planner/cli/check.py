@@ -1,6 +1,6 @@
-"""`ssm-planner check TRAJECTORY`: the certificate of any trajectory.
+"""Run `ssm-planner check TRAJECTORY`, which prints the certificate of any trajectory.
 
-It never imports the planner.
+This module never imports the planner.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
             f"--{end}-rate",
             metavar="RATES",
             help=f"speeds at the {end} of the motion, such as tilt=-10deg/s,depth=5mm/s, or any; "
-            "default: as the plan, the problem or the export declares, else at rest",
+            "default: the speeds that the plan, problem or export declares, otherwise rest",
         )
     parser.add_argument(
         "--speed",
@@ -101,7 +101,7 @@ def _check_speeds(
 ) -> int:
     """Check the motion at one lower speed or at all speeds of a range, and return the exit status.
 
-    Raises ProblemError.
+    Raises ProblemError if the option --speed or the trajectory does not permit such a check.
     """
     from ssm_planner.verification.slower import check_slower, check_speeds
 
@@ -124,17 +124,15 @@ def _check_speeds(
                 value=options.speed,
                 allowed="such as 1%..100%",
             )
-        found = check_speeds(reading.trajectory, robot, limits, speed)
-        certificate = min(
-            (each for _, each in found.certificates), key=lambda each: each.worst.margin
-        )
-        speed = next(factor for factor, each in found.certificates if each is certificate)
-        lines = speed_lines(found)
-        document["speeds"] = found.to_dict()
+        speeds = check_speeds(reading.trajectory, robot, limits, speed)
+        speed, certificate = min(speeds.certificates, key=lambda pair: pair[1].worst.margin)
+        lines = speed_lines(speeds)
+        document["speeds"] = speeds.to_dict()
     else:
         certificate = check_slower(reading.trajectory, robot, limits, speed, reading.interpolation)
     document |= {"speed": speed, **certificate.to_dict()}
-    heading = f"at {100 * speed:.4g} % of the speed{', where a limit is nearest' if dots else ''}:"
+    remark = ", where a limit is nearest" if dots else ""
+    heading = f"at {100 * speed:.4g} % of the speed{remark}:"
     show(
         options.json,
         document,
@@ -144,14 +142,14 @@ def _check_speeds(
 
 
 def speed_lines(speeds: SpeedRange) -> list[str]:
-    """Return text with the worst speed of every limit that a slower motion may violate."""
+    """Return lines that state the worst speed for every limit that a slower motion may violate."""
     from ssm_planner.display import number
     from ssm_planner.reporting.text import Table, limit_cells
 
     rows = []
-    for each in speeds.worst:
-        cells = limit_cells(each.found)
-        rows.append((*cells[:2], number(100 * each.speed, 4), *cells[2:]))
+    for result in speeds.worst:
+        name, joint, *values = limit_cells(result.found)
+        rows.append((name, joint, number(100 * result.speed, 4), *values))
     header = ("limit", "joint", "worst at % of the speed", "worst", "limit", "unit", "margin")
     return [
         f"every speed from {100 * speeds.slowest:.4g} % to 100 %",
@@ -164,35 +162,44 @@ def speed_lines(speeds: SpeedRange) -> list[str]:
 def read(
     path: Path, robot_file: Path | None, problem_file: Path | None = None
 ) -> tuple[Reading, Robot, TaskLimits]:
-    """Return trajectory, robot and task limits of a file.
+    """Read a trajectory file, and return its trajectory, robot and task limits.
 
-    A plan.json contains its own robot and limits. A problem file overrides both, and a robot file
-    overrides the robots of both. Raises TrajectoryError or ProblemError.
+    A plan.json contains a robot and limits. A problem file overrides both. A robot file overrides
+    the robot of the plan and of the problem file.
+
+    Parameters
+    ----------
+    path : Path
+        Trajectory file, or the folder of a plan or an export.
+    robot_file, problem_file : Path, optional
+        Files that override the robot, or the robot and the limits.
+
+    Raises
+    ------
+    TrajectoryError
+        If the trajectory cannot be read, or if no file contains a robot.
+    ProblemError
+        If the robot or problem file is invalid.
     """
     from ssm_planner.errors import TrajectoryError
     from ssm_planner.formats.read import read_trajectory
     from ssm_planner.loading.load import load_problem, load_robot
     from ssm_planner.problem.problem import TaskLimits
 
-    problem = None if problem_file is None else load_problem(problem_file)
-    robot = (
-        load_robot(robot_file)
-        if robot_file is not None
-        else None
-        if problem is None
-        else problem.robot
-    )
-    limits = None if problem is None else problem.task_limits
+    robot = limits = None
+    if problem_file is not None:
+        problem = load_problem(problem_file)
+        robot, limits = problem.robot, problem.task_limits
+    if robot_file is not None:
+        robot = load_robot(robot_file)
     if path.suffix.lower() == ".json" or (path / PLAN_FILE).is_file():
         from ssm_planner.formats.points import Reading
         from ssm_planner.plans import load_plan
 
         plan = load_plan(path)
-        notes = (
-            []
-            if plan.uncertified_reason is None
-            else [f"the certificate in the file is invalid: {plan.uncertified_reason}"]
-        )
+        notes = []
+        if plan.uncertified_reason is not None:
+            notes.append(f"the certificate in the file is invalid: {plan.uncertified_reason}")
         if robot is None:
             notes.append(
                 "robot and limits are those of the plan; --robot or --problem selects others"
@@ -200,32 +207,35 @@ def read(
         else:
             notes += plan.limit_differences(robot)
         reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
-        # the plan declares the rates at both ends and the path
-        own = {name: getattr(plan.limits, name) for name in ("start_rate", "end_rate", "motion")}
-        limits = plan.limits if limits is None else replace(limits, **own)
+        # The plan declares the rates at both ends and the path.
+        declared = {
+            name: getattr(plan.limits, name) for name in ("start_rate", "end_rate", "motion")
+        }
+        limits = plan.limits if limits is None else replace(limits, **declared)
         return reading, robot or plan.robot, limits if robot is None else limits.within(robot)
-    beside = path.parent / PLAN_FILE
-    sampled = path.name == "trajectory.csv" and beside.is_file()
-    instead = (
+    sampled = path.name == "trajectory.csv" and (path.parent / PLAN_FILE).is_file()
+    advice = (
         f"it samples the plan beside it: use `ssm-planner check {path.parent}`; a table that keeps "
         f"the limits between its rows: `ssm-planner export {path.parent} --to csv`"
     )
     if robot is None:
-        reason = (
-            "the file does not name a robot: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
-            if path.exists()
-            else "no such file or folder"
-        )
-        raise TrajectoryError(f"{path}: {reason}{f'; {instead}' if sampled else ''}")
+        reason = "no such file or folder"
+        if path.exists():
+            reason = (
+                "the file does not name a robot: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
+            )
+        raise TrajectoryError(f"{path}: {reason}{f'; {advice}' if sampled else ''}")
     limits = TaskLimits(robot.limits) if limits is None else limits.within(robot)
     reading = read_trajectory(path, robot)
-    return replace(reading, notes=(instead, *reading.notes)) if sampled else reading, robot, limits
+    if sampled:
+        reading = replace(reading, notes=(advice, *reading.notes))
+    return reading, robot, limits
 
 
 def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
-    """Return the limits with the rates at both ends that the options declare.
+    """Return the limits with the start and end rates that the options declare.
 
-    Raises ProblemError.
+    Raises ProblemError if a rate is invalid.
     """
     if options.start_rate is not None:
         limits = replace(limits, start_rate=_rates("--start-rate", options.start_rate))
@@ -235,7 +245,11 @@ def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
 
 
 def _rates(option: str, text: str) -> dict[str, float] | None:
-    """Return rates by task coordinate, or None for any rate. Raises ProblemError."""
+    """Parse the value of a rate option.
+
+    Returns the rates (rad/s or m/s) by task coordinate, or None if the option permits any rate.
+    Raises ProblemError if the text is invalid.
+    """
     from ssm_planner.problem.limits import TASK
 
     if text.strip() == "any":
@@ -254,23 +268,24 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
 
 
 def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
-    """Return the certificate as text: the limits, worst first, and the verdict.
+    """Return the certificate as lines of text: a table of limits, notes and the verdict.
 
-    Every limit has its worst value, bound, margin, joint and time.
+    The limit with the smallest margin is first. Each row of the table states the worst value, the
+    bound, the margin, the joint and the time.
     """
     from ssm_planner.reporting.text import limits_table
 
     count, broken = len(certificate.limits), len(certificate.violations)
-    verdict = (
-        f"FAILED: {broken} of {count} limits exceeded" if broken else f"PASSED: {count} limits kept"
-    )
-    how = f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and exact extremes"
-    lines = [how, ""]
-    lines += limits_table(certificate.limits).lines()
+    verdict = f"PASSED: {count} limits kept"
+    if broken:
+        verdict = f"FAILED: {broken} of {count} limits exceeded"
     return [
-        *lines,
+        f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and "
+        "exact extremes",
+        "",
+        *limits_table(certificate.limits).lines(),
         "",
         *(f"note: {note}" for note in notes),
-        *(f"not checked: {what}" for what in certificate.unchecked),
+        *(f"not checked: {name}" for name in certificate.unchecked),
         f"check: {verdict}",
     ]

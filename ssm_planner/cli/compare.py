@@ -1,4 +1,4 @@
-"""`ssm-planner compare PLAN RECORDING...`: comparison of an executed motion with its plan."""
+"""Run `ssm-planner compare PLAN RECORDING...`, which compares an executed motion with its plan."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         "recordings",
         nargs="+",
         metavar="[JOINT=]RECORDING",
-        help="EPOS recorder exports or CSV on one clock, one for each axis; the names of the files "
-        "give the joints where not given",
+        help="EPOS recorder exports or CSV on one clock, one for each axis; without JOINT, the "
+        "name of the file states the joint",
     )
     parser.add_argument(
         "--counts-per-turn",
@@ -52,30 +52,33 @@ def run_compare(options: argparse.Namespace) -> int:
     from ssm_planner.plans import load_plan
 
     plan = load_plan(options.plan)
-    named = assign(options.recordings, plan.robot)
     recordings = [
-        read_measured(path, plan.robot, joint, options.counts_per_turn) for joint, path in named
+        read_measured(path, plan.robot, joint, options.counts_per_turn)
+        for joint, path in assign(options.recordings, plan.robot)
     ]
     progress("comparing")
-    found = compare(plan.motion, plan.robot, plan.certificate, recordings, options.lag or LAG)
+    comparison = compare(plan.motion, plan.robot, plan.certificate, recordings, options.lag or LAG)
     progress("done")
-    show(options.json, {"plan": str(options.plan), **found.to_dict()}, lambda: compare_lines(found))
-    return OK if found.followed else FAILED
+    document = {"plan": str(options.plan), **comparison.to_dict()}
+    show(options.json, document, lambda: compare_lines(comparison))
+    return OK if comparison.followed else FAILED
 
 
 def compare_lines(comparison: Comparison) -> list[str]:
-    """Return text with clock, errors of every axis, margins, findings and the verdict."""
+    """Return lines of text that report a comparison.
+
+    They state the clock of the recordings, the errors of every axis, the margins of the limits,
+    the findings and the verdict.
+    """
     from ssm_planner.comparison.clock import CERTAIN
     from ssm_planner.display import format_fixed, number, percent
     from ssm_planner.reporting.text import Table, unit_of_limit
 
     clock = comparison.clock
     rate = f"{percent(1 / clock.estimated_rate - 1, 4)} ± {100 * CERTAIN * clock.rate_error:.2g} %"
-    played = (
-        f"; the motion was played at {100 * clock.estimated_rate:.3g} % of its speed"
-        if clock.slower
-        else ""
-    )
+    played = ""
+    if clock.slower:
+        played = f"; the motion was played at {100 * clock.estimated_rate:.3g} % of its speed"
     answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(
         comparison.verdict, "CANNOT TELL"
     )
@@ -90,16 +93,9 @@ def compare_lines(comparison: Comparison) -> list[str]:
             format_fixed(axis.differences[name].nrmsd, 4)
             for name in ("position", "speed", "torque")
         )
-        began = axis.alignment
-        errors.append(
-            (
-                axis.joint,
-                axis.recording,
-                format_fixed(began.delay, 4),
-                format_fixed(began.correlation, 4),
-                *shares,
-            )
-        )
+        start = axis.alignment
+        cells = format_fixed(start.delay, 4), format_fixed(start.correlation, 4), *shares
+        errors.append((axis.joint, axis.recording, *cells))
     header = (
         "axis",
         "recording",
@@ -122,7 +118,7 @@ def compare_lines(comparison: Comparison) -> list[str]:
             margins = percent(limit.planned_margin, 2), percent(limit.margin, 2)
             verdict = "EXCEEDED" if limit.verdict == "not held" else limit.verdict
             rows.append((limit.name, axis.joint, *values, unit, *margins, verdict))
-    of_limits = (
+    limits_header = (
         "limit",
         "joint",
         "measured",
@@ -133,9 +129,9 @@ def compare_lines(comparison: Comparison) -> list[str]:
         "measured",
         "",
     )
-    lines += [*Table(of_limits, rows, (2, 3, 4, 6, 7)).lines(), ""]
+    lines += [*Table(limits_header, rows, (2, 3, 4, 6, 7)).lines(), ""]
     lines += [f"note: {axis.joint}: {note}" for axis in comparison for note in axis.notes]
-    findings = [("", each) for each in comparison.findings]
-    findings += [(f"{axis.joint}: ", each) for axis in comparison for each in axis.findings]
-    lines += [f"{each.verdict}: {where}{each.kind}: {each.text}" for where, each in findings]
+    findings = [("", finding) for finding in comparison.findings]
+    findings += [(f"{axis.joint}: ", finding) for axis in comparison for finding in axis.findings]
+    lines += [f"{item.verdict}: {joint}{item.kind}: {item.text}" for joint, item in findings]
     return [*lines, f"margins: {answer}"]

@@ -1,4 +1,4 @@
-"""`ssm-planner export PLAN --to FORMAT`: files for controllers and simulators."""
+"""Run `ssm-planner export PLAN --to FORMAT`, which writes files for controllers and simulators."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def run_export(options: argparse.Namespace) -> int:
     progress(f"reading {options.plan}")
     from ssm_planner.formats.export import export
 
-    chosen: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "rate": options.rate,
         "columns": None
         if options.columns is None
@@ -83,8 +83,10 @@ def run_export(options: argparse.Namespace) -> int:
         "speed": None if options.speed is None else share(options.speed),
         "stops": options.stops,
     }
-    given = {name: value for name, value in chosen.items() if value is not None}
-    files, manifest = export(options.plan, options.to, options.output, force=options.force, **given)
+    settings = {name: value for name, value in settings.items() if value is not None}
+    files, manifest = export(
+        options.plan, options.to, options.output, force=options.force, **settings
+    )
     progress("done")
     paths = {name: str(path) for name, path in files.items()}
     lines = [f"note: {note}" for note in manifest.get("notes", [])]
@@ -99,7 +101,10 @@ def run_export(options: argparse.Namespace) -> int:
 
 
 def _counts(words: list[str]) -> int | dict[str, int]:
-    """Return the increments for all joints, or a mapping by joint."""
+    """Parse [JOINT=]N words, and return the increments of all joints or a mapping by joint.
+
+    Raises ExportError if a word is invalid.
+    """
     counts: dict[str, int] = {}
     for word in words:
         joint, _, number = word.rpartition("=")

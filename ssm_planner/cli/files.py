@@ -1,4 +1,4 @@
-"""`ssm-planner schema KIND` and `ssm-planner new KIND`: keys of files, and templates."""
+"""Run `ssm-planner schema KIND` and `ssm-planner new KIND`, which print keys and templates."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EXAMPLES = {
     "motorisation": "motorisation/package",
     "controller": "controllers/epos4",
 }
-"""Shipped files that provide the figures of templates."""
+"""Shipped files whose values appear in the templates."""
 STUDY = {
     "robot": "vitreoretinal",
     "motions": ["tilt_insert"],
@@ -39,6 +39,7 @@ STUDY = {
 }
 REFERENCES = ("robot", "drive", "motor", "alternatives")
 COLUMN, WIDTH = 44, 116
+"""Column at which comments begin, and largest width of a line with a comment, characters."""
 
 
 def schema_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,11 +80,12 @@ def run_new(options: argparse.Namespace) -> int:
 
 
 def schema(kind: str) -> dict[str, Any]:
-    """Return the JSON schema of a kind of file."""
+    """Return the JSON schema of a kind of file as JSON types. `kind` is an entry of KINDS."""
     from ssm_planner.loading.load import json_schema
     from ssm_planner.studies.study_file import StudyModel
 
-    document = StudyModel.model_json_schema() if kind == "study" else json_schema(kind)  # type: ignore[arg-type]
+    is_study = kind == "study"
+    document = StudyModel.model_json_schema() if is_study else json_schema(kind)  # type: ignore
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **document,
@@ -92,84 +94,97 @@ def schema(kind: str) -> dict[str, Any]:
 
 
 def file_keys(kind: str) -> tuple[Key, ...]:
-    """Return every key of a kind of file. drive means worm gears and screw means lead screws."""
+    """Return every key of a kind of file.
+
+    The kind "drive" means the drive file of a worm gear, and "screw" that of a lead screw.
+    """
     from ssm_planner.loading.drives import drive_model
     from ssm_planner.loading.load import file_keys
     from ssm_planner.loading.schema import keys
     from ssm_planner.studies.study_file import StudyModel
 
     models = {"drive": drive_model("worm"), "screw": drive_model("lead_screw"), "study": StudyModel}
-    return tuple(keys(models[kind])) if kind in models else file_keys(kind)  # type: ignore[arg-type]
+    if kind in models:
+        return tuple(keys(models[kind]))
+    return file_keys(kind)  # type: ignore[arg-type]
 
 
 def template(kind: str, name: str) -> str:
-    """Return a valid file of this kind, in which optional keys are comments."""
+    """Return the text of a valid YAML file, in which optional keys are comments.
+
+    `kind` is a key of EXAMPLES or "study". `name` becomes the value of the key `name`.
+    """
     from ssm_planner.loading.files import read, shipped_folder
 
-    known = {key.path: key for key in file_keys(kind)}
-    data = STUDY if kind == "study" else read(shipped_folder() / f"{EXAMPLES[kind]}.yaml").value
-    figures = (
-        "an example study" if kind == "study" else f"the figures of the shipped {EXAMPLES[kind]}"
-    )
+    keys = {key.path: key for key in file_keys(kind)}
+    data, figures = STUDY, "an example study"
+    if kind != "study":
+        data = read(shipped_folder() / f"{EXAMPLES[kind]}.yaml").value
+        figures = f"the figures of the shipped {EXAMPLES[kind]}"
     kind = "drive" if kind == "screw" else kind
     head = [
         f"# A {kind} file with {figures}. Replace them with yours.",
         "# Text after # is a comment. Keys in comments are optional. Every figure has its unit.",
         f"# Editors can complete and check it with the output of `ssm-planner schema {kind}`.",
     ]
-    writer = _Writer(known)
-    return "\n".join([*head, *writer.mapping({"name": name} | data | {"name": name}, "", 0)]) + "\n"
+    # The first "name" puts the key at the top, and the second replaces the name of the example.
+    body = _Writer(keys).mapping({"name": name} | data | {"name": name}, "", 0)
+    return "\n".join([*head, *body]) + "\n"
 
 
 class _Writer:
     """Writer of YAML lines that describes each key at its first occurrence."""
 
-    def __init__(self, known: Mapping[str, Key]) -> None:
-        self.known = known
-        self.said: set[str] = set()
+    def __init__(self, keys: Mapping[str, Key]) -> None:
+        self.keys = keys
+        self.described: set[str] = set()
 
-    def mapping(self, data: Mapping[str, Any], path: str, depth: int) -> Iterator[str]:
-        """Yield the given keys, and the optional ones as comments."""
+    def mapping(self, data: Mapping[str, Any], parent: str, depth: int) -> Iterator[str]:
+        """Yield the lines of a mapping: the keys of `data`, then other optional keys as comments.
+
+        `parent` is the path of the mapping with a final dot, and `depth` its indentation level.
+        """
         for name, value in data.items():
-            yield from self._entry(name, value, path, depth)
-        for place, key in self.known.items():
-            name = place[len(path) :]
-            if place.startswith(path) and "." not in name and name not in data and self._new(place):
-                default = (
-                    f" {key.default}"
-                    if key.default not in ("", "required")
-                    else f" … {key.unit}".rstrip()
-                )
+            yield from self._entry(name, value, parent, depth)
+        for path, key in self.keys.items():
+            name = path[len(parent) :]
+            is_child = path.startswith(parent) and "." not in name
+            if is_child and name not in data and self._describe(path):
+                default = f" {key.default}"
+                if key.default in ("", "required"):
+                    default = f" … {key.unit}".rstrip()
                 yield _commented(f"{'  ' * depth}# {name}:{default}", key)
 
-    def _entry(self, name: str, value: Any, path: str, depth: int) -> Iterator[str]:
-        pad, inside = "  " * depth, f"{path}{name}"
-        key = self.known.get(inside) if self._new(inside) else None
-        if isinstance(value, dict) and any(place.startswith(f"{inside}.") for place in self.known):
+    def _entry(self, name: str, value: Any, parent: str, depth: int) -> Iterator[str]:
+        pad, path = "  " * depth, f"{parent}{name}"
+        key = self.keys.get(path) if self._describe(path) else None
+        if isinstance(value, dict) and any(other.startswith(f"{path}.") for other in self.keys):
             yield _commented(f"{pad}{name}:", key)
-            yield from self.mapping(value, f"{inside}.", depth + 1)
+            yield from self.mapping(value, f"{path}.", depth + 1)
             return
         if isinstance(value, list) and value and isinstance(value[0], dict):
             yield _commented(f"{pad}{name}:", key)
-            for entry in value:
-                first, *rest = self.mapping(entry, f"{inside}[].", depth + 2)
-                yield from (f"{pad}  - {first.lstrip()}", *rest)
+            for item in value:
+                head, *tail = self.mapping(item, f"{path}[].", depth + 2)
+                yield f"{pad}  - {head.lstrip()}"
+                yield from tail
             return
         yield _commented(f"{pad}{name}: {_flow(value, name in REFERENCES)}", key)
 
-    def _new(self, path: str) -> bool:
-        """Return True if a key was not described yet. Revolute joints share their keys."""
-        place = (
-            re.sub(r"\b(tilt|spin)\.", "roll.", path)
-            if path.startswith(("joints.", "compliance."))
-            else path
-        )
-        self.said, before = self.said | {place}, place in self.said
-        return not before
+    def _describe(self, path: str) -> bool:
+        """Record a key as described, and return True if it was not described before.
+
+        The three revolute joints share their keys.
+        """
+        if path.startswith(("joints.", "compliance.")):
+            path = re.sub(r"\b(tilt|spin)\.", "roll.", path)
+        is_new = path not in self.described
+        self.described.add(path)
+        return is_new
 
 
 def _commented(line: str, key: Key | None) -> str:
-    """Return the line with the meaning of its key beside it, or above it if the text is long."""
+    """Add the description of a key as a comment, beside the line or above it if it is long."""
     if key is None:
         return line
     allowed = "" if key.allowed in ("", "a text") else f" ({key.allowed})"
@@ -183,23 +198,22 @@ def _commented(line: str, key: Key | None) -> str:
 
 
 def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
-    """Return a value on one line.
+    """Write a value in YAML's flow style, on one line.
 
-    Shipped files are given by name because names work in any folder.
+    If `reference` is true, the value is the path of a shipped file, and only its name is written,
+    because the name works in any folder. `inside` is true for values within a list or mapping.
     """
     if isinstance(value, dict):
-        return (
-            "{"
-            + ", ".join(
-                f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items()
-            )
-            + "}"
-        )
+        items = (f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items())
+        return "{" + ", ".join(items) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(_flow(item, reference, True) for item in value) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     text = Path(value).stem if reference else str(value)
+    # Text that YAML would read as another value needs quotes.
     read_back = yaml.safe_load(f"[{text}]")[0] if inside else yaml.safe_load(f"key: {text}")["key"]
-    same = str(read_back) == text or isinstance(value, float)
-    return text if same and not (inside and "," in text) else json.dumps(text, ensure_ascii=False)
+    is_same = str(read_back) == text or isinstance(value, float)
+    if is_same and not (inside and "," in text):
+        return text
+    return json.dumps(text, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""`ssm-planner identify DRIVE RECORDING…` and `ssm-planner predict DRIVE RECORDING…`."""
+"""Run `ssm-planner identify DRIVE RECORDING…` and `ssm-planner predict DRIVE RECORDING…`."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def run_identify(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     from ssm_planner.identification.identify import identify
 
-    fixed = dict(_known(text) for text in options.fix)
+    fixed = dict(_fixed_parameter(text) for text in options.fix)
     progress(f"identifying {options.drive}")
-    found = identify(
+    identification = identify(
         options.drive,
         options.recordings,
         law=options.law,
@@ -75,11 +75,11 @@ def run_identify(options: argparse.Namespace) -> int:
         progress=progress,
     )
     result: dict[str, Any] = {
-        **found.to_dict(),
-        "files": _write_drive(found, options.drive, options.output),
+        **identification.to_dict(),
+        "files": _write_drive(identification, options.drive, options.output),
     }
     progress("done")
-    lines = _identified_lines(result, found.drive)
+    lines = _identified_lines(result, identification.drive)
     show_with_page(options, options.drive.stem, result, lines, result["files"].values())
     return OK
 
@@ -87,9 +87,11 @@ def run_identify(options: argparse.Namespace) -> int:
 def _write_drive(
     identification: Identification, drive: Path, output: Path | None
 ) -> dict[str, str]:
-    """Write the identified drive file and its map, and return their paths by name.
+    """Write the identified drive file and the figure of its map.
 
-    Raises ExportError.
+    `drive` is the path of the original drive file, which provides the default name. `output` is
+    the value of -o. Returns the paths of the files by name. Raises ExportError if a file cannot be
+    written.
     """
     from ssm_planner.publishing import publishing
     from ssm_planner.reporting.figures.sizing import map_figure
@@ -106,16 +108,15 @@ def _write_drive(
     return {"drive": str(path), **dict(zip(("map", "map_pdf"), names, strict=True))}
 
 
-def _known(text: str) -> tuple[str, float]:
+def _fixed_parameter(text: str) -> tuple[str, float]:
+    """Parse NAME=VALUE, and return the name and the value (SI). Raises ProblemError."""
     name, sign, value = text.partition("=")
     try:
         return name.strip(), float(value)
     except ValueError:
-        reason = (
-            "a fixed parameter is NAME=VALUE with a number in SI"
-            if sign
-            else "the value is missing"
-        )
+        reason = "the value is missing"
+        if sign:
+            reason = "a fixed parameter is NAME=VALUE with a number in SI"
         raise ProblemError(reason, key="--fix", value=text, allowed="such as mu=0.12") from None
 
 
@@ -140,23 +141,21 @@ def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
         ("parameter", "value", "95 % low", "95 % high", "unit", ""), rows, (1, 2, 3)
     ).lines()
     if result["inseparable"]:
-        given = (
-            f"{1e3 * c['value']:.3f} [{1e3 * c['low']:.3f}, {1e3 * c['high']:.3f}] mN·m {way}"
-            for way, c in result["combinations"].items()
+        sums = (
+            f"{1e3 * c['value']:.3f} [{1e3 * c['low']:.3f}, {1e3 * c['high']:.3f}] mN·m {direction}"
+            for direction, c in result["combinations"].items()
         )
-        lines.append(f"together     {', '.join(given)}, in slow motion")
+        lines.append(f"together     {', '.join(sums)}, in slow motion")
     for row in result["start_stop"]:
         lines.append(
             f"start–stop  {row['recording']}: NRMSD {row['nrmsd_map_only']:.4f} by the map, "
             f"{row['nrmsd']:.4f} fitted"
         )
     ripple = []
-    for way, found in result["harmonics"].items():
-        pairs = zip(found["orders"], found["amplitudes"], strict=True)
-        ripple.append(
-            f"{way}: "
-            + ", ".join(f"{1e3 * a:.3f} mN·m at {order:.3g} per motor turn" for order, a in pairs)
-        )
+    for direction, harmonics in result["harmonics"].items():
+        pairs = zip(harmonics["orders"], harmonics["amplitudes"], strict=True)
+        waves = (f"{1e3 * a:.3f} mN·m at {order:.3g} per motor turn" for order, a in pairs)
+        ripple.append(f"{direction}: {', '.join(waves)}")
     sections = (
         ("Repeats with the angle", ripple),
         ("Repairs", result["repairs"]),
@@ -217,14 +216,19 @@ def run_predict(options: argparse.Namespace) -> int:
 
 
 def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
-    yield f"{result['recording']:<40}  NRMSD {result['nrmsd']:.4f}   friction from {result['friction']}"
+    name, nrmsd, origin = (result[key] for key in ("recording", "nrmsd", "friction"))
+    yield f"{name:<40}  NRMSD {nrmsd:.4f}   friction from {origin}"
     if result["mean_band"] is not None:
         low, high = (1e3 * end for end in result["mean_band"])
-        where = "inside" if result["mean_inside"] else "OUTSIDE"
-        yield f"  mean {1e3 * result['mean_measured']:.3f} mN·m, {where} its 95 % band {low:.3f} to {high:.3f} mN·m"
-        if result["sample_coverage"] is not None:
-            yield f"  {result['sample_coverage']:.0%} of the samples in motion inside their 95 % band"
-        yield f"  peak {1e3 * result['peak_measured']:.3f} mN·m, {1e3 * result['peak_99']:.3f} mN·m at 99 %"
+        relation = "inside" if result["mean_inside"] else "OUTSIDE"
+        mean, peak, bound = (
+            1e3 * result[key] for key in ("mean_measured", "peak_measured", "peak_99")
+        )
+        yield f"  mean {mean:.3f} mN·m, {relation} its 95 % band {low:.3f} to {high:.3f} mN·m"
+        coverage = result["sample_coverage"]
+        if coverage is not None:
+            yield f"  {coverage:.0%} of the samples in motion inside their 95 % band"
+        yield f"  peak {peak:.3f} mN·m, {bound:.3f} mN·m at 99 %"
     yield from (f"  {remark}" for remark in result["remarks"])
     if result["contact_lost"]:
         yield "  the preload does not keep both nuts in contact: the law does not hold there"
@@ -233,12 +237,15 @@ def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 def _write_figures(prediction: Prediction, folder: Path | None) -> dict[str, str]:
-    """Write the figure of one recording, and return its paths by name. Raises ExportError."""
+    """Write the figure of one recording as PNG and PDF, and return the paths by name.
+
+    Without a folder, nothing is written. Raises ExportError if a file cannot be written.
+    """
     if folder is None:
         return {}
     from ssm_planner.reporting.figures.sizing import prediction_figure
     from ssm_planner.reporting.figures.style import save_figure
 
     name = prediction.recording.name.removesuffix(".csv").replace("/", "_")
-    written = save_figure(prediction_figure(prediction), folder / f"prediction_{name}")
-    return dict(zip(("figure", "pdf"), map(str, written.values()), strict=True))
+    paths = save_figure(prediction_figure(prediction), folder / f"prediction_{name}")
+    return dict(zip(("figure", "pdf"), map(str, paths.values()), strict=True))

@@ -1,4 +1,4 @@
-"""`ssm-planner ik ROBOT --tilt …` and `ssm-planner workspace ROBOT` or `--reach A B`."""
+"""Run `ssm-planner ik ROBOT --tilt …` and `ssm-planner workspace ROBOT` or `--reach A B`."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def run_ik(options: argparse.Namespace) -> int:
     from ssm_planner.problem.limits import TASK
 
     robot, point = load_robot(options.robot), {name: getattr(options, name) for name in TASK}
-    found = ik(robot, **point, within_limits=options.within_limits)
-    show(options.json, found.to_dict(), lambda: _solution_lines(found))
-    return OK if found.reachable else FAILED
+    solutions = ik(robot, **point, within_limits=options.within_limits)
+    show(options.json, solutions.to_dict(), lambda: _solution_lines(solutions))
+    return OK if solutions.reachable else FAILED
 
 
 def _solution_lines(solutions: JointSolutions) -> Iterator[str]:
@@ -55,8 +55,8 @@ def _solution_lines(solutions: JointSolutions) -> Iterator[str]:
         angles = "   ".join(f"{format_fixed(math.degrees(value), 5):>11}" for value in q[:3])
         yield f"{angles}   {format_fixed(1e3 * q[3], 4):>10}   {'yes' if inside else 'no'}"
     if not solutions.reachable:
-        off = math.degrees(solutions.orientation_error), 1e3 * solutions.tip_error
-        yield f"not reachable: the nearest is off by {off[0]:.6g} deg and {off[1]:.6g} mm"
+        angle, distance = math.degrees(solutions.orientation_error), 1e3 * solutions.tip_error
+        yield f"not reachable: the nearest is off by {angle:.6g} deg and {distance:.6g} mm"
 
 
 def workspace_arguments(parser: argparse.ArgumentParser) -> None:
@@ -97,7 +97,10 @@ def run_workspace(options: argparse.Namespace) -> int:
 
 
 def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
-    """Return {alpha, beta, tilt_range, home, extremes}, and the paths of figures in output."""
+    """Return the workspace as JSON types with the keys alpha, beta, tilt_range, home and extremes.
+
+    With a folder `output`, write the figures there and add their paths under the key files.
+    """
     from ssm_planner.kinematics.of_robot import workspace
 
     result = workspace(robot).to_dict()
@@ -114,9 +117,23 @@ def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
 def _designs(
     reach: Range, margin: float, robot: Robot | None, output: Path | None
 ) -> dict[str, Any]:
-    """Return {alpha, beta, region, margin, reachable} of the designs that reach a range.
+    """Return the designs (α, β) that reach a tilt range, as JSON types.
 
-    A robot adds its own margin.
+    Parameters
+    ----------
+    reach : (2,)
+        Lowest and highest tilt, rad.
+    margin : float
+        Additional tilt at both ends, rad.
+    robot : Robot or None
+        Robot whose margin is added to the result.
+    output : Path or None
+        Folder of the figure.
+
+    Returns
+    -------
+    dict
+        Keys alpha, beta, region, margin, reachable, and optionally robot and files.
     """
     from ssm_planner.kinematics.of_robot import workspace
     from ssm_planner.kinematics.workspace import design_margin, design_region
@@ -132,11 +149,11 @@ def _designs(
     }
     built = None
     if robot is not None:
-        own = workspace(robot)
-        built = own.alpha, own.beta
+        design = workspace(robot)
+        built = design.alpha, design.beta
         result["robot"] = {
-            "alpha": own.alpha,
-            "beta": own.beta,
+            "alpha": design.alpha,
+            "beta": design.beta,
             "margin": design_margin(*built, reach),
         }
     if output is not None:

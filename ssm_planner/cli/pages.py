@@ -1,4 +1,4 @@
-"""`ssm-planner report PLAN [OTHER]`, `film PLAN`, `view [PROBLEM]` and `reproduce`."""
+"""Run `ssm-planner report PLAN [OTHER]`, `film PLAN`, `view [PROBLEM]` and `reproduce`."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def run_report(options: argparse.Namespace) -> int:
         from ssm_planner.reporting.figures.process import write_figures_of_file
 
         files |= write_figures_of_file(plan, options.figures, WIDTHS.get(options.width, WIDE))
-    named = {name: str(path) for name, path in files.items()}
+    paths = {name: str(path) for name, path in files.items()}
     show(
-        options.json, {"files": named}, lambda: [f"{name}: {path}" for name, path in named.items()]
+        options.json, {"files": paths}, lambda: [f"{name}: {path}" for name, path in paths.items()]
     )
     return OK
 

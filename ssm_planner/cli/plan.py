@@ -1,4 +1,4 @@
-"""`ssm-planner plan PROBLEM`."""
+"""Run `ssm-planner plan PROBLEM`, which plans, checks and sizes a motion and writes its results."""
 
 from __future__ import annotations
 
@@ -62,7 +62,8 @@ def run_plan(options: argparse.Namespace) -> int:
 
     progress = progress_reporter()
     progress(f"reading {options.problem}")
-    with FigureProcess() as drawer:  # it starts first to be ready together with the plan
+    # The process starts before the planning, so that it is ready when the plan is.
+    with FigureProcess() as drawer:
         from ssm_planner.loading.load import load_problem
         from ssm_planner.pipeline.run import plan_to_folder, starting_from
         from ssm_planner.plans import load_plan

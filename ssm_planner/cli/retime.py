@@ -1,6 +1,6 @@
-"""`ssm-planner retime FILE --robot ROBOT`: time the path of a trajectory file.
+"""Run `ssm-planner retime FILE --robot ROBOT`.
 
-The motion is as fast as the robot's limits allow.
+The command computes the fastest timing of the path in a trajectory file within the robot's limits.
 """
 
 from __future__ import annotations
@@ -51,17 +51,15 @@ def run_retime(options: argparse.Namespace) -> int:
     result, files = plan_to_folder(problem, folder, progress, rate=options.rate)
     progress("done")
     before = reading.trajectory.duration
-    runs = (
-        f"{len(problem.motion)} smooth runs, at rest between them"
-        if len(problem.motion) > 1
-        else "one smooth curve"
-    )
-    away = (
+    runs = "one smooth curve"
+    if len(problem.motion) > 1:
+        runs = f"{len(problem.motion)} smooth runs, at rest between them"
+    distance = (
         f"{np.degrees(deviation[:3].max()):.3g} deg and {1e3 * deviation[3]:.3g} mm "
         "from the lines between its points"
     )
     lines = [
-        f"the path       {runs}, at most {away}",
+        f"the path       {runs}, at most {distance}",
         f"in the file    {before:.4f} s, {reading.interpolation}",
         "",
     ]
@@ -71,7 +69,7 @@ def run_retime(options: argparse.Namespace) -> int:
         "off_lines": deviation.tolist(),
         "duration_in_file": before,
     }
-    shown = [*lines, *summary_lines(result, folder if result.passed else None, verbose=True)]
-    shown += [f"file     {files['page']}"] if "page" in files else []
-    show(options.json, document, lambda: shown)
+    lines += summary_lines(result, folder if result.passed else None, verbose=True)
+    lines += [f"file     {files['page']}"] if "page" in files else []
+    show(options.json, document, lambda: lines)
     return OK if result.passed else FAILED

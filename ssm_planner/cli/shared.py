@@ -1,4 +1,7 @@
-"""Common parts of commands: arguments, progress on stderr, results on stdout and in a folder."""
+"""Functions that several commands use.
+
+They add arguments, convert values, report progress on stderr, and print or write results.
+"""
 
 from __future__ import annotations
 
@@ -28,21 +31,34 @@ def plan_argument(
 def output_arguments(
     parser: argparse.ArgumentParser,
     text: str | None = None,
-    metavar: str = "DIR",
     default: Path | None = None,
 ) -> None:
-    """Add --json, and --output for a command that writes files. text describes the files."""
+    """Add the option --json, and --output if the command writes files.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    text : str, optional
+        Help text of --output. Without it, the option is not added.
+    default : Path, optional
+        Default of --output.
+    """
     if text is not None:
-        parser.add_argument(
-            "-o", "--output", type=Path, metavar=metavar, default=default, help=text
-        )
+        parser.add_argument("-o", "--output", type=Path, metavar="DIR", default=default, help=text)
     parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
 
 
 def output_file(path: Path | None, suffix: str, default: Path) -> Path:
-    """Return the path of the main file of a command.
+    """Return the path of the main file that a command writes.
 
-    -o is the file if it has the suffix, otherwise its folder.
+    Parameters
+    ----------
+    path : Path or None
+        Value of -o: the file itself if it ends with `suffix`, otherwise its folder.
+    suffix : str
+        Suffix of the file, such as ".yaml".
+    default : Path
+        Result without -o. Its name is also the name of the file in a folder.
     """
     if path is None:
         return default
@@ -52,7 +68,7 @@ def output_file(path: Path | None, suffix: str, default: Path) -> Path:
 def quantity_argument(kind: str) -> Callable[[str], float]:
     """Return an argparse type for a quantity with unit, such as `-140deg`.
 
-    kind is a key of units.KINDS.
+    `kind` is a key of units.KINDS, such as "length". The type converts text to a value in SI units.
     """
 
     def convert(text: str) -> float:
@@ -67,7 +83,7 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
 
 
 def rate_argument(text: str) -> float:
-    """Return the rate in Hz for `500`, `500 Hz` or `1kHz`."""
+    """Convert `500`, `500 Hz` or `1kHz` to a rate in Hz, as an argparse type."""
     match = re.fullmatch(r"([0-9.eE+]+)\s*(k?Hz)?", text.strip(), re.I)
     try:
         value = float(match.group(1)) if match else -1.0
@@ -79,9 +95,28 @@ def rate_argument(text: str) -> float:
 
 
 def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:
-    """Return a quantity that is part of an option's value.
+    """Convert a quantity that is part of an option's value.
 
-    whole is the complete value, for messages. Raises ProblemError.
+    Parameters
+    ----------
+    option : str
+        Name of the option, for messages.
+    text : str
+        The quantity with its unit.
+    kind : str
+        Key of units.KINDS.
+    whole : str, optional
+        Complete value of the option, for messages. The default is `text`.
+
+    Returns
+    -------
+    float
+        The quantity in SI units.
+
+    Raises
+    ------
+    ProblemError
+        If the text is not such a quantity.
     """
     from ssm_planner.units import BadQuantity, quantity
 
@@ -93,7 +128,10 @@ def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -
 
 
 def share(text: str, option: str = "--speed") -> float:
-    """Return 0.1 for the value `10%`, `10 %` or 0.1 of an option. Raises ProblemError."""
+    """Convert a percentage or a fraction to a fraction: `10%`, `10 %` and `0.1` give 0.1.
+
+    `option` is the name of the option, for messages. Raises ProblemError if the text is neither.
+    """
     word = text.strip()
     try:
         return float(word.removesuffix("%")) / 100 if word.endswith("%") else float(word)
@@ -104,45 +142,49 @@ def share(text: str, option: str = "--speed") -> float:
 
 
 COUNTED = re.compile(r"\b(\d+) of (\d+)\b")
-EVERY = 1.0
-"""Interval in s between reports of counted steps after the first ones."""
+REPORT_INTERVAL = 1.0
+"""Shortest interval between two reports of counted steps, s."""
 FIRST = 5
+"""Number of counted steps that are reported without regard to the interval."""
 
 
 def progress_reporter() -> Callable[[str], None]:
-    """Return a function that reports each step on stderr with the elapsed time.
+    """Return a function that reports a step on stderr with the elapsed time.
 
-    Counted steps ("3 of 62") are reported with the remaining time.
+    If the text of a step counts ("3 of 62"), the report contains an estimate of the remaining time.
     """
-    begin = shown = time.perf_counter()
-    first, series = 0, begin
+    begin = last_report = time.perf_counter()
+    first_number, series_begin = 0, begin
     live = sys.stderr.isatty()
 
     def report(step: str) -> None:
-        nonlocal shown, first, series
-        now, left, end = time.perf_counter(), "", "\n"
-        if found := COUNTED.search(step):
-            number, count = int(found[1]), int(found[2])
-            if number <= 1 or first == 0:
-                first, series = number, now
-            if FIRST < number < count and now - shown < EVERY:
+        nonlocal last_report, first_number, series_begin
+        now, estimate, end = time.perf_counter(), "", "\n"
+        if match := COUNTED.search(step):
+            number, count = int(match[1]), int(match[2])
+            if number <= 1 or first_number == 0:
+                first_number, series_begin = number, now
+            if FIRST < number < count and now - last_report < REPORT_INTERVAL:
                 return
-            if number > first and now - series > EVERY:
-                left = (
-                    f", about {(now - series) / (number - first) * (count - number + 1):.0f} s left"
-                )
+            elapsed = now - series_begin
+            if number > first_number and elapsed > REPORT_INTERVAL:
+                remaining = elapsed / (number - first_number) * (count - number + 1)
+                estimate = f", about {remaining:.0f} s left"
             end = "\r" if live else "\n"
-        shown = now
-        text = f"[{now - begin:6.2f} s] {step}{left}"
-        print(
-            f"\x1b[K{text[: columns() - 1]}" if live else text, file=sys.stderr, end=end, flush=True
-        )
+        last_report = now
+        text = f"[{now - begin:6.2f} s] {step}{estimate}"
+        if live:
+            text = f"\x1b[K{text[: columns() - 1]}"
+        print(text, file=sys.stderr, end=end, flush=True)
 
     return report
 
 
 def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
-    """Print the result on stdout as one JSON document or as lines of text."""
+    """Print a result on stdout, as one JSON document or as lines of text.
+
+    `document` holds JSON types. `lines` returns the text and is called only if text is printed.
+    """
     if as_json:
         print(_json(document))
     else:
@@ -156,9 +198,25 @@ def show_with_page(
     lines: Sequence[str],
     files: Iterable[str] = (),
 ) -> None:
-    """Print a result that ends with its verdict, and write it as a page into the folder of -o.
+    """Print a result, and write it as a page into the folder of -o.
 
-    name: stem of the page. files: the PNG files among them appear in the page. Raises ExportError.
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Options of the command, with `output` and `json`.
+    name : str
+        Title of the page, and name of its file without suffix.
+    document : Any
+        Result as JSON types.
+    lines : Sequence[str]
+        Result as text. The last line is the verdict.
+    files : Iterable[str]
+        Paths of written files. The page shows the PNG files among them.
+
+    Raises
+    ------
+    ExportError
+        If the page cannot be written.
     """
     if options.output is not None:
         from ssm_planner.reporting.html.outcome import write_outcome
@@ -172,19 +230,38 @@ def show_with_page(
 def write_results(
     folder: Path | None, name: str, document: Any, write: Callable[[Path], Mapping[str, Path]]
 ) -> dict[str, str]:
-    """Write <name>.json and the files of `write` into the folder at once.
+    """Write <name>.json and further files into a folder, all at once or not at all.
 
-    It returns their paths by name, or no paths without a folder. Raises ExportError.
+    Parameters
+    ----------
+    folder : Path or None
+        Destination. Without it, nothing is written and the result is empty.
+    name : str
+        Name of the JSON file without suffix.
+    document : Any
+        Content of the JSON file as JSON types.
+    write : Callable[[Path], Mapping[str, Path]]
+        Function that writes the further files into a folder and returns their paths by name.
+
+    Returns
+    -------
+    dict[str, str]
+        Paths of all files by name.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     if folder is None:
         return {}
     from ssm_planner.publishing import publishing
 
     with publishing(folder) as temporary:
-        written = write(temporary)
+        files = write(temporary)
         file = temporary / f"{name}.json"
         file.write_text(_json(document) + "\n", encoding="utf-8")
-    return {key: str(folder / path.name) for key, path in {name: file, **written}.items()}
+    return {key: str(folder / path.name) for key, path in {name: file, **files}.items()}
 
 
 def _json(document: Any) -> str:

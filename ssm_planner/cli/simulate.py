@@ -1,4 +1,4 @@
-"""`ssm-planner simulate PLAN`: simulation of the exported set points with optional faults."""
+"""Run `ssm-planner simulate PLAN`, which simulates the exported set points with optional faults."""
 
 from __future__ import annotations
 
@@ -143,21 +143,21 @@ def run_simulate(options: argparse.Namespace) -> int:
 
 
 def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
-    """Return the scenario of the options.
+    """Build the scenario that the command's options describe.
 
-    Raises ProblemError with option, value and allowed values.
+    Raises ProblemError, which names the option, its value and the allowed values.
     """
     from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR, Scenario
 
     payload, payload_time = 0.0, 0.0
     if options.payload is not None:
-        mass, at, time = options.payload.partition("@")
+        mass, separator, time = options.payload.partition("@")
         payload = part_quantity("--payload", mass, "mass")
-        payload_time = part_quantity("--payload", time, "time") if at else 0.0
+        payload_time = part_quantity("--payload", time, "time") if separator else 0.0
     stall = None
     if options.stall is not None:
-        joint, at, time = options.stall.partition("@")
-        if not at:
+        joint, separator, time = options.stall.partition("@")
+        if not separator:
             raise ProblemError(
                 "invalid time",
                 key="--stall",
@@ -192,25 +192,29 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
 
 
 def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> list[str]:
-    """Return text with tracking, motors, stops with and without power, reasons and the verdict."""
+    """Return lines of text that report a simulation.
+
+    They state the tracking errors, the motor loads, the stops without and with power, the reasons
+    for a failure, and the verdict. `stops` are the plan's controlled stops.
+    """
     from ssm_planner.reporting.text import simulation_tables
 
     lines = [f"note: {note}" for note in result.notes]
     lines += [line for table in simulation_tables(result) for line in ("", *table.lines())]
     losses = result.losses
     lines += ["", f"tip error     {1e3 * result.tip_error:.4g} mm"]
-    held = "holds" if result.holds else "DOES NOT HOLD"
+    holding = "holds" if result.holds else "DOES NOT HOLD"
     instants = "1 instant" if len(losses.time) == 1 else f"{len(losses.time)} instants"
     lines.append(
-        f"without power {held} ({instants}); the tip travels up to {1e3 * result.travel:.4g} mm, "
-        f"at {float(losses.time[losses.worst]):.4f} s"
+        f"without power {holding} ({instants}); the tip travels up to {1e3 * result.travel:.4g} "
+        f"mm, at {float(losses.time[losses.worst]):.4f} s"
     )
     if result.draws is not None:
-        found = result.draws.to_dict()
-        low, middle, high = (1e3 * value for value in found["tip_error"])
+        draws = result.draws.to_dict()
+        low, median, high = (1e3 * value for value in draws["tip_error"])
         lines.append(
-            f"frictions     {found['passed']} of {found['count']} drawn ones pass; tip error "
-            f"{middle:.4g} mm, 95 % within {low:.4g} … {high:.4g} mm"
+            f"frictions     {draws['passed']} of {draws['count']} drawn ones pass; tip error "
+            f"{median:.4g} mm, 95 % within {low:.4g} … {high:.4g} mm"
         )
     if stops is not None:
         longest, farthest = int(stops.duration.argmax()), int(stops.travel.argmax())

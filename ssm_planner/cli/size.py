@@ -1,4 +1,7 @@
-"""`ssm-planner size PLAN`: requirements of a motion on motors and gears, and suitable candidates."""
+"""Run `ssm-planner size PLAN`.
+
+The command computes what a motion requires of motors and gears, and assesses candidate motors.
+"""
 
 from __future__ import annotations
 
@@ -146,14 +149,14 @@ def run_size(options: argparse.Namespace) -> int:
     return FAILED if sizing.adequate is False else OK
 
 
-SHOWN = 10
-"""Largest number of pairs of motor and gear that are shown per joint."""
+MAX_PAIRS = 10
+"""Largest number of pairs of motor and gear in the output, per joint."""
 
 
 def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Conditions) -> int:
     """Check every motor of a catalogue with every gear, and return the exit status."""
     from ssm_planner.loading.catalogues import Part, gears_of, motors_of
-    from ssm_planner.reporting.text import LOUD, selection_lines
+    from ssm_planner.reporting.text import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing.selection import select
 
     if options.motor or options.what_if or options.catalogue is None:
@@ -172,8 +175,11 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     progress = progress_reporter()
     progress(f"judging {len(motors)} motors")
     joints = select(duty, motors, gears, conditions, options.payload)
-    found = {joint.load.joint: joint.adequate.max(initial=-1) for joint in joints}
-    adequate = False if -1 in found.values() else None if 0 in found.values() or not found else True
+    # The best pair of each joint: 1 is adequate, 0 is not known, and −1 is not adequate.
+    best = [joint.adequate.max(initial=-1) for joint in joints]
+    adequate = None if 0 in best or not best else True
+    if -1 in best:
+        adequate = False
     notes = [
         *duty.notes,
         "gears without friction get the friction of the joint's present drive",
@@ -182,21 +188,32 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
         "motion": duty.name,
         "adequate": adequate,
         "confidence": conditions.confidence,
-        "selection": [joint.to_dict(options.rank, SHOWN) for joint in joints],
+        "selection": [joint.to_dict(options.rank, MAX_PAIRS) for joint in joints],
         "notes": notes if options.gears else list(duty.notes),
     }
     document["files"] = write_results(options.output, "selection", document, lambda folder: {})
     lines = [duty.name, *document["notes"], *selection_lines(document["selection"])]
     lines += [f"file: {path}" for path in document["files"].values()]
-    lines.append(f"every joint has a suitable motor: {LOUD[adequate]}")
+    lines.append(f"every joint has a suitable motor: {VERDICT_LABELS[adequate]}")
     show_with_page(options, "selection", document, lines)
     return FAILED if adequate is False else OK
 
 
 def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
-    """Return the duty cycle of a plan.json, a motorisation file, or a trajectory with a robot file.
+    """Read the duty cycle for which motors are sized.
 
-    Raises TrajectoryError or ProblemError.
+    Parameters
+    ----------
+    path : Path
+        plan.json, motorisation file, or any trajectory file if `robot_file` is given.
+    robot_file : Path, optional
+
+    Raises
+    ------
+    TrajectoryError
+        If the trajectory cannot be read, or if no file contains a robot.
+    ProblemError
+        If the motorisation or robot file is invalid.
     """
     from ssm_planner.sizing.duty import DutyCycle, pause_of
 
@@ -221,28 +238,25 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
         raise TrajectoryError(f"{path}: this file does not contain a robot; pass --robot ROBOT")
     from ssm_planner.plans import load_plan
 
-    found = load_plan(path)
-    duty = replace(
-        DutyCycle.of_trajectory(found.motion, found.robot, str(path)), pause=pause_of(found.problem)
-    )
-    return (
-        duty
-        if found.uncertified_reason is None
-        else replace(duty, notes=(*duty.notes, f"not certified: {found.uncertified_reason}"))
-    )
+    plan = load_plan(path)
+    duty = DutyCycle.of_trajectory(plan.motion, plan.robot, str(path))
+    if plan.uncertified_reason is not None:
+        duty = replace(duty, notes=(*duty.notes, f"not certified: {plan.uncertified_reason}"))
+    return replace(duty, pause=pause_of(plan.problem))
 
 
 def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Motor]]:
-    """Return the candidates by joint from `[JOINT=]FILE`.
+    """Load the candidate motors that words such as `[JOINT=]FILE` name, and return them by joint.
 
-    A file without a joint applies to all joints that the duty moves. Raises ProblemError.
+    A file without a joint applies to all joints that the duty cycle moves. Raises ProblemError if a
+    joint is unknown or a file is invalid.
     """
     from ssm_planner.loading.load import load_motor
     from ssm_planner.problem.robot import JOINTS
 
-    moved = [joint.name for joint in duty.robot.joints if joint.drive is not None]
-    only = {joint for _, joint in duty.runs}
-    moved = [name for name in moved if None in only or name in only]
+    moving = {joint for _, joint in duty.runs}  # None stands for all joints.
+    driven = [joint.name for joint in duty.robot.joints if joint.drive is not None]
+    defaults = [name for name in driven if None in moving or name in moving]
     candidates: dict[str, list[Motor]] = {}
     for word in words:
         joint, equals, file = word.partition("=")
@@ -253,7 +267,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
                 )
             names = [joint]
         else:
-            names, file = moved, word
+            names, file = defaults, word
         motor = load_motor(file)
         for name in names:
             candidates.setdefault(name, []).append(motor)
@@ -261,12 +275,15 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
 
 
 def chosen_motors(sizing: Sizing) -> dict[str, Motor]:
-    """Return the smallest sufficient motor of each joint, or its largest candidate if none suffices."""
-    chosen: dict[str, Motor] = {}
-    for joint in sizing.joints:
-        if joint.candidates:
-            chosen[joint.load.joint] = (joint.smallest or joint.candidates[-1]).motor
-    return chosen
+    """Return the smallest adequate motor of each joint, or its largest candidate if there is none.
+
+    Joints without candidates are left out.
+    """
+    return {
+        joint.load.joint: (joint.smallest or joint.candidates[-1]).motor
+        for joint in sizing.joints
+        if joint.candidates
+    }
 
 
 def _conditions(options: argparse.Namespace, duty: DutyCycle) -> Conditions:

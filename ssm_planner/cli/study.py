@@ -1,4 +1,4 @@
-"""`ssm-planner study FILE`: plans, checks and sizes many candidate robots for a set of motions."""
+"""Run `ssm-planner study FILE`, which compares many candidate robots over a set of motions."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from ssm_planner.studies.store import Candidate
     from ssm_planner.studies.study import Study
 
-SHOWN = 12
-"""Largest number of rows of the front and of reasons in the terminal."""
+MAX_ROWS = 12
+"""Largest number of candidates on the front, and of reasons, in the terminal."""
 
 
 def study_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,14 +35,14 @@ def study_arguments(parser: argparse.ArgumentParser) -> None:
         help="study file (YAML); `show N …` before it writes robot file, plans and pages of "
         "candidates, `compare A B` compares two of them",
     )
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument(
+    executors = parser.add_mutually_exclusive_group()
+    executors.add_argument(
         "--workers",
         type=int,
         metavar="N",
         help="worker processes (default: one for each processor)",
     )
-    where.add_argument(
+    executors.add_argument(
         "--scheduler",
         metavar="ADDRESS",
         help="address of a running Dask scheduler, such as tcp://host:8786",
@@ -59,7 +59,7 @@ def study_arguments(parser: argparse.ArgumentParser) -> None:
 def run_study(options: argparse.Namespace) -> int:
     from ssm_planner.studies.study_file import load_study
 
-    verb, numbers, file = _words(options.words)
+    verb, numbers, file = _request(options.words)
     study = load_study(file)
     folder = options.output or Path("results") / study.name
     if options.workers is not None and options.workers < 1:
@@ -71,34 +71,34 @@ def run_study(options: argparse.Namespace) -> int:
     from ssm_planner.studies.show import compare_candidates, write_candidate
 
     if verb == "show":
-        written = [path for number in numbers for path in write_candidate(study, folder, number)]
-        show(
-            options.json,
-            {"files": [str(path) for path in written]},
-            lambda: [f"file: {path}" for path in written],
-        )
+        paths = [str(path) for number in numbers for path in write_candidate(study, folder, number)]
+        show(options.json, {"files": paths}, lambda: [f"file: {path}" for path in paths])
         return OK
     document = compare_candidates(study, folder, *numbers)
     show(options.json, document, lambda: _compared_lines(document))
     return OK
 
 
-def _words(words: Sequence[str]) -> tuple[str, list[int], str]:
-    """Return the request, the numbers of the candidates and the study file."""
-    if words[0] not in ("show", "compare"):
+def _request(words: Sequence[str]) -> tuple[str, list[int], str]:
+    """Parse the words of the command.
+
+    Returns "study", "show" or "compare", the numbers of the candidates, and the study file. Raises
+    ProblemError.
+    """
+    verb = words[0]
+    if verb not in ("show", "compare"):
         if len(words) > 1:
             raise ProblemError("give a single study file", value=" ".join(words), key="FILE")
-        return "study", [], words[0]
+        return "study", [], verb
     numbers = words[1:-1]
-    needed = "two" if words[0] == "compare" else "at least one"
-    if not all(word.isdecimal() for word in numbers) or (
-        len(numbers) != 2 if words[0] == "compare" else not numbers
-    ):
+    required, enough = "at least one", len(numbers) > 0
+    if verb == "compare":
+        required, enough = "two", len(numbers) == 2
+    if not enough or not all(word.isdecimal() for word in numbers):
         raise ProblemError(
-            f"{words[0]} needs {needed} of the table's numbers, followed by the study file",
-            key=words[0],
+            f"{verb} needs {required} of the table's numbers, followed by the study file", key=verb
         )
-    return words[0], [int(word) for word in numbers], words[-1]
+    return verb, [int(word) for word in numbers], words[-1]
 
 
 def _study(study: Study, folder: Path, options: argparse.Namespace) -> int:
@@ -158,12 +158,12 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
 
 
 def _progress() -> Callable[[int, int, dict[str, int]], None]:
-    """Return a function that reports the candidates and the remaining time on stderr."""
+    """Return a function that reports on stderr how many candidates are finished."""
     progress = progress_reporter()
 
     def report(done: int, count: int, states: dict[str, int]) -> None:
-        listed = ", ".join(f"{number} {name}" for name, number in sorted(states.items()))
-        progress(f"{done} of {count}: {listed}")
+        counts = ", ".join(f"{number} {name}" for name, number in sorted(states.items()))
+        progress(f"{done} of {count}: {counts}")
 
     return report
 
@@ -179,18 +179,18 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
     front = result.front
     lines = [
         "Why candidates fall out",
-        *(f"  {n:>6}  {why}" for why, n in list(result.reasons.items())[:SHOWN]),
+        *(f"  {n:>6}  {reason}" for reason, n in list(result.reasons.items())[:MAX_ROWS]),
         *("", *study.notes, *(f"file: {path}" for path in files.values()), ""),
     ]
     lines += [f"Front in {', '.join(map(named, study.minimise))}: {len(front)} candidates"]
-    for row in front[:SHOWN]:
+    for row in front[:MAX_ROWS]:
         figures = ", ".join(in_words(name, row.figures) for name in study.minimise)
         choices = ", ".join(
             f"{path} {value}" for path, value in displayed_choices(study, row).items()
         )
         lines.append(f"  {row.number:>6}  {figures}  ({choices})")
-    if len(front) > SHOWN:
-        lines.append(f"  … and {len(front) - SHOWN} more in table.csv")
+    if len(front) > MAX_ROWS:
+        lines.append(f"  … and {len(front) - MAX_ROWS} more in table.csv")
     summary = f"{study.name}: {len(result.rows)} candidates: {states}; {len(front)} on the front"
     return [*lines, "", against_own(study, result.own, front), summary]
 

@@ -1,4 +1,4 @@
-"""Terminal output: wrapped lines, coloured verdicts and parser messages with suggestions."""
+"""Print on the terminal: wrap lines, colour verdicts, and suggest corrections of typing errors."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from ssm_planner.display import columns
 from ssm_planner.errors import SsmPlannerError
 
 LABEL = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
-"""Beginning of a wrapped line: a label and at least two spaces, or the indentation."""
+"""Beginning of a line: a label that at least two spaces follow, or only the indentation."""
 WIDEST_LABEL = 20
+"""Largest number of characters of a label with which continuation lines are aligned."""
 SHORT, LAST = 25, 6
-"""Largest number of lines of a short text, and number of lines at its end that it keeps."""
+"""Largest number of lines of a shortened text, and the number of its last lines that remain."""
 RED, GREEN, YELLOW = 31, 32, 33
 COLOURS = (
     (
@@ -41,33 +42,33 @@ class Parser(argparse.ArgumentParser):
     """Argument parser that raises UsageError with usage and a suggestion."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise UsageError."""
+        """Raise UsageError with the message, the usage and a suggestion for unknown options."""
         hint = ""
-        if found := OPTION.fullmatch(message):
-            hint = suggestion(found[1].split()[0].partition("=")[0], list(self.options()))
+        if match := OPTION.fullmatch(message):
+            option = match[1].split()[0].partition("=")[0]
+            hint = suggestion(option, self.options())
         raise UsageError(f"{message}{hint}\n{self.format_usage().strip()}")
 
     def options(self) -> Iterator[str]:
-        """Return every option, including those of the commands that were loaded."""
+        """Yield every option, including the options of all commands that were loaded."""
         for action in self._actions:
             yield from action.option_strings
-            for parser in (
-                action.choices.values() if isinstance(action, argparse._SubParsersAction) else ()
-            ):
-                yield from parser.options()
+            if isinstance(action, argparse._SubParsersAction):
+                for parser in action.choices.values():
+                    yield from parser.options()
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return the most similar known word as the end of a message, or "" if none is similar."""
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
+def suggestion(word: str, vocabulary: Iterable[str]) -> str:
+    """Return "; did you mean …?" with the most similar word, or "" if no word is similar."""
+    matches = difflib.get_close_matches(word, list(vocabulary), n=1)
+    return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
 def wrapped(line: str, width: int) -> list[str]:
-    """Return a line as lines of at most this width without broken words.
+    """Wrap a line into lines of at most `width` characters, without breaking words.
 
-    Continuation lines are aligned with the text of the first one. A line with a file stays one
-    line, so that its path can be copied.
+    Continuation lines are aligned with the text behind the label of the first line. A line that
+    names a file is not wrapped, so that its path can be copied.
     """
     if len(line) <= width or line.startswith("file  "):
         return [line]
@@ -80,15 +81,21 @@ def wrapped(line: str, width: int) -> list[str]:
 
 
 def shortened(lines: Iterable[str]) -> list[str]:
-    """Return lines, wrapped, without the middle of what exceeds SHORT lines. The end stays whole."""
-    shown = [part for line in lines for part in wrapped(line, columns())]
-    if len(shown) <= SHORT:
-        return shown
-    return [*shown[: SHORT - LAST - 1], "… (-v prints all)", *shown[-LAST:]]
+    """Wrap lines to the terminal, and replace the middle of a text that exceeds SHORT lines.
+
+    The last LAST lines always remain, because they contain the verdict.
+    """
+    screen = [part for line in lines for part in wrapped(line, columns())]
+    if len(screen) <= SHORT:
+        return screen
+    return [*screen[: SHORT - LAST - 1], "… (-v prints all)", *screen[-LAST:]]
 
 
 def printed(lines: Iterable[str], stream: TextIO | None = None) -> None:
-    """Print lines on a stream (default stdout), wrapped and coloured if the terminal supports it."""
+    """Print lines, wrapped to the terminal, and coloured if the terminal supports colours.
+
+    `stream` is the destination. The default is stdout.
+    """
     stream = sys.stdout if stream is None else stream
     colour = stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for block in lines:

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.cli import COMMANDS, _kept_apart, _parser, main
+from ssm_planner.cli import COMMANDS, _parser, _shielded, main
 from ssm_planner.cli.shared import output_file, progress_reporter
 from ssm_planner.cli.terminal import printed, shortened, wrapped
 from ssm_planner.display import columns
@@ -132,7 +132,7 @@ def test_every_help_fits(
         said = capsys.readouterr().out
         assert max(map(len, said.splitlines())) <= 100, name
         words = shlex.split(said.partition("Example: ssm-planner ")[2])
-        example = [_kept_apart(word) for word in words]
+        example = [_shielded(word) for word in words]
         assert _parser(example).parse_args(example).run.__name__ == f"run_{name}"
 
 
