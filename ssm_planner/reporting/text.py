@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import accumulate, zip_longest
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,27 +30,38 @@ from ssm_planner.units import RPM, display_unit
 from ssm_planner.verification.certificate import LimitCheck
 
 if TYPE_CHECKING:  # `check` prints tables without loading the planner.
+    from ssm_planner.comparison.findings import Kept
     from ssm_planner.plans import PhaseSummary, Plan
     from ssm_planner.simulation.simulate import SimulationResult
 
 SizingObject = Mapping[str, Any]
 """Object that `size --json` prints and plan.json contains."""
-ANSWERS = {True: "yes", False: "no", None: "not known"}
-LOUD = {**ANSWERS, False: "NO"}
+VERDICT_LABELS = {True: "yes", False: "NO", None: "not known"}
 MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
+"""Checks of a motor whose margins appear in tables."""
 KELVIN = 273.15
+"""0 °C in K."""
 FLOORS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
+"""Limits below which a quantity must not fall."""
 BINDING = 0.005
-"""Margin up to which a limit binds, as in the plots of the report."""
-LOWEST = {"max_torque": "torque", "max_speed": "speed", "nominal_torque": "continuous_torque"}
-"""Check that a motor would fail if this figure of its file were lower."""
+"""Largest margin of a limit that binds, as in the plots of the report."""
+CHECK_OF_RATING = {
+    "max_torque": "torque",
+    "max_speed": "speed",
+    "nominal_torque": "continuous_torque",
+}
+"""Name of the check whose limit is this value of the motor file."""
 AGREES_IPOPT = 1e-6
-"""Largest relative difference at which Ipopt confirms a duration, as in `planning/ocp`."""
+"""Largest relative difference of durations with which Ipopt confirms a motion (`planning/ocp`)."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text. `numbers` holds the indices of right-aligned columns."""
+    """A table of text.
+
+    `header` contains the headings of the columns, and each of the `rows` one cell per column.
+    `numbers` contains the indices of right-aligned columns.
+    """
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -58,23 +69,25 @@ class Table:
     caption: str = ""
 
     def lines(self, width: int | None = None) -> list[str]:
-        """Return the lines of the table for the terminal or another width, with a ruled heading.
+        """Return the table as lines of text, with a rule below the header.
 
-        Cells that are too wide are wrapped. Columns that still do not fit continue in a second
-        table below.
+        Wide cells are wrapped. Columns that still do not fit follow in a second table, which
+        repeats the columns before the first number.
+
+        Parameters
+        ----------
+        width : int, optional
+            Largest number of characters in a line. The default is the width of the terminal.
         """
         limit = columns() if width is None else width
         widths = self._widths(limit)
-        fit = sum(
-            end <= limit for end in accumulate(width + 2 for width in [widths[0] - 2, *widths[1:]])
-        )
+        ends = accumulate(widths, lambda end, width: end + 2 + width)
+        fit = sum(end <= limit for end in ends)
         label = next((i for i in range(len(widths)) if i in self.numbers), 1)
         if label < fit < len(widths):
-            return [
-                *self._select(range(fit)).lines(limit),
-                "",
-                *self._select([*range(label), *range(fit, len(widths))]).lines(limit),
-            ]
+            upper = self._select(range(fit))
+            lower = self._select([*range(label), *range(fit, len(widths))])
+            return [*upper.lines(limit), "", *lower.lines(limit)]
         rows = [self.header, ["-" * width for width in widths], *self.rows]
         return [
             "  ".join(self._aligned(line, widths)).rstrip()
@@ -82,32 +95,31 @@ class Table:
             for line in _wrapped(row, widths)
         ]
 
-    def _select(self, places: Sequence[int]) -> Table:
+    def _select(self, indices: Sequence[int]) -> Table:
         """Return a table with the selected columns."""
-        rows = [[row[i] for i in places] for row in self.rows]
-        numbers = [k for k, i in enumerate(places) if i in self.numbers]
-        return Table([self.header[i] for i in places], rows, numbers)
+        rows = [[row[i] for i in indices] for row in self.rows]
+        numbers = [k for k, i in enumerate(indices) if i in self.numbers]
+        return Table([self.header[i] for i in indices], rows, numbers)
 
-    def _widths(self, most: int) -> list[int]:
-        """Return the widths of the columns.
+    def _widths(self, limit: int) -> list[int]:
+        """Return the width of each column, so that a line has at most `limit` characters.
 
-        The widest columns become narrower, down to their longest word, until all columns fit into
-        `most`.
+        Columns become narrower in steps of one character. Columns of numbers shrink first, and the
+        widest of them before the others. No column becomes narrower than its longest word.
         """
         cells = [*zip(self.header, *self.rows, strict=True)]
         widths = [max(map(len, column)) for column in cells]
-        least = [
-            max(len(word) for cell in column for word in (cell.split() or [""])) for column in cells
-        ]
+        smallest = [max(map(len, " ".join(column).split()), default=0) for column in cells]
         for i in self.numbers:  # Numbers stay on one line, but their headings may be wrapped.
-            least[i] = max([least[i], *map(len, cells[i][1:])])
-        while sum(widths) + 2 * (len(widths) - 1) > most:
-            spare = [width - smallest for width, smallest in zip(widths, least, strict=True)]
-            if not any(spare):
+            smallest[i] = max([smallest[i], *map(len, cells[i][1:])])
+        while sum(widths) + 2 * (len(widths) - 1) > limit:
+            priorities = [
+                (width > smallest[i], i in self.numbers, width) for i, width in enumerate(widths)
+            ]
+            first = max(priorities)
+            if not first[0]:
                 break
-            widths[
-                max(range(len(widths)), key=lambda i: (spare[i] > 0, i in self.numbers, widths[i]))
-            ] -= 1
+            widths[priorities.index(first)] -= 1
         return widths
 
     def _aligned(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
@@ -116,7 +128,7 @@ class Table:
 
 
 def _wrapped(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:
-    """Yield the lines of a row, with each cell wrapped to its column."""
+    """Wrap each cell of a row to its column, and yield the row line by line."""
     cells = [
         wrap(cell, max(width, 1), break_on_hyphens=False) or [""]
         for cell, width in zip(row, widths, strict=True)
@@ -124,94 +136,87 @@ def _wrapped(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str
     return zip_longest(*cells, fillvalue="")
 
 
-class Judged(Protocol):
-    """A limited quantity, from a certificate or a recording."""
+def unit_of_limit(limit: LimitCheck | Kept, degree: str = "deg") -> tuple[str, float]:
+    """Return the display unit of a limit, and the factor that converts SI values to this unit.
 
-    @property
-    def name(self) -> str:
-        """Name of the limit."""
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the limit."""
-
-
-def unit_of_limit(limit: Judged, degree: str = "deg") -> tuple[str, float]:
-    """Return the display unit of a limit and its factor from SI. Motor speeds are in rpm."""
+    `degree` is the symbol of degrees. Motor speeds are in rpm.
+    """
     return display_unit(READ_IN.get(limit.name, limit.unit), degree)
 
 
 def limit_cells(limit: LimitCheck, degree: str = "deg") -> tuple[str, str, str, str, str, str]:
-    """Return name, joint, worst value, limit with its sense, unit and margin of a limit as text."""
+    """Format a limit as cells of a table: name, joint, worst value, bound, unit and margin.
+
+    The bound begins with "≤" or "≥". `degree` is the symbol of degrees.
+    """
     unit, scale = unit_of_limit(limit, degree)
-    beyond = limit.worst - limit.limit
-    floor = limit.name in FLOORS or (
-        abs(beyond) > 1e-5 * abs(limit.limit) + 1e-9 and (beyond > 0) == limit.passed
-    )
+    excess = limit.worst - limit.limit
+    is_distinct = abs(excess) > 1e-5 * abs(limit.limit) + 1e-9
+    # A permitted value above the limit, or a forbidden value below it, shows a lower limit.
+    is_floor = limit.name in FLOORS or (is_distinct and (excess > 0) == limit.passed)
     worst, bound = number(scale * limit.worst, 6), number(scale * limit.limit, 6)
-    bound = f"{'≥' if floor else '≤'} {bound}"
+    bound = f"{'≥' if is_floor else '≤'} {bound}"
     return limit.name, limit.joint or "", worst, bound, unit, percent(limit.margin, 4)
 
 
 def limits_table(limits: Iterable[LimitCheck]) -> Table:
     """Build the table of all limits, smallest margin first.
 
-    Limits on jumps are listed only if they are exceeded.
+    Limits on jumps appear only if they are exceeded.
     """
     rows = [
         (*limit_cells(limit), format_fixed(limit.time, 4), "" if limit.passed else "EXCEEDED")
         for limit in sorted(limits, key=lambda limit: limit.margin)
         if limit.name not in JUMPS or not limit.passed
     ]
-    return Table(
-        ("limit", "joint", "worst", "limit", "unit", "margin", "at s", ""), rows, (2, 3, 5, 6)
-    )
+    header = ("limit", "joint", "worst", "limit", "unit", "margin", "at s", "")
+    return Table(header, rows, (2, 3, 5, 6))
 
 
 def phases_table(plan: Plan) -> Table:
-    """Build the table of phase durations with TOPP-RA's durations and the lower bounds."""
+    """Build the table of the phases: duration, TOPP-RA's duration and lower bound, in s.
+
+    The last row is the total.
+    """
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
-    rows = [
-        (
-            name,
-            *(
-                format_fixed(value, 4)
-                for value in (entry.duration, entry.toppra_duration, entry.lower_bound)
-            ),
-        )
-        for name, entry in [*entries, ("total", plan)]
-    ]
+    rows = []
+    for name, entry in [*entries, ("total", plan)]:
+        times = entry.duration, entry.toppra_duration, entry.lower_bound
+        rows.append((name, *(format_fixed(value, 4) for value in times)))
     return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
 
 
 def candidates_table(plan: Plan) -> Table:
-    """Return the ways to move every phase that were tried, and why each was not taken."""
+    """Build the table of the candidate motions of every phase, with the outcome of each."""
     names = [phase.name for phase in plan.phases]
     rows = []
     for name, candidates in zip_longest(names, plan.candidates, fillvalue=()):
-        for each in candidates:
-            times = (each["bound"], each["estimate"], each["duration"])
-            shown_times = (NOTHING if value is None else format_fixed(value, 4) for value in times)
-            rows.append((name or NOTHING, each["kind"], *shown_times, each["outcome"]))
+        for candidate in candidates:
+            times = (candidate[key] for key in ("bound", "estimate", "duration"))
+            cells = (NOTHING if value is None else format_fixed(value, 4) for value in times)
+            rows.append((name or NOTHING, candidate["kind"], *cells, candidate["outcome"]))
     header = ("phase", "candidate", "bound s", "estimate s", "duration s", "outcome")
     return Table(header, rows, (2, 3, 4))
 
 
 def explanation(plan: Plan) -> list[str]:
-    """Return the lines of `--explain`: the candidates, and what further reversals would save."""
-    remaining = [
+    """Return the lines that `--explain` prints.
+
+    They list the candidates of every phase, and state how much time further reversals would save.
+    """
+    savings = [
         f"{phase.name}: a further reversal would save {phase.reversal_multiplier:.1e} of the "
         "duration, to first order"
         for phase in plan.phases
         if phase.reversal_multiplier is not None
     ]
-    return [*candidates_table(plan).lines(), "", *remaining, *([""] if remaining else [])]
+    return [*candidates_table(plan).lines(), "", *savings, *([""] if savings else [])]
 
 
 def joints_table(plan: Plan) -> Table:
-    """Build the table of joint positions at the start and the end of the motion.
+    """Build the table of the joint positions at the start and the end of the motion.
 
-    They show which of the configurations that reach the points is used.
+    Several joint configurations reach the same point; the table shows which of them the plan uses.
     """
     ends = plan.motion.sample(np.array([0.0, plan.motion.duration])).q
     rows = []
@@ -222,22 +227,22 @@ def joints_table(plan: Plan) -> Table:
 
 
 def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
-    """Build the table of the motors' requirements and ratings."""
+    """Build the table that compares the requirements on the motors with their ratings."""
     rows = []
-    for r in requirements:
-        motor = r.motor
+    for requirement in requirements:
+        motor = requirement.motor
         required = (
-            number(1e3 * r.peak_torque, 4),
-            number(1e3 * r.rms_torque, 4),
-            format_fixed(RPM * r.peak_speed, 0),
+            number(1e3 * requirement.peak_torque, 4),
+            number(1e3 * requirement.rms_torque, 4),
+            format_fixed(RPM * requirement.peak_speed, 0),
         )
-        rated = (NOTHING,) * 3
+        name, ratings, placeholders = "no motor given", (NOTHING,) * 3, NOTHING
         if motor is not None:
+            name, placeholders = motor.name, str(len(motor.placeholders) or "none")
             torques = number(1e3 * motor.max_torque, 4), number(1e3 * motor.nominal_torque, 4)
-            rated = *torques, format_fixed(RPM * motor.max_speed, 0)
-        pairs = (f"{a} of {b}" for a, b in zip(required, rated, strict=True))
-        placeholders = NOTHING if motor is None else str(len(motor.placeholders) or "none")
-        rows.append((r.joint, motor.name if motor else "no motor given", *pairs, placeholders))
+            ratings = *torques, format_fixed(RPM * motor.max_speed, 0)
+        pairs = (f"{a} of {b}" for a, b in zip(required, ratings, strict=True))
+        rows.append((requirement.joint, name, *pairs, placeholders))
     header = (
         "joint",
         "motor",
@@ -250,7 +255,9 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
 
 
 def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False) -> list[str]:
-    """Return the summary of a plan, which ends with its `answers`.
+    """Return the summary of a plan as lines of text.
+
+    The last lines are those of `answers`.
 
     Parameters
     ----------
@@ -258,7 +265,7 @@ def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False)
     folder : Path, optional
         Folder of the written results.
     verbose : bool, optional
-        Add solvers, motors, joints, limits and unknowns.
+        If true, the summary also lists solvers, motors, joints, limits and unknown data.
     """
     if plan.trajectory is None:
         reason = plan.reason.message if plan.reason else plan.status
@@ -266,12 +273,9 @@ def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False)
         if plan.reason is not None and plan.reason.relaxation:
             lines.append(f"  relaxation: {plan.reason.relaxation}")
         return lines
-    lines = verdicts(plan) if verbose else conditions(plan)
-    lines = [
-        f"{plan.problem.name}, robot {plan.problem.robot.name}",
-        *([""] if lines else []),
-        *lines,
-    ]
+    results = verdicts(plan) if verbose else conditions(plan)
+    lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}"]
+    lines += ["", *results] if results else []
     if plan.reason is not None:
         lines += ["", plan.reason.message]
         if plan.reason.relaxation:
@@ -284,23 +288,22 @@ def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False)
         lines += ["", *table.lines()] if table.rows else []
     if verbose and plan.notes:
         lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
+    lines.append("")
     reason = "" if plan.sizing is None else motors_verdict(plan.sizing.to_dict())[2]
-    return [*lines, "", *([f"Motors: {reason}", ""] if reason else []), *answers(plan, folder)]
+    lines += [f"Motors: {reason}", ""] if reason else []
+    return lines + answers(plan, folder)
 
 
 def answers(plan: Plan, folder: Path | None = None) -> list[str]:
-    """Return the time, the check, the closest limit, the motors and the file of a plan.
+    """Return one line each for the time, the check, the closest limit, the motors and the report.
 
-    Each answer is one line. The closest limit is the closest of those that do not bind by design.
+    The closest limit is the one with the smallest margin among those that do not bind by design.
     """
     bound = f"{format_fixed(plan.lower_bound, 4)} s"
-    lines = [
-        f"time     {format_fixed(plan.duration, 4)} s; no motion on this path is shorter than {bound}"
-    ]
+    meaning = f"no motion on this path is shorter than {bound}"
     if any(motion.kind == Free.kind for motion in plan.problem.motion):
-        lines = [
-            f"time     {format_fixed(plan.duration, 4)} s; lower bound {bound}, loose for free motions"
-        ]
+        meaning = f"lower bound {bound}, loose for free motions"
+    lines = [f"time     {format_fixed(plan.duration, 4)} s; {meaning}"]
     certificate = plan.certificate
     if plan.uncertified_reason is not None or certificate is None:
         lines.append(
@@ -308,34 +311,36 @@ def answers(plan: Plan, folder: Path | None = None) -> list[str]:
         )
     else:
         limits, violations = certificate.limits, certificate.violations
-        bind = sum(limit.margin <= BINDING for limit in limits)
-        lines.append(
-            f"check    FAILED: {len(violations)} of {len(limits)} limits exceeded"
-            if violations
-            else f"check    PASSED: {len(limits)} limits kept; {bind} of them bind by design"
-        )
+        binding = sum(limit.margin <= BINDING for limit in limits)
+        verdict = f"PASSED: {len(limits)} limits kept; {binding} of them bind by design"
+        if violations:
+            verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
+        lines.append(f"check    {verdict}")
         if (limit := closest_limit(limits)) is not None:
             name, joint, worst, allowed, unit, _ = limit_cells(limit)
-            of = f" of {joint}" if joint else ""
+            owner = f" of {joint}" if joint else ""
             margin = percent(limit.margin)
-            lines.append(f"closest  {name}{of}: {worst} ({allowed} {unit}), margin {margin}")
+            lines.append(f"closest  {name}{owner}: {worst} ({allowed} {unit}), margin {margin}")
     if plan.sizing is not None:
         outcome = motors_verdict(plan.sizing.to_dict())[1]
         lines.append(f"motors   {outcome.removeprefix('Motors ')}")
-    return [*lines, *([] if folder is None else [f"file     {folder / 'report.html'}"])]
+    if folder is not None:
+        lines.append(f"file     {folder / 'report.html'}")
+    return lines
 
 
 def closest_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
     """Return the limit with the smallest margin among those that do not bind by design.
 
-    A limit binds by design if the motion uses it up, as the fastest motion and its points do.
+    A limit binds by design if the fastest motion reaches it. The result is None if no other limit
+    exists.
     """
-    rest = (each for each in limits if each.margin > BINDING and each.name not in JUMPS)
-    return min(rest, key=lambda each: each.margin, default=None)
+    slack = (limit for limit in limits if limit.margin > BINDING and limit.name not in JUMPS)
+    return min(slack, key=lambda limit: limit.margin, default=None)
 
 
 def rate_words(rates: Mapping[str, float]) -> str:
-    """Format rates of task coordinates, for example "tilt -10 deg/s"."""
+    """Format the rates of task coordinates (rad/s or m/s), for example as "tilt -10 deg/s"."""
     units = {name: display_unit("m" if name == "depth" else "rad") for name in rates}
     return ", ".join(
         f"{name} {number(units[name][1] * rate, 4)} {units[name][0]}/s"
@@ -345,25 +350,21 @@ def rate_words(rates: Mapping[str, float]) -> str:
 
 
 def solvers(plan: Plan) -> str:
-    """Return the name of the solver. The phases that Ipopt solved are listed.
-
-    The structured solver did not converge for these phases.
-    """
+    """Name the solver of a plan, and the phases for which only Ipopt converged."""
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
     if not by_ipopt:
         return "structured"
-    return (
-        "Ipopt"
-        if len(by_ipopt) == len(plan.phases)
-        else f"structured; Ipopt in {', '.join(by_ipopt)}"
-    )
+    if len(by_ipopt) == len(plan.phases):
+        return "Ipopt"
+    return f"structured; Ipopt in {', '.join(by_ipopt)}"
 
 
 def confirmation(plan: Plan) -> tuple[str, str]:
-    """Return how Ipopt changes the structured solver's motions, and how the durations agree.
+    """Describe how Ipopt's motions compare with those of the structured solver.
 
-    Both texts are empty if only one of the solvers was used. Iterations and the last digits of the
-    difference depend on rounding, so neither is shown.
+    Returns a verb ("confirms" or "shortens") and a text about the durations. Both are empty if only
+    one of the solvers was used. Numbers of iterations and exact differences are left out, because
+    they depend on rounding.
     """
     if plan.confirmation is None:
         return "", ""
@@ -381,7 +382,11 @@ def confirmation(plan: Plan) -> tuple[str, str]:
 
 
 def range_lines(plan: Plan) -> list[str]:
-    """Return the cost of a range of friction and payload, and the worst case for each motor."""
+    """Describe the effect of uncertain friction and payload on a plan, as lines of text.
+
+    The first line states the ranges and the additional duration. One line per motor states the
+    worst case. There are no lines if the problem has no ranges.
+    """
     friction, payload = plan.problem.friction, plan.problem.payload
     if friction is None and payload is None:
         return []
@@ -402,7 +407,7 @@ def range_lines(plan: Plan) -> list[str]:
 
 
 def path_lines(plan: Plan) -> list[str]:
-    """Return the deviations at corners and the constant tip speeds of phases that request them."""
+    """Describe the rounded corners and the constant tip speeds of a plan's phases, one per line."""
     corners = [
         f"corners      {phase.name}: the tip deviates from its lines by up to "
         f"{1e3 * phase.corner_departure:.4g} mm, within "
@@ -422,10 +427,15 @@ def path_lines(plan: Plan) -> list[str]:
 
 
 def conditions(plan: Plan) -> list[str]:
-    """Return what a plan was asked to keep beyond its limits, and what it does not keep."""
+    """Describe the conditions of a problem in addition to its limits, and all violations.
+
+    The conditions are corners, constant tip speeds, rates at the start and the end, and ranges of
+    friction and payload.
+    """
     lines = path_lines(plan)
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
-        lines += [f"{verb:<12} at {rate_words(rates)}, as declared"] if any(rates.values()) else []
+        if any(rates.values()):
+            lines.append(f"{verb:<12} at {rate_words(rates)}, as declared")
     lines += range_lines(plan)
     lines += [f"cross-check  FAILED: {text}" for text in plan.disagreements]
     if plan.certificate is not None:
@@ -438,7 +448,7 @@ def conditions(plan: Plan) -> list[str]:
 
 
 def verdicts(plan: Plan) -> list[str]:
-    """Return one line for each result beyond the `answers`: solvers and conditions."""
+    """Describe the results that `answers` omits: cross-checks, solvers and conditions."""
     lines = []
     if plan.duration is not None and plan.toppra_duration:
         difference = percent(plan.duration / plan.toppra_duration - 1, 3)
@@ -455,11 +465,10 @@ def verdicts(plan: Plan) -> list[str]:
 
 
 def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
-    """Return ("good", "bad" or "open", verdict, reason) for the motors and gears."""
+    """Summarise a sizing as a mark ("good", "bad" or "open"), a verdict and a reason."""
     motors, gears = sizing["motors"], sizing["gears"]
-    missing_motors = ", ".join(
-        sorted({gear["joint"] for gear in gears} - {motor["joint"] for motor in motors})
-    )
+    with_motor = {motor["joint"] for motor in motors}
+    missing_motors = ", ".join(sorted({gear["joint"] for gear in gears} - with_motor))
     if sizing["adequate"] is False:
         return "bad", "Motors or gears do not suffice", "; ".join(_failures(sizing))
     if not gears:
@@ -487,24 +496,24 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
         reasons.append(lacking)
     if figures or undecided:
         return "open", outcome, ". ".join(reasons)
-    return (
-        "good",
-        "Motors and gears suffice",
-        f"with at least {100 * sizing['confidence']:g} % each",
-    )
+    reason = f"with at least {100 * sizing['confidence']:g} % each"
+    return "good", "Motors and gears suffice", reason
 
 
 def stand_ins(sizing: SizingObject) -> Iterator[str]:
-    """Yield each placeholder on which a check rests, with the error that the check permits."""
+    """Yield the joint and name of each assumed value on which a check depends.
+
+    If the value is a rating, the text also states how much lower the rating may be.
+    """
     for motor in sizing["motors"]:
         margins = motor["margins"]
-        electrical = margins["voltage"] is not None or margins["heat"] is not None
+        is_electrical = margins["voltage"] is not None or margins["heat"] is not None
         for name in motor["placeholders"]:
-            margin = margins.get(LOWEST.get(name))
+            margin = margins.get(CHECK_OF_RATING.get(name))
             if margin is not None:
                 spare = f" (may be {format_fixed(100 * margin, 1)} % lower)"
                 yield f"{motor['joint']} {plain_words(name)}{spare}"
-            elif electrical and name not in (*LOWEST, "encoder_counts"):
+            elif is_electrical and name not in (*CHECK_OF_RATING, "encoder_counts"):
                 yield f"{motor['joint']} {plain_words(name)}"
     for gear in sizing["gears"]:
         if any(margin is not None for margin in gear["margins"].values()):
@@ -512,33 +521,34 @@ def stand_ins(sizing: SizingObject) -> Iterator[str]:
 
 
 def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
-    """Yield (joint, motor or gear, skipped checks, missing values) for each part with unknowns."""
-    of_gears = _gear_checks(sizing)
+    """Yield the joint, the component, its skipped checks and the data that these checks need.
+
+    A component is a motor or a gear. Components without skipped checks are left out.
+    """
+    gear_checks = _gear_checks(sizing)
     for motor in sizing["motors"]:
-        lacking = {
-            name: needs for name, needs in motor["not_checked"].items() if name not in of_gears
+        skipped = {
+            name: needs for name, needs in motor["not_checked"].items() if name not in gear_checks
         }
-        if lacking:
-            yield (motor["joint"], motor["motor"], *_lacking(lacking))
+        if skipped:
+            yield (motor["joint"], motor["motor"], *_missing_data(skipped))
     for gear in sizing["gears"]:
         if gear["not_checked"]:
-            yield (gear["joint"], gear["drive"], *_lacking(gear["not_checked"]))
+            yield (gear["joint"], gear["drive"], *_missing_data(gear["not_checked"]))
 
 
 def _undecided(sizing: SizingObject) -> list[str]:
-    """Return the checks that lack a value for some joint. All checks of gears count as one."""
-    of_gears = _gear_checks(sizing)
+    """Name the checks that are open for at least one joint. All checks of gears count as one."""
+    gear_checks = _gear_checks(sizing)
+    components = *sizing["motors"], *sizing["gears"]
+    names = (name for component in components for name in component["not_checked"])
     return list(
-        dict.fromkeys(
-            "gear" if name in of_gears else plain_words(name)
-            for part in (*sizing["motors"], *sizing["gears"])
-            for name in part["not_checked"]
-        )
+        dict.fromkeys("gear" if name in gear_checks else plain_words(name) for name in names)
     )
 
 
 def _failures(sizing: SizingObject) -> list[str]:
-    """Return joint, check and margin of each failed check."""
+    """Describe each failed check by its joint, name and margin."""
     failed = {
         (motor["joint"], check["name"]): check["margin"]
         for motor in sizing["motors"]
@@ -558,42 +568,35 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
     return {name for gear in sizing["gears"] for name in gear["margins"]}
 
 
-def _lacking(lacking: Mapping[str, str]) -> tuple[str, str]:
-    figures = dict.fromkeys(figure for needs in lacking.values() for figure in needs.split(" and "))
-    return ", ".join(plain_words(name) for name in lacking), ", ".join(figures)
+def _missing_data(skipped: Mapping[str, str]) -> tuple[str, str]:
+    """List the skipped checks, and the missing data without repetition, as two texts."""
+    data = dict.fromkeys(item for needs in skipped.values() for item in needs.split(" and "))
+    return ", ".join(plain_words(name) for name in skipped), ", ".join(data)
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
-    """Return the text of a sizing: unknowns, requirements, split, candidates and gears.
+    """Return lines of text that report a sizing, without its verdict (`sizing_verdict`).
 
-    `sizing_verdict` ends the text.
+    They list unknown data, requirements, parts of the peak torque, candidates and gears.
     """
-    has_bands = all(joint.band.known for joint in sizing.joints)
-    confidence = (
-        f"at {100 * sizing.conditions.confidence:g} % confidence"
-        if has_bands
-        else "at the stated friction"
-    )
+    confidence = "at the stated friction"
+    if all(joint.band.known for joint in sizing.joints):
+        confidence = f"at {100 * sizing.conditions.confidence:g} % confidence"
     unknowns = [
-        f"joint {joint}, {part}: {checks} not checked: needs {figures}"
-        for joint, part, checks, figures in missing_figures(sizing.to_dict())
+        f"joint {joint}, {component}: {checks} not checked: needs {data}"
+        for joint, component, checks, data in missing_figures(sizing.to_dict())
     ]
     unknowns += _notes(sizing)
     lines = ["What is not known", *(f"  {line}" for line in unknowns), ""] if unknowns else []
     lines += ["Required of the motors", *_requirements(sizing).lines(), ""]
-    lines += [
-        "Parts of the peak torque, mN·m (+ increases it, − reduces it)",
-        *_split(sizing).lines(),
-        "",
-    ]
-    return [
-        *(*lines, f"Margins {confidence}", *_candidates(sizing), "", "Gears"),
-        *_gears(sizing).lines(),
-    ]
+    lines.append("Parts of the peak torque, mN·m (+ increases it, − reduces it)")
+    lines += [*_split(sizing).lines(), ""]
+    lines += [f"Margins {confidence}", *_candidates(sizing), ""]
+    return [*lines, "Gears", *_gears(sizing).lines()]
 
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
-    """Return the lines for the largest payload and the shortest duration."""
+    """Describe the largest payload and the shortest duration, one line each."""
     mass = "" if payload.value is None else f"{payload.value:.4g} kg"
     times = "" if duration.value is None else f"{duration.value:.4f} times the present one"
     lines = []
@@ -611,9 +614,9 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
 
 
 def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the best pairs of motor and gear for each joint, and reasons that exclude others.
+    """Describe the best pairs of motor and gear for each joint, and why other pairs are excluded.
 
-    selection: object `selection` of `size --json`.
+    `selection` is the object `selection` in the output of `size --json`.
     """
     head = (
         "motor",
@@ -632,12 +635,10 @@ def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
         counts = [sum(answer is word for answer in answers) for word in (True, None, False)]
         lines += [
             "",
-            f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears",
+            f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears: "
+            f"{counts[0]} suffice, {counts[1]} not known, {counts[2]} ruled out; by "
+            f"{joint['rank']}",
         ]
-        lines[-1] += (
-            f": {counts[0]} suffice, {counts[1]} not known, {counts[2]} ruled out; by "
-            f"{joint['rank']}"
-        )
         rows = []
         for pair in joint["best"]:
             margin = None if pair["binds"] is None else pair["margins"].get(pair["binds"])
@@ -650,12 +651,11 @@ def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
             cells = (
                 NOTHING if value is None else number(scale * value) for value, scale in quantities
             )
-            verdict = (
-                LOUD[pair["adequate"]],
+            adequate, binds = (
+                VERDICT_LABELS[pair["adequate"]],
                 plain_words(pair["binds"] or NOTHING),
-                percent(margin),
             )
-            rows.append((pair["motor"], pair["gear"], *verdict, *cells))
+            rows.append((pair["motor"], pair["gear"], adequate, binds, percent(margin), *cells))
         lines += Table(head, rows, range(4, len(head))).lines() if rows else ["no pair remains"]
         reasons = [f"{plain_words(name)} {count}" for name, count in joint["reasons"].items()]
         missing = {
@@ -664,7 +664,7 @@ def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
             for name, needs in pair["not_checked"].items()
         }
         lines += [f"ruled out by: {', '.join(reasons)}"] if reasons else []
-        lines += [f"not known: {answer}" for answer in sorted(missing)]
+        lines += [f"not known: {check}" for check in sorted(missing)]
     return lines
 
 
@@ -687,16 +687,9 @@ def _requirements(sizing: Sizing) -> Table:
         if joint.band.known:
             peak += f" (≤ {number(1e3 * joint.band.high('peak_torque', confidence), 4)})"
             rms += f" (≤ {number(1e3 * joint.band.high('rms_torque', confidence), 4)})"
-        figures = (
-            r.mean_torque * 1e3,
-            RPM * r.peak_speed,
-            r.peak_acceleration,
-            r.peak_power,
-            r.mean_power,
-        )
-        rows.append(
-            (r.joint, peak, rms, *(number(value, 4) for value in figures), number(r.joule_power))
-        )
+        motion = 1e3 * r.mean_torque, RPM * r.peak_speed, r.peak_acceleration
+        cells = (number(value, 4) for value in (*motion, r.peak_power, r.mean_power))
+        rows.append((r.joint, peak, rms, *cells, number(r.joule_power)))
     return Table(head, rows, range(1, len(head)))
 
 
@@ -721,17 +714,13 @@ def _candidates(sizing: Sizing) -> list[str]:
     )
     rows = []
     for verdict in (*sizing.verdicts, *sizing.alternatives):
-        margins = {check.name: check.margin for check in verdict.checks}
-        gear = min(
-            (check.margin for check in verdict.gear if check.margin is not None), default=None
-        )
+        by_name = {check.name: check.margin for check in verdict.checks}
+        gear_margins = (check.margin for check in verdict.gear if check.margin is not None)
+        margins = [*(by_name[key] for key in MOTOR_MARGINS), min(gear_margins, default=None)]
         name = ("or " if verdict in sizing.alternatives else "") + verdict.motor.name
         name += " *" if verdict.motor.placeholder else ""
-        shares = (percent(margin) for margin in (*(margins[key] for key in MOTOR_MARGINS), gear))
-        binds = plain_words(verdict.binds or NOTHING)
-        rows.append(
-            (verdict.joint, name, LOUD[verdict.adequate], binds, *shares, _winding(verdict))
-        )
+        answer = VERDICT_LABELS[verdict.adequate], plain_words(verdict.binds or NOTHING)
+        rows.append((verdict.joint, name, *answer, *map(percent, margins), _winding(verdict)))
     lines = Table(head, rows, range(2, len(head))).lines()
     if any(verdict.motor.placeholder for verdict in sizing.verdicts):
         lines.append("* placeholder figures: no verdict on the real motor")
@@ -739,6 +728,7 @@ def _candidates(sizing: Sizing) -> list[str]:
 
 
 def _winding(verdict: MotorVerdict) -> str:
+    """Format the largest temperature of the winding in °C."""
     if verdict.heat is None:
         return NOTHING
     hottest = verdict.heat.winding
@@ -771,19 +761,18 @@ def _notes(sizing: Sizing) -> list[str]:
 
 
 def sizing_verdict(sizing: Sizing) -> list[str]:
-    """Return the verdict on the motors and gears of each joint, and on all of them."""
+    """Return lines that state the verdict for each joint, and for all motors and gears together."""
     lines = ["", "Verdicts"]
     for joint in sizing.joints:
-        lines.append(
-            f"  {joint.load.joint:10} {_joint_verdict(joint, sizing.conditions.confidence)}"
-        )
+        verdict = _joint_verdict(joint, sizing.conditions.confidence)
+        lines.append(f"  {joint.load.joint:10} {verdict}")
         lines += [
-            f"  {'':10} with {alternative.motor.name}: {LOUD[alternative.adequate]}"
+            f"  {'':10} with {alternative.motor.name}: {VERDICT_LABELS[alternative.adequate]}"
             for alternative in joint.alternatives
         ]
     _, outcome, reason = motors_verdict(sizing.to_dict())
     if sizing.adequate is not None:
-        return [*lines, f"Motors and gears suffice: {LOUD[sizing.adequate]}"]
+        return [*lines, f"Motors and gears suffice: {VERDICT_LABELS[sizing.adequate]}"]
     return [*lines, f"  why        {reason}", outcome]
 
 
@@ -792,36 +781,33 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
     if smallest is not None:
         mark = " (placeholder figures)" if smallest.motor.placeholder else ""
         return f"{smallest.motor.name}: smallest suitable motor at {100 * confidence:g} %{mark}"
+    if not joint.candidates:
+        return "no motor given"
     if joint.adequate is None:
-        return (
-            "not known: the missing values are listed above"
-            if joint.candidates
-            else "no motor given"
-        )
-    return (
-        "no motor of the list suffices"
-        if len(joint.candidates) > 1
-        else "the motor does NOT suffice"
-    )
+        return "not known: the missing values are listed above"
+    if len(joint.candidates) > 1:
+        return "no motor of the list suffices"
+    return "the motor does NOT suffice"
 
 
 def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
     """Build the tables of a simulated playback: tracking errors by joint, and loads by motor."""
-    errors = []
     driven = [motor.joint for motor in result.motors]
-    for tracking in (each for each in result.tracking if each.joint in driven):
-        unit = "mm" if tracking.joint == JOINTS[3] else "mrad"
-        errors.append(
-            (
-                tracking.joint,
-                *(number(1e3 * value, 4) for value in (tracking.worst, tracking.rms)),
-                unit,
-            )
+    errors = [
+        (
+            tracking.joint,
+            number(1e3 * tracking.worst, 4),
+            number(1e3 * tracking.rms, 4),
+            "mm" if tracking.joint == JOINTS[3] else "mrad",
         )
+        for tracking in result.tracking
+        if tracking.joint in driven
+    ]
     motors = [
         (
             motor.joint,
-            *(number(1e3 * torque, 4) for torque in (motor.peak_torque, motor.limit)),
+            number(1e3 * motor.peak_torque, 4),
+            number(1e3 * motor.limit, 4),
             "SATURATED" if motor.saturated else "no",
             format_fixed(motor.following_error, 0),
             str(motor.window),
@@ -838,6 +824,5 @@ def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
         "window inc",
         "tripped",
     )
-    return Table(("joint", "largest error", "rms", "unit"), errors, (1, 2)), Table(
-        header, motors, (1, 2, 4, 5)
-    )
+    errors_table = Table(("joint", "largest error", "rms", "unit"), errors, (1, 2))
+    return errors_table, Table(header, motors, (1, 2, 4, 5))

@@ -1,4 +1,4 @@
-"""Draw the motion of a plan as a film of arm and eye, without GPU and network."""
+"""Draw the motion of a plan as a film of the arm and the eye. No GPU and no network is needed."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ RATE = 25.0
 LONGEST = 30.0
 """Longest film, s. Longer motions are shown faster."""
 STILLS = 5
-"""Number of pictures in the strip."""
+"""Number of single pictures, which also form the strip."""
 LINK, TAIL = 0.026, 0.030
-"""Radius of the link arcs, and length of the tool outside the eye, m. Robot files give no shapes."""
+"""Radius of the arcs that represent links, and length of the tool outside the eye, m."""
 VIEW = (rotation([1, 0, 0], np.radians(20.0)) @ rotation([0, 0, 1], np.radians(-28.0)))[[0, 2]]
 """Orthonormal rows (2, 3) that project base coordinates onto the picture."""
 JOINT = {"linewidth": 5.0, "marker": "o", "markevery": [0], "markersize": 7, "mfc": "white"}
@@ -47,14 +47,14 @@ LINES: tuple[dict[str, Any], ...] = (
     {"color": "black"},
 )
 """Styles of link 1, link 2 and the tool. A circle marks the joint at the beginning of a link."""
-WORDS: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": 7}
+LABEL: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": 7}
 
 
 @checked
 def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[str, Path]:
     """Write the motion of a plan as film.gif, film.mp4, strip.png and single pictures.
 
-    The MP4 requires the program ffmpeg and is left out without it.
+    The file film.mp4 requires the program ffmpeg. Without ffmpeg, it is not written.
 
     Parameters
     ----------
@@ -62,7 +62,8 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     path : str or Path
         Folder of the files, or the path of a single .gif or .mp4.
     speed : float
-        Playback speed as a share of the planned one. A film lasts at most 30 s.
+        Playback speed as a share of the planned speed. A film that would last longer than 30 s is
+        played faster.
 
     Returns
     -------
@@ -83,8 +84,9 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     pictures = list(_pictures(plan, max(speed, plan.motion.duration / LONGEST)))
     with BytesIO() as file:
         times = [round(1000 / RATE)] * (len(pictures) - 1) + [1000]
-        rest = pictures[1:]
-        pictures[0].save(file, "GIF", save_all=True, append_images=rest, duration=times, loop=0)
+        pictures[0].save(
+            file, "GIF", save_all=True, append_images=pictures[1:], duration=times, loop=0
+        )
         gif = file.getvalue()
     if path.suffix in (".gif", ".mp4"):
         with replacing_result(path, plan.sha256) as single:
@@ -99,7 +101,10 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
 
 
 def _write(gif: bytes, path: Path) -> None:
-    """Write a film as GIF or MP4. Raises ExportError."""
+    """Write a film as GIF or, with ffmpeg, as MP4.
+
+    `gif` is the content of the GIF file. Raises ExportError if ffmpeg is missing or fails.
+    """
     if path.suffix == ".gif":
         path.write_bytes(gif)
         return
@@ -119,46 +124,63 @@ def _write_stills(pictures: list[Image], folder: Path) -> None:
     """Write single pictures of the motion, and all of them side by side as strip.png."""
     from PIL import Image
 
-    chosen = [pictures[k] for k in np.linspace(0, len(pictures) - 1, STILLS).round().astype(int)]
-    for k, picture in enumerate(chosen, start=1):
+    indices = np.linspace(0, len(pictures) - 1, STILLS).round().astype(int)
+    stills = [pictures[k] for k in indices]
+    for k, picture in enumerate(stills, start=1):
         picture.save(folder / f"picture_{k}.png")
-    strip = np.hstack([np.asarray(picture.convert("RGB")) for picture in chosen])
+    strip = np.hstack([np.asarray(picture.convert("RGB")) for picture in stills])
     Image.fromarray(strip).quantize(64).save(folder / "strip.png")
 
 
 def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
-    """Return the lines of links 1 and 2 (n, 61, 2) and of the tool (n, 2, 2) in the picture, m.
+    """Project the links and the tool onto the plane of the picture.
 
-    q: joint positions (n, 4), rad and m.
+    Parameters
+    ----------
+    robot : Robot
+    q : (n, 4)
+        Joint positions, rad and m.
+
+    Returns
+    -------
+    link1, link2 : (n, 61, 2)
+        Points of the arcs that represent the links, m.
+    tool : (n, 2, 2)
+        Both ends of the tool, m.
     """
     mechanism = Mechanism.from_geometry(robot.geometry)
     sides, tip = link_sides(robot, mechanism), fk(robot, q).position
-    within = q.copy()
-    within[:, 3] = mechanism.insertion_sign
-    outward = -fk(robot, within).position  # The tip of a tool inserted by 1 m is a unit vector.
+    # With an insertion of 1 m, the position of the tip is the unit vector of the tool axis.
+    inserted = q.copy()
+    inserted[:, 3] = mechanism.insertion_sign
+    outward = -fk(robot, inserted).position
     axis1 = np.tile(sides[0] * mechanism.omega1, (len(q), 1))
     axis2 = rotation(mechanism.omega1, q[:, 0]) @ (sides[1] * mechanism.omega2)
     length = TAIL + np.linalg.norm(tip, axis=1).max()
     tool = np.stack([tip, tip + length * outward], axis=1)
-    first, second = LINK * great_arc(axis1, axis2), LINK * great_arc(axis2, outward)
-    return first @ VIEW.T, second @ VIEW.T, tool @ VIEW.T
+    link1, link2 = LINK * great_arc(axis1, axis2), LINK * great_arc(axis2, outward)
+    return link1 @ VIEW.T, link2 @ VIEW.T, tool @ VIEW.T
 
 
 def still(plan: Plan) -> dict[str, Any]:
-    """Return lines of the mechanism at the start, halfway and at the end for an SVG, in mm."""
+    """Return the lines of the mechanism at the start, halfway and at the end, for an SVG, in mm."""
     t = plan.motion.duration * np.array([0.0, 0.5, 1.0])
-    flip, eye = np.array([1e3, -1e3]), plan.limits.eye
+    eye = plan.limits.eye
+    to_svg = np.array([1e3, -1e3])  # From m to mm. The y-axis of an SVG points down.
     q = plan.motion.sample(plan.motion.breaks[0] + t).q
-    lines = [(flip * line).round(2).reshape(3, -1) for line in mechanism_lines(plan.robot, q)]
+    lines = [(to_svg * line).round(2).reshape(3, -1) for line in mechanism_lines(plan.robot, q)]
     return {
         "reach": 1.05 * max(np.abs(line).max() for line in lines),
         "instants": [*zip(t.tolist(), zip(*lines, strict=True), strict=True)],
-        "eye": None if eye is None else [*flip * (VIEW @ eye.centre), 1e3 * eye.radius],
+        "eye": None if eye is None else [*to_svg * (VIEW @ eye.centre), 1e3 * eye.radius],
     }
 
 
 def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
-    """Yield the pictures of a plan with a palette of 64 colours."""
+    """Yield the pictures of a film, with a common palette of 64 colours.
+
+    The left panel shows the arm. With an eye, the right panel shows the tool in the eye.
+    """
     from PIL import Image
 
     motion, eye = plan.motion, plan.limits.eye
@@ -181,15 +203,16 @@ def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
             _draw_eye(axes, eye)
         axes.plot(*lines[2][:, 0].T, color="#d55e00", linewidth=1.2)
         axes.plot(0, 0, "o", color="black", markersize=4)
-        axes.annotate("port", (0, 0), (-16, -8), textcoords="offset points", **WORDS)
+        axes.annotate("port", (0, 0), (-16, -8), textcoords="offset points", **LABEL)
         for line, style in zip(lines, LINES, strict=True):
             moving.append((axes, axes.plot([], animated=True, **style)[0], line))
     text = figure.text(0.01, 0.94, "", fontsize=8, animated=True)
     canvas: Any = figure.canvas
     canvas.draw()
-    empty, palette = canvas.copy_from_bbox(figure.bbox), None
+    # The background is drawn once, and only the moving lines are drawn in every picture.
+    background, palette = canvas.copy_from_bbox(figure.bbox), None
     for k, time in enumerate(t):
-        canvas.restore_region(empty)
+        canvas.restore_region(background)
         text.set_text(f"{time:.2f} s" if speed == 1.0 else f"{time:.2f} s, at {speed:.3g} × speed")
         figure.draw_artist(text)
         for axes, artist, line in moving:
@@ -201,13 +224,13 @@ def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
 
 
 def _draw_eye(axes: Axes, eye: Eye) -> None:
-    """Draw the retina with its clearance, and the lens, as the plan gives them."""
+    """Draw the retina, the sphere that the tip must not leave, and the lens."""
     from matplotlib.patches import Circle, Polygon
 
     x, y = VIEW @ eye.centre
     for radius, style in ((eye.radius, "-"), (eye.radius - eye.clearance, "--")):
         axes.add_patch(Circle((x, y), radius, facecolor="#f6d9cf", edgecolor="#c98a76", ls=style))
-    axes.annotate("retina", (x, y - eye.radius), **WORDS)
+    axes.annotate("retina", (x, y - eye.radius), **LABEL)
     if eye.lens is not None:
         # An ellipsoid appears as the ellipse of the projected semi-axes.
         half = VIEW @ (eye.lens.frame * eye.lens.semi_axes)
@@ -216,4 +239,4 @@ def _draw_eye(axes: Axes, eye: Eye) -> None:
         circle = np.sqrt(values) * np.column_stack([np.cos(angles), np.sin(angles)])
         middle = VIEW @ eye.lens.centre
         axes.add_patch(Polygon(middle + circle @ vectors.T, color="#8fb8de"))
-        axes.annotate("lens", tuple(middle), **WORDS)
+        axes.annotate("lens", tuple(middle), **LABEL)

@@ -1,4 +1,4 @@
-"""Draw figures of a plan: motion with limits, motor requirements, and simulated playback."""
+"""Draw the figures of a plan: motion with limits, motor requirements, and simulated playback."""
 
 from __future__ import annotations
 
@@ -38,19 +38,23 @@ if TYPE_CHECKING:
     from ssm_planner.sizing.requirements import MotorRequirement
 
 SAMPLES = 1200
-WIDE, NARROW, FIVE = 9.0, 5.0, 8.0
-"""Widths in inches: the figures of `plan`, stacked panels (below), five legend columns (above)."""
+WIDE = 9.0
+"""Width of the figures that `plan` writes, inches."""
+NARROW = 5.0
+"""Width below which panels are stacked, inches."""
+MEDIUM = 8.0
+"""Width below which the legend has three instead of five columns, inches."""
 WIDTHS = {"single": 3.5, "double": 7.16, "slide": 8.0}
 """Widths of one and two columns of a journal page and of a slide, inches."""
 NEAR = 2.0
-"""Distance from a curve, in multiples of its span, within which its limits are drawn."""
+"""Largest distance of a drawn limit from its curve, in multiples of the curve's span."""
 
 
 def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> Figure:
-    """Draw joint positions, velocities and accelerations over time with dashed limits.
+    """Draw joint positions, velocities and accelerations over time, with dashed limits.
 
-    Revolute joints are on the left and the translation is on the right. width: inches. Panels of
-    narrow figures are stacked.
+    Revolute joints are on the left and the translation is on the right. `width` is in inches.
+    Figures narrower than NARROW have a single column of panels.
     """
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
@@ -65,7 +69,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
             0.85 if narrow else 0.75,
             0.1,
             0.5,
-            0.85 if narrow else 0.7 if width < FIVE else 0.55,
+            0.85 if narrow else 0.7 if width < MEDIUM else 0.55,
         ),
         gaps=(0.85, 0.2),
         sharex=True,
@@ -79,7 +83,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
         for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
             unit, scale = unit_of(base)
             axes = panels.flat[2 * row + column]
-            shade_phases(axes, trajectory, named=axes in panels[0])
+            shade_phases(axes, trajectory, with_names=axes in panels[0])
             for i, joint in enumerate(robot.joints):
                 if joint.kind != kind:
                     continue
@@ -91,7 +95,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
             finish(axes, "time (s)" if axes in panels[-1] else "", f"{name}{end}({unit}{per})")
     lines = [line for axes in panels.flat[:2] for line in axes.get_legend_handles_labels()[0]]
     (limit_line,) = panels.flat[2].plot([], [], **LIMIT, label="limit")
-    columns = 2 if narrow else 3 if width < FIVE else 5
+    columns = 2 if narrow else 3 if width < MEDIUM else 5
     figure.legend(
         handles=[*lines, limit_line],
         loc="upper center",
@@ -103,7 +107,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
 
 
 def _draw_limit(axes: Axes, ends: tuple[float, float], values: Array) -> None:
-    """Draw the ends of a limit that are close enough to the values (n,) to keep them readable."""
+    """Draw the bounds that are close to the values (n,), so that the curve stays readable."""
     size = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
     for end in ends:
         if values.min() - NEAR * size <= end <= values.max() + NEAR * size:
@@ -116,9 +120,10 @@ def motors_figure(
     requirements: Sequence[MotorRequirement],
     width: float = WIDE,
 ) -> Figure:
-    """Draw motor torque over time and over speed for every driven joint.
+    """Draw the motor torque over time and over motor speed for every driven joint.
 
-    RMS torque and ratings are included. width: inches. Panels of narrow figures are stacked.
+    The panels also state the RMS torque and the ratings of the motor. `width` is in inches. Figures
+    narrower than NARROW have a single column of panels.
     """
     rows, narrow = len(requirements), width < NARROW
     letters = int((width if narrow else width / 2) * 72 / (LETTER * SIZE)) - 8
@@ -127,8 +132,8 @@ def motors_figure(
         (4.6 if narrow else 2.3) * rows + 0.2,
         rows=rows * (2 if narrow else 1),
         columns=1 if narrow else 2,
-        edges=(0.8, 0.1, 0.5, 0.6 if width < FIVE else 0.45),
-        gaps=(0.35, 1.0 if narrow else 0.75 if width < FIVE else 0.6),
+        edges=(0.8, 0.1, 0.5, 0.6 if width < MEDIUM else 0.45),
+        gaps=(0.35, 1.0 if narrow else 0.75 if width < MEDIUM else 0.6),
         sharey=False if narrow else "row",
     )
     names = [joint.name for joint in robot.joints]
@@ -136,7 +141,7 @@ def motors_figure(
         i = names.index(requirement.joint)
         torque = 1e3 * requirement.torque
         over_time, against_speed = panels.flat[2 * row : 2 * row + 2]
-        shade_phases(over_time, trajectory, named=row == 0)
+        shade_phases(over_time, trajectory, with_names=row == 0)
         over_time.plot(requirement.t, torque, color=COLOURS[i])
         against_speed.plot(RPM * requirement.speed, torque, color=COLOURS[i])
         rms = 1e3 * requirement.rms_torque
@@ -144,27 +149,25 @@ def motors_figure(
             axes.axhline(
                 np.copysign(rms, requirement.mean_torque), color="0.3", linewidth=1.0, linestyle=":"
             )
-        last = row == rows - 1 or narrow
-        finish(over_time, "time (s)" if last else "", f"{_label(robot, i)}\nmotor torque (mN·m)")
-        finish(
-            against_speed,
-            "motor speed (rpm)" if last else "",
-            "motor torque (mN·m)" if narrow else "",
-        )
+        time_label, speed_label = "", ""
+        if row == rows - 1 or narrow:
+            time_label, speed_label = "time (s)", "motor speed (rpm)"
+        finish(over_time, time_label, f"{_label(robot, i)}\nmotor torque (mN·m)")
+        finish(against_speed, speed_label, "motor torque (mN·m)" if narrow else "")
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
-        lines = [text, *wrap(_limit_text(requirement.motor), letters)]
+        lines = [text, *wrap(_ratings_text(requirement.motor), letters)]
         against_speed.set_title("\n".join(lines), fontsize=SIZE - 1, loc="right", y=1.0, pad=3)
     return figure
 
 
-DRAWN: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "motors": motors_figure}
-"""Figures of a plan by file name."""
+PLAN_FIGURES: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "motors": motors_figure}
+"""Function that draws each figure of a plan, by file name."""
 
 
 def write_simulation_figures(result: SimulationResult, folder: Path) -> dict[str, Path]:
-    """Write the figures playback and power_loss as PNG and PDF and return their paths by name.
+    """Write the figures of a simulation as PNG and PDF, and return their paths by name.
 
-    The figure power_loss needs several instants of power loss.
+    The figures are playback and, if the simulation contains several power losses, power_loss.
     """
     figures = {"playback": playback(result)}
     if len(result.losses.time) > 1:
@@ -176,7 +179,6 @@ def playback(result: SimulationResult) -> Figure:
     """Draw following errors, motor torques and the distance between tip and plan over time."""
     figure = new_figure(7.2, 6.6)
     errors, torques, tip = figure.subplots(3, 1, sharex=True)
-    shown = result.time
     for motor in result.motors:
         k = JOINTS.index(motor.joint)
         style = {
@@ -186,11 +188,11 @@ def playback(result: SimulationResult) -> Figure:
             "label": motor.joint,
         }
         counts = result.axes[motor.joint].counts_per_turn
-        errors.plot(shown, result.following[:, k] * counts / (2 * np.pi), **style)
-        torques.plot(shown, 100 * result.torque[:, k] / motor.limit, **style)
+        errors.plot(result.time, result.following[:, k] * counts / (2 * np.pi), **style)
+        torques.plot(result.time, 100 * result.torque[:, k] / motor.limit, **style)
     for level in (-100, 100):
         torques.axhline(level, **LIMIT)
-    tip.plot(shown, 1e3 * result.tip, color="black", linewidth=1.3)
+    tip.plot(result.time, 1e3 * result.tip, color="black", linewidth=1.3)
     finish(errors, "", "following error\n(increments)")
     finish(torques, "", "motor torque\n(% of largest)")
     finish(tip, "time (s)", "distance of tip\nfrom plan (mm)")
@@ -202,23 +204,22 @@ def power_loss(result: SimulationResult) -> Figure:
     """Draw the tip travel and the time to standstill over the instant of the power loss."""
     losses = result.losses
     figure = new_figure(7.2, 4.2)
-    travel, standing = figure.subplots(2, 1, sharex=True)
+    travel, standstill = figure.subplots(2, 1, sharex=True)
     travel.plot(losses.time, 1e3 * losses.travel, color="black", linewidth=1.2)
-    standing.plot(
-        losses.time,
-        1e3 * np.where(np.isfinite(losses.standing), losses.standing, np.nan),
-        color="black",
-    )
+    times = np.where(np.isfinite(losses.standing), losses.standing, np.nan)
+    standstill.plot(losses.time, 1e3 * times, color="black")
     finish(travel, "", "tip travel (mm)")
-    finish(standing, "power lost at (s)", "time to standstill (ms)")
+    finish(standstill, "power lost at (s)", "time to standstill (ms)")
     return figure
 
 
-def _limit_text(motor: Motor | None) -> str:
+def _ratings_text(motor: Motor | None) -> str:
+    """Describe the motor and its rated torques in mN·m."""
     if motor is None:
         return "no motor given"
     mark = ", placeholder figures" if motor.placeholder else ""
-    return f"{motor.name}{mark}: nominal {1e3 * motor.nominal_torque:.3g}, largest {1e3 * motor.max_torque:.3g} mN·m"
+    nominal, largest = 1e3 * motor.nominal_torque, 1e3 * motor.max_torque
+    return f"{motor.name}{mark}: nominal {nominal:.3g}, largest {largest:.3g} mN·m"
 
 
 def _label(robot: Robot, i: int) -> str:

@@ -1,8 +1,8 @@
 """Draw figures in a child process while the planner works.
 
-The child imports matplotlib during planning and draws during the check. It reads what to draw from
-its standard input and returns the files' bytes on its standard output. It opens no file and has no
-terminal, so it leaves nothing behind if it is killed.
+The child imports matplotlib during the planning and draws during the check. It reads requests from
+its standard input, and writes the content of the image files to its standard output. It opens no
+file and has no terminal, so it can be killed at any time.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING, Any
 from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
 from ssm_planner.publishing import publishing_results
-from ssm_planner.reporting.figures.plan import DRAWN, WIDE, motion_figure, motors_figure
-from ssm_planner.reporting.figures.style import drawn, new_panels, save_drawn, save_figures
+from ssm_planner.reporting.figures.plan import PLAN_FIGURES, WIDE, motion_figure, motors_figure
+from ssm_planner.reporting.figures.style import new_panels, rendered, save_figures, save_rendered
 
 if TYPE_CHECKING:
     from ssm_planner.plans import Plan
 
-PATIENCE = 60.0
-"""Time in s after which the caller draws the missing figures."""
+TIMEOUT = 60.0
+"""Time for which the caller waits before it draws the figures itself, s."""
 _START = "from ssm_planner.reporting.figures.process import serve; serve()"
 
 Files = dict[str, dict[str, bytes]]
@@ -39,7 +39,7 @@ Files = dict[str, dict[str, bytes]]
 class _Plain(pickle.Pickler):
     """Pickler that converts sizing results to plain namespaces.
 
-    The child therefore needs neither the sizing package nor CasADi.
+    The child can then unpickle them without importing the sizing package and CasADi.
     """
 
     def reducer_override(self, value: object) -> Any:
@@ -49,20 +49,25 @@ class _Plain(pickle.Pickler):
 
 
 class FigureProcess:
-    """A child process that draws one plan.
+    """A child process that draws the figures of one plan.
 
-    If it cannot start or fails, `result` is empty and the caller draws.
+    If the process cannot start or fails, `result` returns no figures, and the caller draws them.
     """
 
     def __init__(self) -> None:
-        self._process = _started() if (os.cpu_count() or 1) > 1 else None
-        # A pipe may block its writer, but must not block the planner.
+        self._process = _start_process() if (os.cpu_count() or 1) > 1 else None
+        # Writing to a full pipe blocks. A thread writes, so that the planner never waits.
         self._pipe = ThreadPoolExecutor(1)
 
     def draw(self, name: str, *arguments: object) -> None:
-        """Start drawing a figure of `plan.DRAWN` and return immediately.
+        """Request a figure and return immediately.
 
-        If a figure is started again, the last call counts.
+        Parameters
+        ----------
+        name : str
+            Key of `PLAN_FIGURES`. A new request for the same figure replaces the earlier one.
+        *arguments
+            Arguments of the function that draws the figure.
         """
         if self._process is not None:
             with BytesIO() as message:
@@ -70,12 +75,15 @@ class FigureProcess:
                 self._pipe.submit(self._write, message.getvalue())
 
     def result(self) -> Files:
-        """Wait for the started figures and return them."""
+        """Wait for the requested figures, and return the content of their files.
+
+        The result is empty if the process failed or took longer than TIMEOUT.
+        """
         process = self._process
         if process is None:
             return {}
         try:
-            answer, _ = self._pipe.submit(process.communicate).result(PATIENCE)
+            answer, _ = self._pipe.submit(process.communicate).result(TIMEOUT)
             files: Files = pickle.loads(answer) if process.returncode == 0 else {}
         except (OSError, ValueError, TookTooLong, EOFError):
             return {}
@@ -101,8 +109,11 @@ class FigureProcess:
         self._pipe.shutdown()
 
 
-def _started() -> subprocess.Popen[bytes] | None:
-    """Start the child process. Return None if this interpreter is embedded in another program."""
+def _start_process() -> subprocess.Popen[bytes] | None:
+    """Start the child process.
+
+    Returns None if this fails or if the interpreter is embedded in another program.
+    """
     if not sys.executable or getattr(sys, "frozen", False):
         return None
     try:
@@ -119,31 +130,47 @@ def _started() -> subprocess.Popen[bytes] | None:
 
 
 def serve() -> None:
-    """Run the child: draw the requested figures and return all of them at the end of the input."""
+    """Run the child process: draw the requested figures, and write all of them at the end."""
     gc.disable()  # Garbage collection would take a tenth of the time of this short process.
     answer = sys.stdout.buffer
     sys.stdout = sys.stderr
-    # The first figure of a process loads fonts and half of matplotlib.
-    warm, panels = new_panels(2.0, 2.0, rows=1, columns=1, edges=(0.5,) * 4, gaps=(0.0, 0.0))
-    panels[0, 0].plot([0, 1], label="warm")
-    warm.legend()
-    drawn(warm, pdf=False)
+    # The first figure of a process loads fonts and half of matplotlib, so a dummy is drawn first.
+    dummy, panels = new_panels(2.0, 2.0, rows=1, columns=1, edges=(0.5,) * 4, gaps=(0.0, 0.0))
+    panels[0, 0].plot([0, 1], label="dummy")
+    dummy.legend()
+    rendered(dummy, pdf=False)
     files: Files = {}
     while True:
         try:
             name, arguments = pickle.load(sys.stdin.buffer)
         except EOFError:
             break
-        files[name] = drawn(DRAWN[name](*arguments), pdf=False)
+        files[name] = rendered(PLAN_FIGURES[name](*arguments), pdf=False)
     pickle.dump(files, answer)
     answer.flush()
 
 
 def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> dict[str, Path]:
-    """Write the figures motion and motors as PNG and return their paths by name.
+    """Write the figures of a new plan as PNG.
 
-    A robot without drives has no figure motors. drawer: process that may have drawn some figures
-    already. Raises ExportError.
+    The figures are motion and, if the robot has drives, motors.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+    drawer : FigureProcess, optional
+        Process that may already have drawn the figures.
+
+    Returns
+    -------
+    dict[str, Path]
+        Paths by name, see `save_rendered`.
+
+    Raises
+    ------
+    ExportError
+        If the plan has no trajectory, or if a file cannot be written.
     """
     trajectory, robot = plan.trajectory, plan.problem.robot
     if trajectory is None:
@@ -154,15 +181,30 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     files = {} if drawer is None else drawer.result()
     paths: dict[str, Path] = {}
     for name, values in arguments.items():
-        endings = files.get(name) or drawn(DRAWN[name](*values), pdf=False)
-        paths |= save_drawn(endings, folder / name, f"plan {plan.sha256}")
+        images = files.get(name) or rendered(PLAN_FIGURES[name](*values), pdf=False)
+        paths |= save_rendered(images, folder / name, f"plan {plan.sha256}")
     return paths
 
 
 def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> dict[str, Path]:
-    """Write the figures of a loaded plan as PNG and PDF and return their paths by name.
+    """Write the figures of a loaded plan as PNG and PDF.
 
-    width: inches. Raises ExportError.
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+    width : float
+        Width of the figures, inches.
+
+    Returns
+    -------
+    dict[str, Path]
+        Paths by name, see `save_rendered`.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     from ssm_planner.sizing.requirements import motor_requirements
 

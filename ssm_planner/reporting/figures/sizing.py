@@ -1,4 +1,7 @@
-"""Draw figures of motors and drives: requirements of a motion, friction maps, predicted torques."""
+"""Draw figures of motors and drives.
+
+They show the requirements of a motion, friction maps of drives, and predicted motor torques.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,6 @@ from ssm_planner.reporting.figures.style import (
     zero_lines,
 )
 from ssm_planner.sizing.motor_limits import available_torque, continuous_torque
-from ssm_planner.sizing.requirements import PARTS
 from ssm_planner.typing import Array, Indices
 from ssm_planner.units import RPM
 
@@ -44,10 +46,10 @@ PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
 
 
 def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
-    """Write the sizing figures as PNG and PDF and return their paths by name.
+    """Write the figures of a sizing as PNG and PDF, and return their paths by name.
 
-    The figures are payload_curves, torque_split and, if motors are assessed, operating_regions.
-    There are no figures if the motion moves no driven joint.
+    The figures are payload_curves, torque_split and, if motors are assessed, operating_regions. If
+    the motion moves no driven joint, nothing is written.
     """
     if not sizing.joints:
         return {}
@@ -61,18 +63,18 @@ def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
 
 
 def payload_curves(sizing: Sizing) -> Figure:
-    """Draw motor torque over motor speed.
+    """Draw the motor torque over the motor speed.
 
-    Rotary joints are on the left and the translation is on the right. A broad bar shows the band of
-    the peak at the stated confidence.
+    Rotary joints are on the left and the translation is on the right. A broad bar at the peak shows
+    the range of the peak torque at the stated confidence.
     """
-    groups = [
-        [joint for joint in sizing.joints if not joint.load.drive.slides],
-        [joint for joint in sizing.joints if joint.load.drive.slides],
-    ]
-    groups = [group for group in groups if group]
+    groups = []
+    for slides in (False, True):
+        group = [joint for joint in sizing.joints if joint.load.drive.slides == slides]
+        groups += [group] if group else []
     figure = new_figure(3.6 * len(groups) + 0.4, 3.3)
-    for axes, group in zip(figure.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
+    panels = figure.subplots(1, len(groups), squeeze=False)[0]
+    for axes, group in zip(panels, groups, strict=True):
         for joint in group:
             _curve(axes, joint, sizing.conditions.confidence)
         zero_lines(axes, down=True)
@@ -83,51 +85,44 @@ def payload_curves(sizing: Sizing) -> Figure:
 
 
 def torque_split_figure(sizing: Sizing) -> Figure:
-    """Draw the torque of every joint over time with its parts."""
+    """Draw the motor torque of every joint and its components over time."""
     figure = new_figure(7.2, 2.2 * len(sizing.joints) + 0.5)
     panels = figure.subplots(len(sizing.joints), 1, squeeze=False)[:, 0]
     for axes, joint in zip(panels, sizing.joints, strict=True):
         t = joint.load.t - joint.load.t[0]
         axes.plot(t, 1e3 * joint.requirement.torque, color="black", linewidth=1.6, label="torque")
-        parts = dict(joint.requirement.split.components())
-        for name, colour, dash in zip(PARTS, PART_COLOURS, PART_DASHES, strict=True):
-            axes.plot(
-                t,
-                1e3 * parts[name],
-                linestyle=dash,
-                color=colour,
-                linewidth=1.2,
-                label=plain_words(name),
-            )
-        finish(
-            axes, "time (s)" if axes is panels[-1] else "", f"{_label(joint)}\nmotor torque (mN·m)"
-        )
+        split = joint.requirement.split.components()
+        for (name, torque), colour, dash in zip(split, PART_COLOURS, PART_DASHES, strict=True):
+            style: dict[str, Any] = {"linestyle": dash, "color": colour, "linewidth": 1.2}
+            axes.plot(t, 1e3 * torque, **style, label=plain_words(name))
+        time_label = "time (s)" if axes is panels[-1] else ""
+        finish(axes, time_label, f"{_label(joint)}\nmotor torque (mN·m)")
     legend_above(figure, panels[0], 3)
     return figure
 
 
 def operating_regions(sizing: Sizing) -> Figure:
-    """Draw every motion in the speed–torque plane of every candidate motor.
+    """Draw the motion of each joint in the speed–torque plane of each candidate motor.
 
     The continuous region is shaded and the short-term region is outlined.
     """
     verdicts = sizing.verdicts
-    across = min(len(verdicts), 3)
-    down = -(-len(verdicts) // across)
-    figure = new_figure(3.3 * across, 2.8 * down + 0.5)
-    panels = figure.subplots(down, across, squeeze=False).ravel()
+    columns = min(len(verdicts), 3)
+    rows = -(-len(verdicts) // columns)
+    figure = new_figure(3.3 * columns, 2.8 * rows + 0.5)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, verdict in zip(panels, verdicts, strict=False):
         _region(axes, verdict, sizing)
-    for axes in panels[len(verdicts) :]:
-        axes.set_visible(False)
-    for axes in panels[: len(verdicts)]:
         axes.locator_params(axis="x", nbins=5)
         finish(axes, "motor speed (rpm)", "|torque| (mN·m)")
+    for axes in panels[len(verdicts) :]:
+        axes.set_visible(False)
     legend_above(figure, panels[0], 4)
     return figure
 
 
 def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
+    """Draw the regions of one motor, and the motion of its joint, in one panel."""
     motor, load, conditions = verdict.motor, verdict.load, sizing.conditions
     speed = np.linspace(0.0, motor.max_speed, 400)
     hot = motor.max_winding_temperature
@@ -142,8 +137,8 @@ def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
     i = JOINTS.index(verdict.joint)
     torque = 1e3 * np.abs(verdict.requirement.torque)
     speeds = RPM * np.abs(load.speed())
-    for stretch in _stretches(load.direction):
-        axes.plot(speeds[stretch], torque[stretch], color=COLOURS[i], linewidth=1.0)
+    for run in _runs(load.direction):
+        axes.plot(speeds[run], torque[run], color=COLOURS[i], linewidth=1.0)
     rms = 1e3 * verdict.requirement.rms_torque
     axes.plot(
         [0.0, RPM * motor.max_speed],
@@ -162,34 +157,29 @@ def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
 
 
 def _curve(axes: Axes, joint: JointSizing, confidence: float) -> None:
+    """Draw torque over speed for one joint, and the range of its peak torque."""
     i = JOINTS.index(joint.load.joint)
     speed, torque = RPM * joint.requirement.speed, 1e3 * joint.requirement.torque
-    for part, stretch in enumerate(_stretches(joint.load.direction)):
-        axes.plot(
-            speed[stretch],
-            torque[stretch],
-            DASHES[i],
-            color=COLOURS[i],
-            label=_label(joint) if part == 0 else None,
-        )
+    label: str | None = _label(joint)
+    for run in _runs(joint.load.direction):
+        axes.plot(speed[run], torque[run], DASHES[i], color=COLOURS[i], label=label)
+        label = None
     if joint.band.known:
         peak = int(np.argmax(np.abs(torque)))
-        ends = [1e3 * end("peak_torque", confidence) for end in (joint.band.low, joint.band.high)]
-        axes.plot(
-            [speed[peak]] * 2,
-            np.copysign(ends, torque[peak]),
-            "_-",
-            color=COLOURS[i],
-            linewidth=3,
-            alpha=0.45,
-        )
+        band = joint.band
+        ends = [1e3 * end("peak_torque", confidence) for end in (band.low, band.high)]
+        bar: dict[str, Any] = {"color": COLOURS[i], "linewidth": 3, "alpha": 0.45}
+        axes.plot([speed[peak]] * 2, np.copysign(ends, torque[peak]), "_-", **bar)
 
 
-def _stretches(direction: Array) -> list[Indices]:
-    """Return runs of instants with one direction, so that no line connects two directions."""
-    cut = np.flatnonzero(np.diff(direction) != 0) + 1
-    moving = direction != 0
-    return [part for part in np.split(np.arange(len(moving)), cut) if moving[part[0]]]
+def _runs(direction: Array) -> list[Indices]:
+    """Return the indices of each run of instants with the same direction ±1.
+
+    A curve is drawn run by run, so that no line connects both directions.
+    """
+    changes = np.flatnonzero(np.diff(direction) != 0) + 1
+    runs = np.split(np.arange(len(direction)), changes)
+    return [run for run in runs if direction[run[0]] != 0]
 
 
 def _label(joint: JointSizing) -> str:
@@ -202,44 +192,46 @@ OUTLIER: dict[str, Any] = {"color": COLOURS[1], "marker": "x", "markersize": 7, 
 
 
 def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
-    """Draw a torque–velocity map: measurements, fitted law with bands, and outliers.
+    """Draw a torque–velocity map with measurements, outliers, and the fitted law with its bands.
 
-    load: constant effort of `fit_map`, N·m or N. The bands are those of a new recording, as in
-    `predict`: one for its mean and one for its samples with ripple and noise.
+    The bands contain 95 % of new recordings. The inner band applies to the mean of a recording, and
+    the outer band to its samples, which contain ripple and noise.
+
+    Parameters
+    ----------
+    fit : MapFit
+        Fitted law.
+    data : TorqueMap
+        Measurements.
+    load : float
+        Constant load effort during the measurements, N·m or N.
     """
     from ssm_planner.identification.parameters import map_torque
 
     figure = new_figure(6.0, 3.8)
     axes = figure.subplots()
     outliers = {name for name, _, _ in fit.outliers}
-    apart = np.array([name in outliers for name in data.names])
-    axes.plot(
-        RPM * data.w,
-        1e3 * data.tau,
-        "o",
-        color="black",
-        fillstyle="none",
-        markersize=5,
-        label="measured",
-    )
-    if apart.any():
-        axes.plot(
-            RPM * data.w[apart], 1e3 * data.tau[apart], **OUTLIER, label="outlier (lower weight)"
-        )
-    label = f"{plain_words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
-    for w, named in zip(speeds_of_map(data.w), (None, label), strict=True):
-        _bands(axes, fit.drive, w, load, named is not None)
-        axes.plot(RPM * w, 1e3 * map_torque(fit.drive, w, load), **MODEL, label=named)
+    is_outlier = np.array([name in outliers for name in data.names])
+    speed, torque = RPM * data.w, 1e3 * data.tau
+    marker: dict[str, Any] = {"color": "black", "fillstyle": "none", "markersize": 5}
+    axes.plot(speed, torque, "o", **marker, label="measured")
+    if is_outlier.any():
+        style = {**OUTLIER, "label": "outlier (lower weight)"}
+        axes.plot(speed[is_outlier], torque[is_outlier], **style)
+    law = f"{plain_words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
+    for w, label in zip(speeds_of_map(data.w), (None, law), strict=True):
+        _bands(axes, fit.drive, w, load, label is not None)
+        axes.plot(RPM * w, 1e3 * map_torque(fit.drive, w, load), **MODEL, label=label)
     finish(axes, "motor speed (rpm)", "motor torque (mN·m)", fit.drive.name)
     zero_lines(axes, down=True)
     legend(axes, loc="best")
     return figure
 
 
-def _bands(axes: Axes, drive: Drive, w: Array, load: float, named: bool) -> None:
-    """Draw the bands of 95 % of new recordings at constant speeds (n,).
+def _bands(axes: Axes, drive: Drive, w: Array, load: float, with_labels: bool) -> None:
+    """Draw the bands that contain 95 % of new recordings at constant motor speeds w (n,), rad/s.
 
-    A drive without a posterior has no bands.
+    A drive without a posterior has no bands. `load` is the load effort, N·m or N.
     """
     from ssm_planner.dynamics.friction import friction_of
     from ssm_planner.identification.parameters import map_torque
@@ -248,59 +240,44 @@ def _bands(axes: Axes, drive: Drive, w: Array, load: float, named: bool) -> None
     friction = friction_of(drive)
     if friction.posterior is None:
         return
-    quiet = replace(friction.posterior, forwards=None, backwards=None)
-    smooth = replace(drive, friction=replace(friction, posterior=quiet))
+    without_ripple = replace(friction.posterior, forwards=None, backwards=None)
+    smooth = replace(drive, friction=replace(friction, posterior=without_ripple))
     motion = Motion(np.arange(len(w), dtype=float), w, np.zeros(len(w)), np.sign(w), ())
     tau = map_torque(drive, w, load) + departure(drive, motion, load)
-    for known, alpha, of in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):
-        band = band_of(known, motion, tau, load)
+    for variant, alpha, content in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):
+        band = band_of(variant, motion, tau, load)
         if band is not None:
-            shade: dict[str, Any] = {
-                "alpha": alpha,
-                "linewidth": 0,
-                "label": f"95 % of {of}" if named else None,
-            }
-            axes.fill_between(RPM * w, 1e3 * band.low, 1e3 * band.high, color=COLOURS[1], **shade)
+            shade: dict[str, Any] = {"color": COLOURS[1], "alpha": alpha, "linewidth": 0}
+            label = f"95 % of {content}" if with_labels else None
+            axes.fill_between(RPM * w, 1e3 * band.low, 1e3 * band.high, label=label, **shade)
 
 
 def speeds_of_map(w: Array) -> tuple[Array, Array]:
-    """Return backward and forward speeds (200,) for a curve through the measured speeds (n,)."""
+    """Return the backward and the forward speeds (200,) at which the fitted law is drawn.
+
+    They cover the range of the measured speeds w (n,), rad/s, with logarithmic spacing.
+    """
     sides = (np.abs(w[np.sign(w) == sign]) for sign in (-1.0, 1.0))
     backward, forward = (np.geomspace(side.min(), side.max(), 200) for side in sides)
     return -backward, forward
 
 
 def prediction_figure(prediction: Prediction) -> Figure:
-    """Draw measured and predicted motor torque over time above the measured speed."""
+    """Draw the measured and the predicted motor torque over time, and the measured speed below."""
     figure = new_figure(7.2, 4.4)
     torque, speed = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     recording = prediction.recording
+    label = f"predicted, NRMSD {prediction.nrmsd:.3f}"
     torque.plot(recording.time, 1e3 * recording.tau, **MEASURED, label="measured")
-    torque.plot(
-        recording.time,
-        1e3 * prediction.tau,
-        **MODEL,
-        label=f"predicted, NRMSD {prediction.nrmsd:.3f}",
-    )
+    torque.plot(recording.time, 1e3 * prediction.tau, **MODEL, label=label)
     if prediction.band is not None:
+        shade: dict[str, Any] = {"color": COLOURS[1], "linewidth": 0}
         band = [1e3 * end for end in (prediction.band.low, prediction.band.high)]
-        torque.fill_between(
-            recording.time,
-            *band,
-            color=COLOURS[1],
-            alpha=0.18,
-            linewidth=0,
-            label="95 % of samples",
-        )
+        torque.fill_between(recording.time, *band, alpha=0.18, label="95 % of samples", **shade)
         low, high = (1e3 * (end - prediction.tau.mean()) for end in prediction.band.mean)
         moving = np.where(prediction.rest, np.nan, 1e3 * prediction.tau)
-        shade: dict[str, Any] = {
-            "color": COLOURS[1],
-            "alpha": 0.35,
-            "linewidth": 0,
-            "label": "95 % of the mean",
-        }
-        torque.fill_between(recording.time, moving + low, moving + high, **shade)
+        band = [moving + low, moving + high]
+        torque.fill_between(recording.time, *band, alpha=0.35, label="95 % of the mean", **shade)
     speed.plot(recording.time, RPM * recording.w, **MEASURED)
     finish(torque, "", "motor torque (mN·m)", recording.name)
     finish(speed, "time (s)", "motor speed\n(rpm)")

@@ -1,6 +1,6 @@
 """Define the style of all figures: units, legends and colours.
 
-The colours suit colour-blind readers and grey print.
+The colours remain distinguishable for colour-blind readers and in grey print.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#000000")
 """Colours of joints 1 to 4 (Okabe–Ito). Line styles distinguish them in grey print."""
 FIFTH = "#A0457E"
-"""Colour of a fifth curve, which has its own dash."""
+"""Colour of a fifth curve. Its line style differs from those of the joints."""
 DASHES = ("-", "--", "-.", ":")
 LIMIT: dict[str, Any] = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
 AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
@@ -35,25 +35,29 @@ AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 SIZE = 9.0
 DPI = 200
 LETTER = 0.58
-"""Mean width of a letter relative to the font size."""
+"""Mean width of a letter as a share of the font size."""
 MARGIN = 0.05
-"""Fraction of the data that matplotlib leaves free at each end of an axis."""
+"""Margin that matplotlib adds at each end of an axis, as a share of the range of the data."""
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_HEADER = 33
 """Number of bytes in a PNG file up to the end of its first chunk."""
 
 
 def unit_of(unit: str) -> tuple[str, float]:
-    """Return `units.shown` with the degree sign of pages and figures: rad/s → (°/s, 180/π)."""
+    """Return the display unit of an SI unit, and the factor that converts SI values to it.
+
+    Degrees have the sign °, as in all pages and figures: "rad/s" gives ("°/s", 180/π).
+    """
     return display_unit(unit, "°")
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure (inches) that does not use pyplot's global state.
+    """Create an empty figure that does not use pyplot's global state.
 
-    The layout makes room for labels when the figure is drawn.
+    Matplotlib arranges the panels when it draws the figure, so that all labels fit. `width` and
+    `height` are in inches.
     """
-    figure = _bare(width, height)
+    figure = _empty_figure(width, height)
     figure.set_layout_engine("constrained")
     return figure
 
@@ -67,9 +71,9 @@ def new_panels(
     gaps: Sequence[float],
     **options: Any,
 ) -> tuple[Figure, NDArray[Any]]:
-    """Return a figure and its panels (rows, columns) at fixed positions.
+    """Create a figure with panels at fixed positions.
 
-    A fixed layout is faster than an automatic one, which would take longer than drawing.
+    An automatic layout would take longer than the drawing itself.
 
     Parameters
     ----------
@@ -82,8 +86,14 @@ def new_panels(
         Space between columns and between rows, inches.
     **options
         Options of `Figure.subplots`.
+
+    Returns
+    -------
+    figure : Figure
+    panels : (rows, columns)
+        Axes of the panels.
     """
-    figure = _bare(width, height)
+    figure = _empty_figure(width, height)
     left, right, below, above = edges
     across = (width - left - right - (columns - 1) * gaps[0]) / columns
     down = (height - below - above - (rows - 1) * gaps[1]) / rows
@@ -98,7 +108,7 @@ def new_panels(
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def _bare(width: float, height: float) -> Figure:
+def _empty_figure(width: float, height: float) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -108,7 +118,7 @@ def _bare(width: float, height: float) -> Figure:
 
 
 def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
-    """Add labels and a light grid, and remove the frame at the top and on the right."""
+    """Add labels and a light grid to a panel, and remove its frame at the top and on the right."""
     axes.set_xlabel(x, fontsize=SIZE)
     axes.set_ylabel(y, fontsize=SIZE)
     if title is not None:
@@ -118,11 +128,12 @@ def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def drawn(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
-    """Return the figure as "png" and optionally "pdf", with the same bytes every time.
+def rendered(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
+    """Render a figure, and return the content of its files by suffix, "png" and optionally "pdf".
 
-    PDF files embed TrueType fonts and have `about` as their subject. The layout is computed once,
-    and the canvases print directly, because Figure.savefig draws everything twice.
+    Equal figures give equal bytes. PDF files embed TrueType fonts, and `about` becomes their
+    subject. The function calls the canvases directly, because Figure.savefig draws everything
+    twice.
     """
     from matplotlib import rc_context
 
@@ -132,9 +143,9 @@ def drawn(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[st
             from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
             figure.set_layout_engine("none")
-            FigureCanvasPdf(figure).print_pdf(
-                file, metadata={"CreationDate": None, "Subject": about}
-            )  # type: ignore[no-untyped-call]
+            metadata = {"CreationDate": None, "Subject": about}
+            canvas = FigureCanvasPdf(figure)
+            canvas.print_pdf(file, metadata=metadata)  # type: ignore[no-untyped-call]
             files["pdf"] = file.getvalue()
     return files
 
@@ -142,16 +153,19 @@ def drawn(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[st
 def save_figure(
     figure: Figure, path: Path, pdf: bool = True, about: str | None = None
 ) -> dict[str, Path]:
-    """Write path.png and optionally path.pdf, and return the paths by name. Raises ExportError."""
-    return save_drawn(drawn(figure, pdf, about), path, about)
+    """Write a figure as path.png and optionally path.pdf.
+
+    Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
+    """
+    return save_rendered(rendered(figure, pdf, about), path, about)
 
 
 def save_figures(
     figures: Mapping[str, Figure], folder: Path, about: str | None = None
 ) -> dict[str, Path]:
-    """Write each figure as PNG and PDF under its name. Raises ExportError.
+    """Write each figure as PNG and PDF under its name, into a folder.
 
-    The paths are returned under `<name>_figure` and `<name>_pdf`.
+    Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
     """
     paths: dict[str, Path] = {}
     for name, figure in figures.items():
@@ -159,42 +173,60 @@ def save_figures(
     return paths
 
 
-def save_drawn(files: Mapping[str, bytes], path: Path, about: str | None = None) -> dict[str, Path]:
-    """Write the files of `drawn` atomically and return their paths by name. Raises ExportError.
+def save_rendered(
+    files: Mapping[str, bytes], path: Path, about: str | None = None
+) -> dict[str, Path]:
+    """Write the files of a rendered figure atomically.
 
-    about: text that identifies the content, such as the hash of a plan. PNG files contain it too.
+    Parameters
+    ----------
+    files : Mapping[str, bytes]
+        Result of `rendered`.
+    path : Path
+        Path of the files without suffix.
+    about : str, optional
+        Text that identifies the content, such as the hash of a plan. It is added to PNG files.
+
+    Returns
+    -------
+    dict[str, Path]
+        Paths by name: `<name>_figure` for the PNG file, and `<name>_pdf` for the PDF file.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     paths = {}
-    for ending, data in files.items():
-        paths[f"{path.name}_{'figure' if ending == 'png' else ending}"] = target = path.with_name(
-            f"{path.name}.{ending}"
-        )
+    for suffix, content in files.items():
+        target = path.with_name(f"{path.name}.{suffix}")
+        if suffix == "png" and about:
+            content = png_with_text(content, "Source", about)
         with replacing(target) as temporary:
-            temporary.write_bytes(
-                png_with_text(data, "Source", about) if about and ending == "png" else data
-            )
+            temporary.write_bytes(content)
+        paths[f"{path.name}_{'figure' if suffix == 'png' else suffix}"] = target
     return paths
 
 
 def png_with_text(png: bytes, key: str, text: str) -> bytes:
-    """Return a PNG image with an additional text chunk after its header."""
+    """Insert a text chunk (key and text) into a PNG image, after its header."""
     chunk = _chunk(b"tEXt", key.encode("ascii") + b"\0" + text.encode("latin-1"))
     return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]
 
 
 def _png(figure: Figure) -> bytes:
-    """Return the figure as an opaque PNG image with a palette of 256 colours.
+    """Render a figure as an opaque PNG image with a palette of 256 colours.
 
-    Such a file is a third as large as one with all colours. Python's zlib compresses it, because
-    the bytes from Pillow's own compressor depend on the processor.
+    The palette reduces the file to a third of its size. The image is compressed by Python's zlib,
+    because the output of Pillow's own compressor depends on the processor.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
     canvas = FigureCanvasAgg(figure)
     canvas.draw()  # type: ignore[no-untyped-call]
-    coloured = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")  # type: ignore[no-untyped-call]
-    image = coloured.quantize(dither=Image.Dither.NONE)
+    pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+    image = Image.fromarray(pixels).convert("RGB").quantize(dither=Image.Dither.NONE)
     width, height = image.size
     rows = np.zeros((height, width + 1), np.uint8)  # Each row begins with 0: no filter.
     rows[:, 1:] = np.asarray(image)
@@ -206,60 +238,62 @@ def _png(figure: Figure) -> bytes:
         (b"PLTE", bytes(image.getpalette() or ())),
         (b"IDAT", compress(rows.data)),
     )
-    return PNG_SIGNATURE + b"".join(_chunk(*each) for each in (*chunks, (b"IEND", b"")))
+    return PNG_SIGNATURE + b"".join(_chunk(*chunk) for chunk in (*chunks, (b"IEND", b"")))
 
 
 def _chunk(kind: bytes, content: bytes) -> bytes:
-    """Return a chunk of a PNG file."""
-    return (
-        struct.pack(">I", len(content)) + kind + content + struct.pack(">I", crc32(kind + content))
-    )
+    """Return a chunk of a PNG file: length, type, content and checksum."""
+    body = kind + content
+    return struct.pack(">I", len(content)) + body + struct.pack(">I", crc32(body))
 
 
 def legend(axes: Axes, **options: Any) -> None:
-    """Draw the legend of a panel inside it. options: see `Axes.legend`."""
+    """Draw a legend inside a panel. `options` are those of `Axes.legend`."""
     axes.legend(**{"fontsize": SIZE - 1, "frameon": False, **options})
 
 
 def zero_lines(axes: Axes, down: bool = False) -> None:
-    """Draw a horizontal line at zero and, with `down`, a vertical one."""
+    """Draw a horizontal line at zero and, if `down` is true, also a vertical line."""
     axes.axhline(0.0, **AXIS)
     if down:
         axes.axvline(0.0, **AXIS)
 
 
-def shade_phases(axes: Axes, trajectory: Trajectory, named: bool = False) -> None:
-    """Shade every second phase and, with `named`, write the names of phases if there is room."""
+def shade_phases(axes: Axes, trajectory: Trajectory, with_names: bool = False) -> None:
+    """Shade every second phase in a panel whose horizontal axis is the time.
+
+    If `with_names` is true, write the name of each phase above the panel, in the longest form that
+    fits.
+    """
     size = SIZE - 1
     inches = axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * MARGIN))  # Inches per second.
+    style: dict[str, Any] = {
+        "transform": axes.get_xaxis_transform(),
+        "ha": "center",
+        "fontsize": size,
+    }
     for k, phase in enumerate(trajectory.phases):
         if k % 2:
             axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
-        if named:
+        if with_names:
             letters = int(72 * inches * (phase.end - phase.start) / (LETTER * size))
             middle = (phase.start + phase.end) / 2
-            place: dict[str, Any] = {
-                "transform": axes.get_xaxis_transform(),
-                "ha": "center",
-                "fontsize": size,
-            }
-            axes.text(middle, 1.02, fitting_name(phase.name, letters), **place)
+            axes.text(middle, 1.02, fitting_name(phase.name, letters), **style)
 
 
 def fitting_name(name: str, letters: int) -> str:
-    """Return the longest form of a phase's name with at most `letters` letters.
+    """Return the longest form of a phase's name that has at most `letters` letters.
 
-    The forms are the whole name, the name without its group, its number, and an empty text.
+    The forms of "ring, spot 12" are "ring, spot 12", "spot 12", "12" and "".
     """
-    own = name.rpartition(", ")[2]
-    last = own.rpartition(" ")[2]
-    return next(
-        text for text in (name, own, last if last.isdigit() else "", "") if len(text) <= letters
-    )
+    short_name = name.rpartition(", ")[2]
+    number = short_name.rpartition(" ")[2]
+    forms = name, short_name, number if number.isdigit() else "", ""
+    return next(form for form in forms if len(form) <= letters)
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int, size: float = SIZE) -> None:
-    """Draw the legend of one panel above all panels."""
+    """Draw the legend of one panel above all panels of a figure, in several columns."""
     figure.legend(
         *axes.get_legend_handles_labels(),
         loc="outside upper center",

@@ -1,6 +1,6 @@
-"""Draw figures of the workspace in degrees.
+"""Draw figures of the workspace, with angles in degrees.
 
-They show the reachable sphere, θ2 over tilt, joint speeds and the design region.
+They show the reachable part of the sphere, θ2 over tilt, joint speeds and the design region.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ AXES = ("ω₁\nθ₁ roll", "ω₂\nθ₂", "ω₃\nθ₃ spin\nθ₄ insertion
 
 
 def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
-    """Return the figures of a mechanism by file name."""
+    """Draw all figures of a mechanism, and return them by file name."""
     return {
         "axes": axes_figure(mechanism),
         "reachable_set": reachable_set_figure(mechanism),
@@ -52,9 +52,10 @@ def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
 
 
 def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> dict[str, str]:
-    """Write each figure as PNG and PDF and return the paths by name. Raises ExportError.
+    """Write each figure as PNG and PDF into a folder, all at once.
 
-    The names of PDF files end with `_pdf`.
+    Returns the paths by name: `<name>` for a PNG file and `<name>_pdf` for a PDF file. Raises
+    ExportError if a file cannot be written.
     """
     folder = Path(directory)
     paths: dict[str, str] = {}
@@ -66,7 +67,7 @@ def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> dic
 
 
 def axes_figure(mechanism: Mechanism) -> Figure:
-    """Draw the axes through the remote centre at q = 0 with their joints and angles."""
+    """Draw the joint axes through the remote centre at q = 0, with the angles between them."""
     figure = new_figure(5.2, 4.6)
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
@@ -78,8 +79,8 @@ def axes_figure(mechanism: Mechanism) -> Figure:
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
     angles = ((0, 1, 0.8, f"α = {alpha:.2f}°"), (1, 2, 0.7, f"β = {beta:.2f}°"), (0, 2, 0.25, tilt))
-    for first, second, radius, name in angles:
-        arc = radius * great_arc(directions[first], directions[second]).T
+    for i, j, radius, name in angles:
+        arc = radius * great_arc(directions[i], directions[j]).T
         axes.plot(*arc, color="black", linewidth=1.0)
         middle = arc[:, arc.shape[1] // 2]
         axes.text(*(middle * (1 + 0.08 / radius)), name, ha="left", va="center", fontsize=SIZE - 1)
@@ -99,24 +100,35 @@ def axes_figure(mechanism: Mechanism) -> Figure:
     points = np.array([*(1.3 * np.array(directions)), 0.48 * inwards])
     middle, half = (points.max(axis=0) + points.min(axis=0)) / 2, np.ptp(points, axis=0).max() / 2
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.3)
-    axes.set(
-        **{f"{name}lim": (at - half, at + half) for name, at in zip("xyz", middle, strict=True)}
-    )
+    x, y, z = zip(middle - half, middle + half, strict=True)
+    axes.set(xlim=x, ylim=y, zlim=z)
     axes.set_axis_off()
     axes.view_init(elev=38.0, azim=-68.0)
     return figure
 
 
 def great_arc(start: Array, end: Array) -> Array:
-    """Return directions (..., 61, 3) on the shortest arcs between directions (..., 3)."""
+    """Interpolate along the shortest arcs between unit vectors.
+
+    Parameters
+    ----------
+    start, end : (..., 3)
+        Unit vectors at both ends of each arc.
+
+    Returns
+    -------
+    (..., 61, 3)
+        Unit vectors at equal distances along each arc.
+    """
     angle = np.arccos(np.clip(np.sum(start * end, axis=-1), -1.0, 1.0))[..., None, None]
     share = np.linspace(0.0, 1.0, 61)[:, None]
-    first, last = np.sin((1.0 - share) * angle), np.sin(share * angle)
-    return np.asarray((first * start[..., None, :] + last * end[..., None, :]) / np.sin(angle))
+    weights = np.sin((1.0 - share) * angle), np.sin(share * angle)
+    arc = weights[0] * start[..., None, :] + weights[1] * end[..., None, :]
+    return np.asarray(arc / np.sin(angle))
 
 
 def reachable_set_figure(mechanism: Mechanism) -> Figure:
-    """Draw the reachable part of the unit sphere about the RCM, and its section through ω1."""
+    """Draw the directions that the tool axis reaches: on a sphere, and in a section through ω1."""
     figure = new_figure(9.0, 4.4)
     sphere = figure.add_subplot(1, 2, 1, projection="3d")
     _draw_sphere(sphere, mechanism)
@@ -126,7 +138,7 @@ def reachable_set_figure(mechanism: Mechanism) -> Figure:
 
 
 def theta2_figure(mechanism: Mechanism) -> Figure:
-    """Draw θ2 over tilt on both branches, with the extremes at which the branches meet."""
+    """Draw θ2 over the tilt on both branches. The branches meet at the ends of the tilt range."""
     figure = new_figure(6.0, 4.2)
     axes = figure.add_subplot()
     tilt = _tilts(mechanism)
@@ -144,7 +156,7 @@ def theta2_figure(mechanism: Mechanism) -> Figure:
 
 
 def joint_speed_figure(mechanism: Mechanism) -> Figure:
-    """Draw joint speed per tilt speed and the smallest singular value over tilt.
+    """Draw the joint speeds per tilt speed, and the smallest singular value, over the tilt.
 
     Roll and spin are constant.
     """
@@ -180,9 +192,16 @@ def design_region_figure(
     built: tuple[float, float] | None = None,
     size: tuple[float, float] = (5.6, 5.4),
 ) -> Figure:
-    """Draw all (α, β) that reach a tilt range, for several margins, with the smallest α.
+    """Draw the region of all designs (α, β) that reach a tilt range, for several margins.
 
-    built: a design (α, β) to mark. size: width and height, inches.
+    Parameters
+    ----------
+    region : DesignRegion
+        Region in rad. Its smallest α is marked.
+    built : (2,), optional
+        Another design (α, β) to mark, rad.
+    size : (2,)
+        Width and height of the figure, inches.
     """
     from matplotlib.patches import Polygon
 
@@ -190,18 +209,11 @@ def design_region_figure(
     axes = figure.add_subplot()
     finish(axes, "α (°)", "β (°)")
     for extra, grey in zip(np.radians((0.0, 10.0, 20.0)), ("0.85", "0.7", "0.55"), strict=True):
-        shown = design_region(*region.tilt_range, region.margin + float(extra))
-        if not shown.empty:
-            label = f"margin {np.degrees(shown.margin):.3g}°"
-            axes.add_patch(
-                Polygon(
-                    np.degrees(shown.vertices),
-                    facecolor=grey,
-                    edgecolor="black",
-                    label=label,
-                    zorder=2,
-                )
-            )
+        smaller = design_region(*region.tilt_range, region.margin + float(extra))
+        if not smaller.empty:
+            label = f"margin {np.degrees(smaller.margin):.3g}°"
+            style: dict[str, Any] = {"facecolor": grey, "edgecolor": "black", "zorder": 2}
+            axes.add_patch(Polygon(np.degrees(smaller.vertices), label=label, **style))
     if not region.empty:
         alpha, beta = np.degrees(region.smallest_alpha)
         label = f"smallest α: ({alpha:.4g}°, {beta:.4g}°)"
@@ -221,7 +233,7 @@ def design_region_figure(
 
 
 def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
-    """Draw the unit sphere as a grid with its reachable band, the boundary circles and the axes."""
+    """Draw the unit sphere as a grid, with the reachable band, its boundary and the joint axes."""
     ends = np.abs(tilt_interval(mechanism))
     around = np.linspace(0.0, 2.0 * np.pi, 121)
     for tilt in np.linspace(0.0, np.pi, 13):
@@ -247,9 +259,9 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
 
 
 def _draw_section(axes: Any, mechanism: Mechanism) -> None:
-    """Draw the plane of ω1 and the tool at roll 0.
+    """Draw the section of the unit sphere that contains ω1 and the tool at roll 0.
 
-    ω1 points to the right. The tilt starts there, and the home side is bold.
+    ω1 points to the right, where the tilt is 0. The side of the home position is bold.
     """
     around = np.linspace(0.0, 2.0 * np.pi, 361)
     axes.plot(np.cos(around), np.sin(around), color="0.75", linewidth=0.8)
@@ -289,14 +301,14 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
 
 
 def pointings(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
-    """Return directions of ω3 (3, ...) in the base frame for tilts and rolls."""
+    """Return the directions of ω3 (3, ...) in the base frame for tilts and rolls (...), rad."""
     tilt = np.broadcast_to(np.asarray(tilt, dtype=float), roll.shape)
     points = np.stack((np.cos(tilt), np.sin(tilt) * np.sin(roll), -np.sin(tilt) * np.cos(roll)))
     return np.tensordot(mechanism.frame, points, axes=1)
 
 
 def _tilts(mechanism: Mechanism) -> Array:
-    """Return the tilt interval with more values near its ends."""
+    """Return tilts (721,) in the tilt range, rad. They are denser towards its ends."""
     low, high = tilt_interval(mechanism)
     return (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.linspace(0.0, np.pi, 721))
 
@@ -306,6 +318,6 @@ def _mark_interval(axes: Any, mechanism: Mechanism) -> None:
         axes.axvline(tilt, color="0.7", linewidth=0.8, zorder=0)
 
 
-def _title(what: str, mechanism: Mechanism) -> str:
+def _title(content: str, mechanism: Mechanism) -> str:
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
-    return f"{what} (α = {alpha:.2f}°, β = {beta:.2f}°)"
+    return f"{content} (α = {alpha:.2f}°, β = {beta:.2f}°)"

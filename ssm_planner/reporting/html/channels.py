@@ -1,4 +1,4 @@
-"""Sample every quantity that a page plots."""
+"""Sample every quantity that a page plots. A sampled quantity is called a channel."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from ssm_planner.typing import Array
 RATE, FEWEST, MOST = 400.0, 1200, 4000
 """Samples per second of motion, and the smallest and largest number of samples in a page."""
 LOAD_RATE = 500.0
-"""Rate at which motor loads are computed in addition to the instants of torque jumps, Hz."""
+"""Rate at which motor loads are sampled, Hz. The instants of torque jumps are added."""
 CELSIUS = 273.15
-
-
+"""0 °C in K."""
 EYE_CHANNELS = {RetinaClearance.name: "retina", LensClearance.name: "lens"}
+"""Name of the channel of each clearance in the eye."""
 
 
 def time_grid(duration: float) -> Array:
@@ -40,10 +40,19 @@ def time_grid(duration: float) -> Array:
 
 
 def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
-    """Return every plotted quantity at t (n,) in SI units, by a name such as "qd2" for joint index
-    2.
+    """Sample every plotted quantity of a plan.
 
-    Quantities keep their last value after the end of the plan.
+    Parameters
+    ----------
+    plan : Plan
+    t : (n,)
+        Instants, s. After the end of the motion, quantities keep their last value.
+
+    Returns
+    -------
+    dict[str, Array]
+        Values (n,) in SI units by name of the channel. The name "qd2" means the velocity of the
+        joint with index 2.
     """
     trajectory = plan.motion
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
@@ -74,14 +83,15 @@ def encoded(channels: dict[str, Array]) -> dict[str, str]:
 
 
 def limited_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
-    """Return the tool speeds that the page shows: the tip speed and all other limited speeds."""
+    """Return the kinds of tool speed that the page plots: the tip speed and all limited speeds."""
     return [TipSpeed, *(type(limit) for limit in limits.speeds if not isinstance(limit, TipSpeed))]
 
 
 def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -> dict[str, Array]:
-    """Return the channels of the tool in SI units.
+    """Return the channels (n,) of the tool in SI units.
 
-    They are task coordinates, limited rates, tip position, tool speeds and eye clearances.
+    They contain the task coordinates, their limited rates, the tip position, the tool speeds and
+    the clearances in the eye.
     """
     task = task_from_joints(mechanism, samples.q)
     for column in (0, 2):
@@ -104,18 +114,22 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
 
 
 def _split_channels(loads: Sequence[JointLoad], t: Array) -> dict[str, Array]:
-    """Return the parts of each motor torque at t (n,) in N·m, by a name such as "split0_load"."""
+    """Return the components (n,) of each motor torque at t (n,), N·m.
+
+    The name "split0_load" means the component "load" for the joint with index 0.
+    """
     return {
-        f"split{JOINTS.index(load.joint)}_{name}": np.interp(t, load.t - load.t[0], part)
+        f"split{JOINTS.index(load.joint)}_{name}": np.interp(t, load.t - load.t[0], values)
         for load in loads
-        for name, part in torque_split(load).components()
+        for name, values in torque_split(load).components()
     }
 
 
 def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) -> dict[str, Array]:
-    """Return winding and housing temperatures in °C for motors with thermal data.
+    """Return the winding and housing temperatures (n,) at t (n,), °C.
 
-    They describe the steady state of the repeated motion.
+    They belong to the steady state of the motion that repeats after a pause (s). Motors without
+    thermal data or without a steady state have no such channels.
     """
     channels = {}
     for load in loads:

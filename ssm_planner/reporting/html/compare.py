@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -20,21 +21,23 @@ from ssm_planner.units import RPM
 from ssm_planner.verification.certificate import Certificate
 
 LEFT_OUT = ("Parts of the motor torque",)
+"""Sections of the report that the comparison omits."""
 NAMES = ("A", "B")
+"""Names of the two plans on the page."""
 
 
-def write_comparison(first: Plan, second: Plan, out: Path) -> Path:
-    """Write the comparison of two plans. Raises ExportError."""
-    return write_page(out, comparison_page(first, second), first.sha256)
+def write_comparison(plan_a: Plan, plan_b: Plan, out: Path) -> Path:
+    """Write the comparison of two plans to the file `out`. Raises ExportError if this fails."""
+    return write_page(out, comparison_page(plan_a, plan_b), plan_a.sha256)
 
 
-def comparison_page(first: Plan, second: Plan) -> str:
+def comparison_page(plan_a: Plan, plan_b: Plan) -> str:
     """Return the comparison of two plans as an HTML document."""
-    plans = first, second
+    plans = plan_a, plan_b
     return render(
         "compare.html",
         comparison_data(plans),
-        title=f"{first.problem.name} against {second.problem.name} – plan comparison",
+        title=f"{plan_a.problem.name} against {plan_b.problem.name} – plan comparison",
         plans=[
             {
                 "letter": letter,
@@ -44,35 +47,34 @@ def comparison_page(first: Plan, second: Plan) -> str:
             }
             for letter, plan in zip(NAMES, plans, strict=True)
         ],
-        joints=first.robot.joints,
+        joints=plan_a.robot.joints,
         durations=_durations(plans),
-        limits=_limits(first.certificate, second.certificate),
-        motors=_motors(first, second),
+        limits=_limits(plan_a.certificate, plan_b.certificate),
+        motors=_motors(plans),
     )
 
 
 def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
-    """Return the data for the scripts of the page.
+    """Return the data for the scripts of the page as JSON types.
 
-    Both plans have the same time grid. The shorter plan holds its last position.
+    Both plans are sampled on the same time grid. After its end, the shorter plan keeps its last
+    position.
     """
     duration = max(plan.motion.duration for plan in plans)
     t = time_grid(duration)
     channels = [channels_of(plan, t) for plan in plans]
-    # Held values after the end of a plan are no activity.
-    played = [t <= plan.motion.duration + 1e-9 for plan in plans]
+    panels = []
+    for plan, samples in zip(plans, channels, strict=True):
+        # A limit cannot be active after the end of the plan.
+        running = t <= plan.motion.duration + 1e-9
+        panels.append(panels_of(plan, {name: values[running] for name, values in samples.items()}))
     return {
         "duration": duration,
         "ends": [plan.motion.duration for plan in plans],
         "colours": list(COLOURS),
-        "panels": _together(
-            *(
-                panels_of(plan, {name: values[inside] for name, values in each.items()})
-                for plan, each, inside in zip(plans, channels, played, strict=True)
-            )
-        ),
+        "panels": _merged(panels),
         "scenes": [scene_of(plan.robot, plan.limits) for plan in plans],
-        "channels": [encoded(each) for each in channels],
+        "channels": [encoded(samples) for samples in channels],
     }
 
 
@@ -87,12 +89,16 @@ def _durations(plans: tuple[Plan, Plan]) -> Table:
     return Table(("", "A", "B", "change"), rows, (1, 2, 3))
 
 
-def _limits(first: Certificate | None, second: Certificate | None) -> Table:
-    margins = [_margins(certificate) for certificate in (first, second)]
+def _limits(*certificates: Certificate | None) -> Table:
+    """Build the table of margins in both certificates, smallest margin first."""
+    margins_a, margins_b = (_margins(certificate) for certificate in certificates)
+
+    def order(key: tuple[str, str]) -> tuple[float, tuple[str, str]]:
+        return min(margins_a.get(key, math.inf), margins_b.get(key, math.inf)), key
+
     rows = []
-    keys = margins[0].keys() | margins[1].keys()
-    for key in sorted(keys, key=lambda key: (min(m.get(key, math.inf) for m in margins), key)):
-        a, b = (each.get(key) for each in margins)
+    for key in sorted(margins_a.keys() | margins_b.keys(), key=order):
+        a, b = margins_a.get(key), margins_b.get(key)
         change = None if a is None or b is None else b - a
         rows.append((*key, *(percent(share, 4) for share in (a, b, change))))
     return Table(("limit", "joint", "margin A", "margin B", "change"), rows, (2, 3, 4))
@@ -104,8 +110,8 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
     return {(limit.name, limit.joint or ""): limit.margin for limit in certificate.limits}
 
 
-def _motors(first: Plan, second: Plan) -> Table:
-    sides = [{r.joint: r.to_dict() for r in plan.requirements} for plan in (first, second)]
+def _motors(plans: tuple[Plan, Plan]) -> Table:
+    sides = [{r.joint: r.to_dict() for r in plan.requirements} for plan in plans]
     rows = []
     for joint in sides[0].keys() | sides[1].keys():
         a, b = (side.get(joint, {}) for side in sides)
@@ -122,7 +128,7 @@ def _motors(first: Plan, second: Plan) -> Table:
 
 
 def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, str, str]:
-    """Return the values of A and B and their change as text."""
+    """Format the values of A and B and the change from A to B, relative or absolute."""
     a, b = values
     change = NOTHING
     if a is not None and b is not None and (a or not relative):
@@ -130,44 +136,40 @@ def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, s
     return number(a, 5), number(b, 5), change
 
 
-def _together(first: list[Panel], second: list[Panel]) -> list[Panel]:
-    """Return one panel for each quantity with the limits of both plans.
+def _merged(panels: Sequence[list[Panel]]) -> list[Panel]:
+    """Merge the panels of plans A and B into one panel for each quantity.
 
-    Colour 0 belongs to A and colour 1 to B. A limit has a colour if only one plan has it.
+    The key "side" is 0 for A and 1 for B, and selects the colour. It is None for a limit that both
+    plans have.
     """
     merged: dict[tuple[str, str], Panel] = {}
-    for side, panels in enumerate((first, second)):
-        for panel in (
-            single
-            for line in panels
-            if line["section"] not in LEFT_OUT
-            for single in _singles(line)
-        ):
+    for side, name in enumerate(NAMES):
+        kept = [panel for panel in panels[side] if panel["section"] not in LEFT_OUT]
+        for panel in chain.from_iterable(map(_split_by_series, kept)):
             key = panel["section"], panel["channel"]
             shared = merged.setdefault(key, {**panel, "limits": [], "active": [], "sides": []})
             shared["sides"].append(side)
             for limit in panel["limits"]:
-                same = [
-                    line
-                    for line in shared["limits"]
-                    if all(line[key] == limit[key] for key in ("name", "low", "high"))
+                equal = [
+                    other
+                    for other in shared["limits"]
+                    if all(other[key] == limit[key] for key in ("name", "low", "high"))
                 ]
-                for line in same:
-                    line["side"] = None
-                if not same:
-                    shared["limits"].append({**limit, "of": NAMES[side], "side": side})
-            for stretch in panel["active"]:
-                shared["active"].append(
-                    {**stretch, "joint": side, "label": f"{NAMES[side]}: {stretch['label']}"}
-                )
+                for other in equal:
+                    other["side"] = None
+                if not equal:
+                    shared["limits"].append({**limit, "of": name, "side": side})
+            for interval in panel["active"]:
+                label = f"{name}: {interval['label']}"
+                shared["active"].append({**interval, "joint": side, "label": label})
     return list(merged.values())
 
 
-def _singles(panel: Panel) -> Iterator[Panel]:
-    """Yield one panel for each series of a panel."""
+def _split_by_series(panel: Panel) -> Iterator[Panel]:
+    """Yield a separate panel for each series of a panel."""
     for series in panel["series"]:
         limits = [limit for limit in panel["limits"] if limit["joint"] == series["joint"]]
-        active = [stretch for stretch in panel["active"] if stretch["joint"] == series["joint"]]
+        active = [interval for interval in panel["active"] if interval["joint"] == series["joint"]]
         title = panel["title"]
         if len(panel["series"]) > 1:
             title = f"{title.partition(':')[0]}: {series['label']}"

@@ -1,4 +1,4 @@
-"""Write a page for the outcome of a command that has no page of its own."""
+"""Write the page of a command that has no special page."""
 
 from __future__ import annotations
 
@@ -19,20 +19,25 @@ def write_outcome(
     tables: Iterable[Table] = (),
     figures: Iterable[Path] = (),
 ) -> Path:
-    """Write a page that begins with its conclusion. Raises ExportError.
+    """Write a page that begins with its conclusion, and return its path.
 
     Parameters
     ----------
     path : Path
-        The page.
+        File of the page.
     title : str
     conclusion : str
         First sentence of the page.
     lines : Iterable[str]
-        Text as in the terminal.
+        Text that the command prints in the terminal.
     tables : Iterable[Table]
     figures : Iterable[Path]
-        PNG files that the page contains. Other files are ignored.
+        PNG files that become part of the page. Other files are ignored.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
     """
     images = [
         (file.stem, base64.b64encode(file.read_bytes()).decode("ascii"))

@@ -24,15 +24,21 @@ PACKAGE = "ssm_planner.reporting"
 LIBRARIES = (("three.js 0.187.0", "three"), ("uPlot 1.6.32", "uplot"))
 """Name with version, and file stem in assets/vendor, of each library.
 
-Every copy of a page must include their licences.
+Every page contains copies of these libraries and therefore their licences.
 """
 
 
 def render(template: str, data: Any, **content: Any) -> str:
-    """Return an HTML document.
+    """Render a template as an HTML document.
 
-    template: name of the template. data: JSON types for the scripts of the page. content: values
-    for the template, which escapes them.
+    Parameters
+    ----------
+    template : str
+        File name of the template.
+    data : Any
+        JSON types for the scripts of the page.
+    **content
+        Values of the variables in the template, which escapes them.
     """
     from markupsafe import Markup
 
@@ -48,21 +54,25 @@ def templates() -> Environment:
 
 
 def write_page(out: Path, text: str, plan: str) -> Path:
-    """Write a page atomically with the SHA-256 `plan` of its plan. Raises ExportError."""
+    """Write a page atomically, and return its path.
+
+    `plan` is the SHA-256 of the plan that the page shows. Raises ExportError if the file cannot be
+    written.
+    """
     with replacing_result(out, plan) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return out
 
 
 def safe_json(data: Any) -> str:
-    """Return JSON that cannot end the script element around it."""
+    """Encode data as JSON for an HTML script element. The text cannot close this element."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 @cache
 def _asset(name: str) -> Markup:
-    """Return a file of assets/ without escaping, because it is trusted."""
+    """Return the content of a file in assets/. It is trusted and therefore not escaped."""
     from markupsafe import Markup
 
     file = resources.files(PACKAGE).joinpath("assets", *name.split("/"))

@@ -1,4 +1,4 @@
-"""Build the panels of a page: series, limits, and intervals in which limits are active."""
+"""Build the panels of a page. A panel has series, limits and the intervals of active limits."""
 
 from __future__ import annotations
 
@@ -37,23 +37,25 @@ from ssm_planner.units import RPM
 Panel = dict[str, Any]
 T = TypeVar("T", TaskRange, TaskRate)
 NEAR = 0.005
-"""Tolerance for an active limit, relative to the limit or to a range's half width."""
+"""Largest distance from an active limit, as a share of the limit or of a range's half width."""
 GAP = 0.01
-"""Active intervals with a smaller gap than this (s) are merged."""
+"""Gap between two active intervals below which they are merged, s."""
 GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
+"""Indices, unit and title of the coordinates that share a panel."""
 TEMPERATURE = "Steady-state temperature of the repeated motion at 25\N{NO-BREAK SPACE}°C ambient"
 POINTS = 81
+"""Number of speeds in the map of a motor."""
 
 
 def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
-    """Return the panels in the order of the page, with channels, limits and active intervals.
+    """Build all panels of a plan, in the order of the page.
 
-    channels: arrays (n,) by name.
+    `channels` contains the sampled quantities (n,) by name, see `channels_of`.
     """
     joints = plan.robot.joints
     kinds = [
-        (kind, [i for i, joint in enumerate(joints) if joint.kind == kind])
-        for kind in ("revolute", "prismatic")
+        (unit, [i for i, joint in enumerate(joints) if joint.kind == kind])
+        for kind, unit in (("revolute", "rad"), ("prismatic", "m"))
     ]
     tool = tool_panels(plan.limits)
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
@@ -63,13 +65,13 @@ def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
         ("qdd", "/s²", JointAcceleration),
     )
     for field, per, limited in (*fields, ("qddd", "/s³", JointJerk)):
-        for kind, which in kinds:
+        for unit, indices in kinds:
             # Without a jerk limit the acceleration jumps, and its derivative would be solver noise.
-            if which and (
-                limited is not JointJerk or any(joints[i].jerk is not None for i in which)
+            if indices and (
+                limited is not JointJerk or any(joints[i].jerk is not None for i in indices)
             ):
-                unit = ("rad" if kind == "revolute" else "m") + per
-                panels.append(_joint_panel([(i, joints[i]) for i in which], field, unit, limited))
+                group = [(i, joints[i]) for i in indices]
+                panels.append(_joint_panel(group, field, unit + per, limited))
     panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
     panels += split_panels(channels)
@@ -83,9 +85,16 @@ def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
 
 
 def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, int]]) -> Panel:
-    """Return an empty panel.
+    """Build a panel without limits.
 
-    series: (channel, label, colour index). unit: SI unit, or "rpm" for values in rad/s.
+    Parameters
+    ----------
+    section, title : str
+        Heading under which the panel appears, and its own title.
+    unit : str
+        SI unit of the channels, or "rpm" for channels in rad/s that are displayed in rpm.
+    series : list of (str, str, int)
+        Channel, label and colour index of each curve.
     """
     return {
         "section": section,
@@ -109,20 +118,23 @@ def new_limit(
     channel: str | None,
     size: float | None = None,
 ) -> dict[str, Any]:
-    """Return a limit as the page reads it.
+    """Return a limit in the form that the page reads.
 
     Parameters
     ----------
     name : str
+        Name of the limit.
     of : str
-        Joint or coordinate.
+        Joint or coordinate to which the limit applies, or "".
     index : int
         Index of the colour.
     low, high : float
+        Bounds in the SI unit of the panel. They may be infinite.
     channel : str or None
-        Channel for which active intervals are marked.
+        Channel whose intervals at the limit are marked. None marks no intervals.
     size : float, optional
-        Reference of the margin. The default is the limit itself, or the width of a range.
+        Value to which the tolerance NEAR refers. The default is the limit itself, or the half width
+        of a range.
     """
     ends = {"low": low, "high": high, "channel": channel, "size": size}
     return {
@@ -135,7 +147,11 @@ def new_limit(
 
 
 def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
-    """Return a limit as the page draws it. index: index of the colour."""
+    """Return a limit of the problem in the form that the page reads.
+
+    `index` is the index of the colour. `channel` is the channel whose intervals at the limit are
+    marked.
+    """
     low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # A speed is never negative.
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
     of = limit.coordinate if isinstance(limit, TaskRange) else limit.joint or ""
@@ -147,51 +163,74 @@ def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
 
 
 def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
-    """Add the intervals in which a limit on one of the channels (n,) is active."""
+    """Add to a panel the intervals in which one of its limits is active.
+
+    `channels` contains the sampled quantities (n,) by name.
+    """
     for limit in panel["limits"]:
         if limit["channel"] is None:
             continue
         values, low, high = channels[limit["channel"]], limit["low"], limit["high"]
-        for start, end, side in active_stretches(channels["t"], values, low, high, limit["size"]):
-            stretch = {"start": start, "end": end, "side": side, "value": high if side > 0 else low}
+        for start, end, side in active_intervals(channels["t"], values, low, high, limit["size"]):
+            bound = high if side > 0 else low
             names = {key: limit[key] for key in ("label", "name", "joint")}
-            panel["active"].append({**names, **stretch})
+            interval = {"start": start, "end": end, "side": side, "value": bound}
+            panel["active"].append({**names, **interval})
 
 
 def in_display_units(panel: Panel) -> None:
-    """Convert limits and intervals to display units.
+    """Convert the limits and intervals of a panel to display units, in place.
 
-    The page scales the channels, which remain SI.
+    The channels stay in SI units. The scripts of the page multiply them by the panel's scale.
     """
     panel["unit"], panel["scale"] = unit_of(panel["unit"])
     for limit in panel["limits"]:
         for end in ("low", "high"):
             limit[end] = panel["scale"] * limit[end] if np.isfinite(limit[end]) else None
-    for stretch in panel["active"]:
-        stretch["value"] *= panel["scale"]
+    for interval in panel["active"]:
+        interval["value"] *= panel["scale"]
 
 
-def active_stretches(
+def active_intervals(
     t: Array, values: Array, low: float, high: float, size: float | None = None
 ) -> Iterator[tuple[float, float, int]]:
-    """Yield (start, end, side) of each interval in which values (n,) are at a limit.
+    """Find the intervals in which a quantity is at its lower or upper bound.
 
-    t (n,): time, s. side: +1 at high and −1 at low. size: reference of the tolerance; the default
-    is the limit itself.
+    Parameters
+    ----------
+    t : (n,)
+        Instants, s.
+    values : (n,)
+        Quantity at these instants.
+    low, high : float
+        Bounds of the quantity. They may be infinite.
+    size : float, optional
+        Value to which the tolerance NEAR refers. The default is the bound itself. If both bounds
+        are finite, the tolerance always refers to half of their distance.
+
+    Yields
+    ------
+    start, end : float
+        Ends of the interval, s.
+    side : int
+        +1 at the upper bound and −1 at the lower bound.
     """
-    for side, end in ((1, high), (-1, low)):
-        if np.isfinite(end):
-            near = NEAR * (abs(end) if size is None else size)
+    for side, bound in ((1, high), (-1, low)):
+        if np.isfinite(bound):
+            tolerance = NEAR * (abs(bound) if size is None else size)
             if np.isfinite(low) and np.isfinite(high):
-                near = NEAR / 2 * (high - low)
+                tolerance = NEAR / 2 * (high - low)
             with np.errstate(invalid="ignore"):
-                active = side * (end - values) <= near
-            for start, stop in _runs(t, active):
-                yield start, stop, side
+                active = side * (bound - values) <= tolerance
+            for start, end in _runs(t, active):
+                yield start, end, side
 
 
 def _runs(t: Array, active: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Return start and end time of each run of true values. Runs with short gaps are merged."""
+    """Return the start and end time (s) of each run of true values (n,) at instants t (n,).
+
+    Runs with a gap shorter than GAP are merged.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate(([0], active.astype(int), [0]))))
     runs: list[tuple[float, float]] = []
     for begin, stop in zip(edges[::2], edges[1::2], strict=True):
@@ -203,7 +242,7 @@ def _runs(t: Array, active: NDArray[np.bool_]) -> list[tuple[float, float]]:
 
 
 def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
-    """Return (limit, from, to, unit) of every limit on the tool."""
+    """Format every limit on the tool as cells of a table: name, lower bound, upper bound, unit."""
     entries = [
         (limit.name, limit.low, limit.high, limit.unit)
         for limit in limits.limits
@@ -230,24 +269,26 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
 
 
 def without_temperature(channels: dict[str, Array], motors: dict[int, Motor]) -> list[str]:
-    """Return why the channels (n,) lack the temperatures of some motors."""
+    """Return a reason for each motor (by joint index) whose temperature cannot be plotted.
+
+    `channels` contains the sampled quantities (n,) by name.
+    """
     reasons = []
     for i, motor in motors.items():
         if f"winding{i}" not in channels:
             missing_values = missing(motor, *FIGURES)
-            reason = (
-                f"the motor file gives no {', '.join(missing_values)}"
-                if missing_values
-                else "the motor overheats and has no steady state"
-            )
+            reason = "the motor overheats and has no steady state"
+            if missing_values:
+                reason = f"the motor file gives no {', '.join(missing_values)}"
             reasons.append(f"{JOINTS[i]}: {reason}".replace("_", " "))
     return reasons
 
 
 def motor_map(i: int, motor: Motor) -> dict[str, Any]:
-    """Return the largest and the continuous torque of a motor over its speed.
+    """Return the speed–torque curves of a motor at nominal voltage and 25 °C, as JSON types.
 
-    Torques are in mN·m and speeds in rpm, at nominal voltage and 25 °C.
+    The curves are the largest and the continuous torque (mN·m) over the motor speed (rpm). `i` is
+    the index of the joint.
     """
     conditions = Conditions()
     speed = np.linspace(0.0, motor.max_speed, POINTS)
@@ -269,7 +310,19 @@ def _joint_panel(
     unit: str,
     limited: type[JointPosition | JointVelocity | JointAcceleration | JointJerk],
 ) -> Panel:
-    """Build the panel of one derivative of the joints (index, joint) with limits of one kind."""
+    """Build the panel that plots one quantity of several joints, with its limits.
+
+    Parameters
+    ----------
+    joints : list of (int, Joint)
+        Index and joint for each curve.
+    field : str
+        Beginning of the channel's name, such as "qd".
+    unit : str
+        SI unit of the quantity.
+    limited : type
+        Class of the limits on the quantity.
+    """
     title = f"{limited.name.capitalize()}: {', '.join(joint.name for _, joint in joints)}"
     panel = new_panel(
         "Joints", title, unit, [(f"{field}{i}", joint.name, i) for i, joint in joints]
@@ -301,15 +354,10 @@ def _motor_panels(joints: tuple[Joint, ...], channels: dict[str, Array]) -> list
             else:
                 panel["limits"].append(limit_line(joint.limit(limited), i, f"{name}{i}"))
             if motor is not None and name == "tau":
-                nominal = motor.nominal_torque
+                high = motor.nominal_torque
                 panel["limits"].append(
                     new_limit(
-                        "nominal torque",
-                        joint.name,
-                        index=i,
-                        low=-nominal,
-                        high=nominal,
-                        channel=None,
+                        "nominal torque", joint.name, index=i, low=-high, high=high, channel=None
                     )
                 )
             panels.append(panel)
@@ -317,7 +365,10 @@ def _motor_panels(joints: tuple[Joint, ...], channels: dict[str, Array]) -> list
 
 
 def split_panels(channels: dict[str, Array]) -> Iterator[Panel]:
-    """Yield one panel per driven joint with a line for each part of the torque. channels: (n,)."""
+    """Yield one panel per driven joint that plots the components of its motor torque.
+
+    `channels` contains the sampled quantities (n,) by name.
+    """
     for i, joint in enumerate(JOINTS):
         if f"split{i}_{PARTS[0]}" in channels:
             series = [
@@ -327,7 +378,11 @@ def split_panels(channels: dict[str, Array]) -> Iterator[Panel]:
 
 
 def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> Iterator[Panel]:
-    """Yield the winding and housing temperatures of each motor that has channels (n,) for them."""
+    """Yield one panel per motor that plots its winding and housing temperature.
+
+    `channels` contains the sampled quantities (n,) by name. Motors without channels for their
+    temperatures are left out. `motors` contains the motors by joint index.
+    """
     for i, motor in motors.items():
         series = [(f"winding{i}", "winding", 1), (f"housing{i}", "housing", 0)]
         if f"winding{i}" not in channels:
@@ -349,35 +404,33 @@ def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> 
 
 
 def tool_panels(limits: TaskLimits) -> list[Panel]:
-    """Return the panels of the tool. Rates appear only if they are limited."""
+    """Build the panels of the tool: task coordinates, limited rates, tool speeds and clearances."""
     panels = []
-    for which, unit, title in GROUPS:
-        panels.append(
-            new_panel("Task coordinates", title, unit, [(f"task{i}", TASK[i], i) for i in which])
-        )
-        panels[-1]["limits"] = [
-            limit_line(limit, TASK.index(limit.coordinate), f"task{TASK.index(limit.coordinate)}")
-            for limit in _in_order(limits, TaskRange, which)
-        ]
-    for which, unit, _ in GROUPS:
-        rates = _in_order(limits, TaskRate, which)
-        if rates:
-            heading = (
-                rates[0].name.capitalize()
-                if which == [3]
-                else "Rate: " + ", ".join(r.coordinate for r in rates)
-            )
-            indices = [TASK.index(rate.coordinate) for rate in rates]
-            series = [(f"task_rate{i}", TASK[i], i) for i in indices]
-            panels.append(new_panel("Task coordinates", heading, f"{unit}/s", series))
-            lines = zip(rates, indices, strict=True)
-            panels[-1]["limits"] = [limit_line(rate, i, f"task_rate{i}") for rate, i in lines]
+    for indices, unit, title in GROUPS:
+        series = [(f"task{i}", TASK[i], i) for i in indices]
+        panel = new_panel("Task coordinates", title, unit, series)
+        for limit in _in_order(limits, TaskRange, indices):
+            i = TASK.index(limit.coordinate)
+            panel["limits"].append(limit_line(limit, i, f"task{i}"))
+        panels.append(panel)
+    for indices, unit, _ in GROUPS:
+        rates = {TASK.index(r.coordinate): r for r in _in_order(limits, TaskRate, indices)}
+        if not rates:
+            continue
+        title = "Rate: " + ", ".join(TASK[i] for i in rates)
+        if indices == [3]:
+            title = rates[3].name.capitalize()
+        series = [(f"task_rate{i}", TASK[i], i) for i in rates]
+        panel = new_panel("Task coordinates", title, f"{unit}/s", series)
+        panel["limits"] = [limit_line(rate, i, f"task_rate{i}") for i, rate in rates.items()]
+        panels.append(panel)
     for kind in limited_speeds(limits):
-        limit = next((each for each in limits.speeds if type(each) is kind), None)
-        panels.append(
-            new_panel("Tool tip", kind.name.capitalize(), kind.unit, [(kind.field, "tip", 3)])
-        )
-        panels[-1]["limits"] = [] if limit is None else [limit_line(limit, 3, kind.field)]
+        series = [(kind.field, "tip", 3)]
+        panel = new_panel("Tool tip", kind.name.capitalize(), kind.unit, series)
+        speed = next((limit for limit in limits.speeds if type(limit) is kind), None)
+        if speed is not None:
+            panel["limits"] = [limit_line(speed, 3, kind.field)]
+        panels.append(panel)
     return panels if limits.eye is None else panels + _eye_panels(limits.eye)
 
 

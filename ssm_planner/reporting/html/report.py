@@ -58,29 +58,29 @@ from ssm_planner.verification.certificate import Certificate, LimitCheck
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
 TIGHTEST = 10
 """Number of limits that the certificate always shows."""
-MOST_PARTS = 5
-"""Largest number of parts in the sentence about the motion."""
-STILL = 1e-6
-"""Largest change of an unchanged coordinate, rad or m."""
+MAX_CLAUSES = 5
+"""Largest number of clauses in the sentence about the motion."""
+UNCHANGED = 1e-6
+"""Change below which a coordinate counts as unchanged, rad or m."""
 NOTABLE = 0.15
-"""Fraction of the duration from which the sentence mentions an active limit."""
+"""Share of the duration during which a limit must be active to appear in the sentence."""
 JOINT_LIMITS = tuple(
     kind.name for kind in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque)
 )
 LimitRow = tuple[LimitCheck, tuple[str, ...]]
-"""A limit of the certificate and the cells of `limit_cells`."""
+"""A limit of the certificate, and its cells from `limit_cells`."""
 Mark = tuple[str, str, str]
-"""("good", "bad" or "open", word, reason)."""
+"""A verdict: its kind ("good", "bad" or "open"), a short text and the reason."""
 
 
 def write_report(plan: Plan, out: Path) -> Path:
-    """Write the report of a plan. Raises ExportError."""
+    """Write the report of a plan to the file `out`. Raises ExportError if this fails."""
     return write_page(out, report_page(plan), plan.sha256)
 
 
 def report_page(plan: Plan) -> str:
     """Return the report of a plan as an HTML document."""
-    data = report_data(plan)
+    data, sizing = report_data(plan), sizing_of(plan)
     return render(
         "report.html",
         data,
@@ -101,23 +101,22 @@ def report_page(plan: Plan) -> str:
         ends=joints_table(plan),
         motors=motors_table(plan.requirements),
         stops=_stops(plan),
-        sizing=judged(plan),
+        sizing=sizing,
         margins=MOTOR_MARGINS,
         missing=Table(
-            ("joint", "motor or gear", "not checked", "missing data"),
-            [*missing_figures(judged(plan))],
+            ("joint", "motor or gear", "not checked", "missing data"), [*missing_figures(sizing)]
         ),
-        repeated=repeated(plan.problem.duty),
+        repeated=repetition(plan.problem.duty),
         problem=problem_tables(plan),
         still=still(plan),
     )
 
 
 def write_no_plan(plan: Plan, out: Path) -> Path:
-    """Write the page of a problem without a certified motion. Raises ExportError."""
+    """Write the page of a problem that has no certified motion. Raises ExportError."""
     reason = plan.reason
     if reason is None:
-        conclusion = f"The motion is not certified: {_certified(plan)[2]}."
+        conclusion = f"The motion is not certified: {_certification(plan)[2]}."
     else:
         conclusion = f"No motion keeps every limit: {reason.message}."
         if reason.relaxation:
@@ -126,7 +125,7 @@ def write_no_plan(plan: Plan, out: Path) -> Path:
 
 
 def problem_tables(plan: Plan) -> list[Table]:
-    """Return the motion, the limits of the task and the joints of a problem as tables."""
+    """Build the tables of a problem: its motion, the limits of the task, and the joints."""
     joints = [_joint_row(joint) for joint in plan.problem.robot.joints]
     limits = limit_rows(plan.limits)
     return [
@@ -136,8 +135,11 @@ def problem_tables(plan: Plan) -> list[Table]:
     ]
 
 
-def repeated(duty: float | None) -> str:
-    """Describe how often the motion is performed. duty: pause in s, or None for a single motion."""
+def repetition(duty: float | None) -> str:
+    """Describe how often the robot performs the motion.
+
+    `duty` is the pause between two repetitions in s, or None for a single motion.
+    """
     if duty is None:
         return "The motion done once, from cold,"
     return f"The motion repeated {f'after a pause of {duty:.6g} s' if duty else 'without pause'}"
@@ -170,55 +172,63 @@ def report_data(plan: Plan) -> dict[str, Any]:
 
 
 def sentence(plan: Plan, panels: list[Panel]) -> str:
-    """Describe the motion, its duration and the limits that determine the duration."""
+    """Describe in one sentence the motion, its duration and the limits that determine it."""
     groups: dict[str, list[PhaseSummary]] = {}
     for phase in plan.phases:
-        groups.setdefault(
-            phase.name.rpartition(", ")[0] or f"{phase.name} {len(groups)}", []
-        ).append(phase)
-    parts: list[str] = []
+        # Phases of one scan or repetition have a common name before the comma.
+        group = phase.name.rpartition(", ")[0] or f"{phase.name} {len(groups)}"
+        groups.setdefault(group, []).append(phase)
+    clauses: list[str] = []
     for name, phases in groups.items():
-        if len(phases) > 1:
-            spots = sum(_is_spot(phase) for phase in phases)
-            parts.append(
-                f"visits {spots} spots ({name})" if spots else f"{name} in {len(phases)} phases"
-            )
+        spots = sum(_is_spot(phase) for phase in phases)
+        if len(phases) == 1:
+            clauses += _changes(phases[0])
+        elif spots:
+            clauses.append(f"visits {spots} spots ({name})")
         else:
-            parts += _changes(phases[0])
-    shown_parts = parts if len(parts) <= MOST_PARTS else [f"makes {len(plan.phases)} phases"]
-    text = f"{', '.join(shown_parts) or 'stands still'} in {_seconds(plan.duration, 2)}"
-    limited = _limited_by(plan, panels)
-    return text[0].upper() + text[1:] + (f"; limited by {limited}" if limited else "") + "."
+            clauses.append(f"{name} in {len(phases)} phases")
+    if len(clauses) > MAX_CLAUSES:
+        clauses = [f"makes {len(plan.phases)} phases"]
+    text = f"{', '.join(clauses) or 'stands still'} in {_seconds(plan.duration, 2)}"
+    limits = _limited_by(plan, panels)
+    return text[0].upper() + text[1:] + (f"; limited by {limits}" if limits else "") + "."
 
 
 def _changes(phase: PhaseSummary) -> Iterator[str]:
-    """Describe the task coordinates that a phase changes."""
-    for name, begin, end in zip(TASK, phase.task_start, phase.task_end, strict=True):
-        if name == "depth" and abs(end - begin) > STILL:
-            yield f"{'inserts' if end > begin else 'withdraws'} {number(1e3 * abs(end - begin), 3)} mm"
-        elif name != "depth" and abs(end - begin) > STILL:
-            first, last = (number(math.degrees(angle), 4) for angle in (begin, end))
-            yield f"{name}s {first}° → {last}°"
+    """Yield a clause for each task coordinate that a phase changes."""
+    for name, start, end in zip(TASK, phase.task_start, phase.task_end, strict=True):
+        change = abs(end - start)
+        if change <= UNCHANGED:
+            continue
+        if name == "depth":
+            yield f"{'inserts' if end > start else 'withdraws'} {number(1e3 * change, 3)} mm"
+        else:
+            angles = (number(math.degrees(angle), 4) for angle in (start, end))
+            yield f"{name}s {'° → '.join(angles)}°"
 
 
 def _limited_by(plan: Plan, panels: list[Panel]) -> str:
-    """Name the speed and acceleration limits that are active longest, in descending order."""
-    share: dict[str, dict[int, float]] = {}
-    for stretch in (interval for panel in panels for interval in panel["active"]):
-        if not stretch["name"].endswith(("range", "position", "clearance")):
-            times = share.setdefault(stretch["name"], {})
-            times[stretch["joint"]] = (
-                times.get(stretch["joint"], 0.0) + stretch["end"] - stretch["start"]
-            )
-    longest = sorted(share, key=lambda name: -max(share[name].values()))
-    named = [
-        name for name in longest if max(share[name].values()) > NOTABLE * plan.motion.duration
-    ][:2]
-    return " and ".join(_of_joints(name, sorted(share[name])) for name in named)
+    """Name at most two limits that are active longest, beginning with the longest.
+
+    Position limits are left out, because they do not determine the duration.
+    """
+    times: dict[str, dict[int, float]] = {}
+    for interval in (interval for panel in panels for interval in panel["active"]):
+        name, joint = interval["name"], interval["joint"]
+        if not name.endswith(("range", "position", "clearance")):
+            by_joint = times.setdefault(name, {})
+            by_joint[joint] = by_joint.get(joint, 0.0) + interval["end"] - interval["start"]
+    longest = {name: max(by_joint.values()) for name, by_joint in times.items()}
+    names = [
+        name
+        for name in sorted(longest, key=lambda name: -longest[name])
+        if longest[name] > NOTABLE * plan.motion.duration
+    ]
+    return " and ".join(_of_joints(name, sorted(times[name])) for name in names[:2])
 
 
 def _of_joints(name: str, joints: list[int]) -> str:
-    """Name a limit with the numbers of its joints. Names of tool limits need no addition."""
+    """Name a limit together with the numbers of its joints. Limits of the tool have no joint."""
     quantity = {"velocity": "speed"}.get(name, name)
     if name not in JOINT_LIMITS:
         return f"the {quantity}"
@@ -228,12 +238,18 @@ def _of_joints(name: str, joints: list[int]) -> str:
 
 
 def _is_spot(phase: PhaseSummary) -> bool:
-    """Return True if the tool stands at a spot of a scan. Such phases are named after the scan."""
+    """Return True if the tool rests at a spot of a scan during the phase.
+
+    The name of such a phase begins with the name of the scan and a comma.
+    """
     return phase.task_start == phase.task_end and ", " in phase.name
 
 
 def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[dict[str, Any]]:
-    """Return the tip position (m) at the end of every phase, and True for spots of a scan."""
+    """Return the tip position (m) at the end of every phase, and whether it is a spot of a scan.
+
+    Equal positions appear once.
+    """
     spots = {phase.name for phase in plan.phases if _is_spot(phase)}
     t, start = channels["t"], float(plan.motion.breaks[0])
     tip = np.column_stack([channels[f"tip{i}"] for i in range(3)])
@@ -247,40 +263,41 @@ def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[dict[str, Any]
 
 
 def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
-    """Group the limits of a certificate, smallest margin first.
+    """Group the limits of a certificate, and sort each group by margin, smallest first.
 
-    The groups are the tightest and all violated limits, other limits, and numerical continuity.
+    The first group contains the tightest limits, among them all violated ones. The second group
+    contains the other limits, and the third one the limits on jumps.
     """
     limits = () if certificate is None else certificate.limits
     rows: list[LimitRow] = [
-        (check, limit_cells(check, "°")) for check in sorted(limits, key=lambda each: each.margin)
+        (check, limit_cells(check, "°")) for check in sorted(limits, key=lambda check: check.margin)
     ]
     numerical = [row for row in rows if row[0].name in JUMPS and row[0].passed]
     main_rows = [row for row in rows if row not in numerical]
-    shown = max(TIGHTEST, sum(not check.passed for check, _ in main_rows))
+    count = max(TIGHTEST, sum(not check.passed for check, _ in main_rows))
     return [
-        ("tightest", main_rows[:shown]),
-        ("Other limits", main_rows[shown:]),
+        ("tightest", main_rows[:count]),
+        ("Other limits", main_rows[count:]),
         ("Numerical continuity: jumps between polynomials, rest at both ends", numerical),
     ]
 
 
 def verdict(plan: Plan) -> list[Mark]:
-    """Return the marks for planning, certification and motors."""
-    return [_feasible(plan), _certified(plan), motors_verdict(judged(plan))]
+    """Return the verdicts on the planning, the certificate and the motors of a plan."""
+    return [_feasibility(plan), _certification(plan), motors_verdict(sizing_of(plan))]
 
 
-def judged(plan: Plan) -> dict[str, Any]:
-    """Return the object that `size --json` prints for a plan with a trajectory."""
+def sizing_of(plan: Plan) -> dict[str, Any]:
+    """Return the sizing of a plan with a trajectory, as `size --json` prints it."""
     assert plan.sizing is not None
     return plan.sizing.to_dict()
 
 
-def _feasible(plan: Plan) -> Mark:
+def _feasibility(plan: Plan) -> Mark:
     return ("good", "Feasible", "") if plan.status == "solved" else ("bad", "No plan", plan.status)
 
 
-def _certified(plan: Plan) -> Mark:
+def _certification(plan: Plan) -> Mark:
     certificate = plan.certificate
     if certificate is None:
         return "bad", "Not certified", plan.uncertified_reason or "the plan has no certificate"
@@ -288,11 +305,7 @@ def _certified(plan: Plan) -> Mark:
         worst = certificate.worst
         joint = f" of joint {worst.joint}" if worst.joint else ""
         return "bad", "Not certified", f"{worst.name}{joint} exceeded at {worst.time:.3f} s"
-    return (
-        "good",
-        "Certified",
-        f"{len(certificate.limits)} limits kept",
-    )
+    return "good", "Certified", f"{len(certificate.limits)} limits kept"
 
 
 def _seconds(value: float | None, decimals: int = 4) -> str:
@@ -300,11 +313,14 @@ def _seconds(value: float | None, decimals: int = 4) -> str:
 
 
 def _stops(plan: Plan) -> dict[str, Any] | None:
-    """Return the longest of the controlled stops and the one with the longest travel."""
+    """Summarise the controlled stops of a plan: the longest one and the one that travels farthest.
+
+    Times are in s or ms and distances in mm. The result is None if the plan has no stops.
+    """
     stops = plan.stops
     if stops is None:
         return None
-    broken = {f"{each.name} {each.joint or ''}".strip() for each in stops.certificate.violations}
+    broken = {f"{limit.name} {limit.joint or ''}".strip() for limit in stops.certificate.violations}
     longest, farthest = int(np.argmax(stops.duration)), int(np.argmax(stops.travel))
     return {
         "count": len(stops.time),
@@ -316,27 +332,29 @@ def _stops(plan: Plan) -> dict[str, Any] | None:
 
 
 def _motion(plan: Plan) -> Table:
-    """Build the table of the start and every entry of the motion in the problem."""
-    stated = plain(plan.problem)
-    start = ("start", "", _target({"target": stated.get("start")}))
-    moves = [(str(m["name"]), str(m["kind"]), _target(m)) for m in stated.get("motion") or []]
+    """Build the table of a problem's motion: its start, every entry, and rates at both ends."""
+    problem = plain(plan.problem)
+    start = ("start", "", _target({"target": problem.get("start")}))
+    entries = problem.get("motion") or []
+    moves = [(str(entry["name"]), str(entry["kind"]), _target(entry)) for entry in entries]
     ends = (("at the start", plan.problem.start_rate), ("at the end", plan.problem.end_rate))
-    rates = [(words, "speed", rate_words(rate)) for words, rate in ends if any(rate.values())]
+    rates = [(label, "speed", rate_words(rate)) for label, rate in ends if any(rate.values())]
     return Table(("motion", "kind", "to"), [start, *moves, *rates], caption="Motion")
 
 
 def _target(motion: Mapping[str, Any]) -> str:
+    """Format the target or the duration of an entry of the motion list."""
     if motion.get("duration") is not None:
         return f"{motion['duration']:g} s"
     target = motion.get("target") or {}
     for name in ("joints", "tip"):
         if target.get(name):
             return f"{name} " + ", ".join(number(value, 6) for value in target[name]) + " (rad, m)"
-    words = []
+    coordinates = []
     for name, value in (target.get("task") or {}).items():
         unit, scale = display_unit("m" if name == "depth" else "rad", "°")
-        words.append(f"{name} {number(scale * value, 6)} {unit}")
-    return ", ".join(words)
+        coordinates.append(f"{name} {number(scale * value, 6)} {unit}")
+    return ", ".join(coordinates)
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:
@@ -347,5 +365,5 @@ def _joint_row(joint: Joint) -> tuple[str, ...]:
         NOTHING if value is None else f"{number(scale * value, 6)} {unit}{per}"
         for value, per in derivatives
     )
-    hardware = (NOTHING if part is None else part.name for part in (joint.drive, joint.motor))
+    hardware = (NOTHING if item is None else item.name for item in (joint.drive, joint.motor))
     return (joint.name, joint.kind, f"{low} … {high} {unit}", *largest, *hardware)

@@ -17,14 +17,15 @@ from ssm_planner.problem.serialization import plain
 from ssm_planner.typing import Array, Range
 
 LINK = 0.11
-"""Radius of the drawn links, m. A robot file contains no shapes."""
+"""Radius of the drawn links, m. Robot files do not contain the shapes of links."""
 BAND = 0.075
-"""Radius of the tilt band, m."""
+"""Radius of the sphere on which the tilt band is drawn, m."""
 STEP = math.radians(5.0)
+"""Largest angle between two vertices of the band, rad."""
 
 
 def scene_of(robot: Robot, limits: TaskLimits) -> dict[str, Any]:
-    """Return the scene of a robot with its ranges of task coordinates and the eye."""
+    """Return the scene of a robot: its mechanism, the ranges of task coordinates, and the eye."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     scene = mechanism_scene(mechanism, limits.ranges, link_sides(robot, mechanism), limits.eye)
     scene["names"] = [joint.name for joint in robot.joints]
@@ -37,16 +38,18 @@ def mechanism_scene(
     sides: list[int] | None = None,
     eye: Eye | None = None,
 ) -> dict[str, Any]:
-    """Return the scene of a mechanism.
+    """Return the scene of a mechanism as JSON types, in m and rad in the base frame.
 
     Parameters
     ----------
     mechanism : Mechanism
     ranges : Mapping[str, Range]
-        Allowed ranges of task coordinates.
+        Permitted ranges of task coordinates, rad or m.
     sides : list[int], optional
-        Side of the RCM on which joints 1 and 2 are, +1 along their axis.
+        Side of the RCM on which joints 1 and 2 are drawn: +1 in the direction of the joint axis,
+        −1 opposite to it (default).
     eye : Eye, optional
+        Eye with the retina and the lens.
     """
     low, high = tilt_interval(mechanism)
     bands = [{"name": "reachable", **band(mechanism, (low, high), (-math.pi, math.pi))}]
@@ -67,9 +70,11 @@ def mechanism_scene(
 
 
 def band(mechanism: Mechanism, tilt: Range, roll: Range) -> dict[str, Any]:
-    """Return the vertices of the part of a sphere about the RCM that the tool axis reaches.
+    """Return the band of a sphere about the RCM that the tool axis reaches.
 
-    The vertices form rows of equal tilt.
+    The vertices of the band form a grid whose rows have equal tilt. `tilt` and `roll` are the
+    ranges of these coordinates in rad. The result holds the numbers of rows and columns, and the
+    coordinates of the vertices in m, one after the other.
     """
     roll = max(roll[0], -math.pi), min(roll[1], math.pi)
     rows, columns = (max(2, math.ceil((ends[1] - ends[0]) / STEP) + 1) for ends in (tilt, roll))
@@ -81,9 +86,9 @@ def band(mechanism: Mechanism, tilt: Range, roll: Range) -> dict[str, Any]:
 
 
 def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:
-    """Return the sides of the RCM on which links 1 and 2 have their mass.
+    """Return on which side of the RCM links 1 and 2 have their centres of mass.
 
-    A side is +1 or −1 along the joint axis.
+    A side is +1 in the direction of the joint axis and −1 opposite to it.
     """
     axes = mechanism.omega1, mechanism.omega2
     return [

@@ -1,6 +1,6 @@
 """Write the page of a simulated playback.
 
-It shows the simulated arm over the planned one, and the tracking errors.
+The page shows the planned and the simulated arm in one view, and plots the tracking errors.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ from ssm_planner.simulation.simulate import SimulationResult
 from ssm_planner.typing import Array
 
 PLANNED, SIMULATED = range(2)
-"""Sides of the page."""
+"""Indices of the two motions on the page."""
 
 
 def write_simulation_page(plan: Plan, result: SimulationResult, out: Path) -> Path:
-    """Write the page of a plan's playback. Raises ExportError."""
+    """Write the page of a simulated playback to the file `out`. Raises ExportError if this fails.
+
+    `result` is the simulation of `plan`.
+    """
     return write_page(out, simulation_page(plan, result), plan.sha256)
 
 
 def simulation_page(plan: Plan, result: SimulationResult) -> str:
-    """Return the page of a plan's playback as an HTML document."""
-    verdict = [
-        ("good" if result.passed else "bad", "passed" if result.passed else "not passed", "")
-    ]
+    """Return the page of a simulated playback as an HTML document."""
+    verdict = ("good", "passed", "") if result.passed else ("bad", "not passed", "")
     losses = result.losses
     holding = "holds" if result.holds else "does not hold"
-    stands = f"the arm {holding}, the tip travels {1e3 * result.travel:.4f} mm"
+    standstill = f"the arm {holding}, the tip travels {1e3 * result.travel:.4f} mm"
     return render(
         "simulation.html",
         simulation_data(plan, result),
@@ -56,18 +57,18 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
         name=plan.problem.name,
         joints=plan.robot.joints,
         robot=plan.robot.name,
-        marks=[*verdict, *(("bad", "", reason) for reason in result.reasons)],
+        marks=[verdict, *(("bad", "", reason) for reason in result.reasons)],
         notes=result.notes,
         tip=number(1e3 * result.tip_error, 4),
-        loss=f"{stands} (power lost at {float(losses.time[losses.worst]):.3f} s)",
+        loss=f"{standstill} (power lost at {float(losses.time[losses.worst]):.3f} s)",
         tables=simulation_tables(result),
     )
 
 
 def simulation_data(plan: Plan, result: SimulationResult) -> dict[str, Any]:
-    """Return the data for the scripts of the page.
+    """Return the data for the scripts of the page as JSON types.
 
-    Both motions have the same time grid. The plan holds its last position.
+    Both motions are sampled on the same time grid. After its end, the plan keeps its last position.
     """
     if result.scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(result.scenario.speed))
@@ -83,14 +84,14 @@ def simulation_data(plan: Plan, result: SimulationResult) -> dict[str, Any]:
         "colours": list(COLOURS),
         "panels": panels,
         "scenes": [scene_of(plan.robot, plan.limits)] * 2,
-        "channels": [encoded(each) for each in channels],
+        "channels": [encoded(samples) for samples in channels],
     }
 
 
 def _simulated(plan: Plan, result: SimulationResult, t: Array) -> dict[str, Array]:
-    """Return the simulated motion at t (n,) in SI units, by the channel names of `channels_of`.
+    """Return the channels of the simulated motion: values at t (n,) in SI units by name.
 
-    Errors are simulated minus planned values.
+    The names are those of `channels_of`. An error is the simulated minus the planned value.
     """
 
     def resample(values: Array) -> Array:
@@ -118,7 +119,7 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> dict[str, Arra
 
 
 def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
-    """Return the panels of the tip error, the tracking errors and the motor torques."""
+    """Build the panels of power losses, tip error, tracking errors and motor torques."""
     tip = _panel(
         "Tracking error", "Distance of the tip from the plan", "m", "tip_error", (SIMULATED,)
     )

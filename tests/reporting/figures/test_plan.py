@@ -34,7 +34,7 @@ def test_names_of_phases_never_collide(count: int) -> None:
     )
     axes = panels[0, 0]
     axes.plot([0.0, motion.duration], [0.0, 1.0])
-    shade_phases(axes, motion, named=True)
+    shade_phases(axes, motion, with_names=True)
     figure.canvas.draw()
     boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
     assert count > 13 or boxes

@@ -15,9 +15,9 @@ import pytest
 
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.reporting.figures import process as figure_process
-from ssm_planner.reporting.figures.plan import DRAWN
+from ssm_planner.reporting.figures.plan import PLAN_FIGURES
 from ssm_planner.reporting.figures.process import FigureProcess, write_figures
-from ssm_planner.reporting.figures.style import drawn, png_with_text
+from ssm_planner.reporting.figures.style import png_with_text, rendered
 from tests.support.paths import ROOT
 
 
@@ -55,7 +55,7 @@ def running(drawer: FigureProcess) -> bool:
 
 @pytest.mark.slow
 def test_the_same_bytes(plan: Plan, drawn_here: dict[str, bytes], tmp_path: Path) -> None:
-    assert set(drawn_here) == {f"{name}.png" for name in DRAWN}
+    assert set(drawn_here) == {f"{name}.png" for name in PLAN_FIGURES}
     with FigureProcess() as drawer:
         begin(drawer, plan)
         files = drawer.result()
@@ -72,8 +72,8 @@ def test_the_same_bytes(plan: Plan, drawn_here: dict[str, bytes], tmp_path: Path
 @pytest.mark.slow
 def test_the_last_motion_counts(file: Plan) -> None:
     first = replace(file.trajectory, phases=file.trajectory.phases[:1])
-    last = drawn(DRAWN["motion"](file.trajectory, file.robot), pdf=False)["png"]
-    assert drawn(DRAWN["motion"](first, file.robot), pdf=False)["png"] != last
+    last = rendered(PLAN_FIGURES["motion"](file.trajectory, file.robot), pdf=False)["png"]
+    assert rendered(PLAN_FIGURES["motion"](first, file.robot), pdf=False)["png"] != last
     with FigureProcess() as drawer:
         drawer.draw("motion", first, file.robot)
         drawer.draw("motion", file.trajectory, file.robot)
@@ -87,7 +87,7 @@ FAULTS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
     "it ends without an answer": lambda patch: patch.setattr(figure_process, "_START", "pass"),
     "it never answers": lambda patch: (
         patch.setattr(figure_process, "_START", "import time; time.sleep(60)"),
-        patch.setattr(figure_process, "PATIENCE", 0.2),
+        patch.setattr(figure_process, "TIMEOUT", 0.2),
     ),
     "one processor": lambda patch: patch.setattr(os, "cpu_count", lambda: 1),
 }
@@ -130,12 +130,12 @@ def test_ctrl_c_while_results_are_written_leaves_no_files_and_no_process(tmp_pat
     code = """if True:
         import sys, time
         from ssm_planner.reporting.figures import process as figure_process
-        start = figure_process._started
+        start = figure_process._start_process
         def started():
             process = start()
             print(process.pid, flush=True)
             return process
-        figure_process._started = started
+        figure_process._start_process = started
         import ssm_planner.formats.csv as csv
         def slow(*a):
             print("writing", flush=True)

@@ -22,7 +22,7 @@ from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.html.channels import FEWEST, encoded
 from ssm_planner.reporting.html.compare import comparison_data, write_comparison
 from ssm_planner.reporting.html.page import LIBRARIES, safe_json, templates
-from ssm_planner.reporting.html.panels import active_stretches
+from ssm_planner.reporting.html.panels import active_intervals
 from ssm_planner.reporting.html.report import report_data, report_page, write_report
 from ssm_planner.reporting.html.simulation import simulation_data, write_simulation_page
 from ssm_planner.reporting.text import (
@@ -278,7 +278,7 @@ def test_channels_are_exact(values: list[float]) -> None:
 def test_every_active_instant_is_in_a_stretch(at: list[bool]) -> None:
     t = 0.1 * np.arange(len(at))
     values = np.where(at, 2.0, 0.0)
-    stretches = list(active_stretches(t, values, -2.0, 2.0))
+    stretches = list(active_intervals(t, values, -2.0, 2.0))
     inside = [any(start <= time <= end for start, end, _ in stretches) for time in t]
     assert inside == at
     assert all(side == 1 for *_, side in stretches)
