@@ -12,35 +12,35 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array
 
 SAMPLES = 4000
+"""Approximate number of samples that are used for an alignment."""
 DELAYS = 400
 """Smallest number of delays in the first grid."""
 FINEST = 1e-5
 """Width of the last grid of delays, s."""
 FAR = 0.3
-"""Share of the planned peak speed; samples with larger differences do not determine the clock."""
+"""Largest deviation of a sample that determines the clock, as a share of the planned peak speed."""
 FASTEST = 0.05
-"""Largest relative difference of the rates of two clocks."""
+"""Largest relative difference between the rates of two clocks."""
 FOLLOWS = 0.05
 """Largest relative difference in speed of an axis that determines the clock."""
 ALIKE = 0.98
 """Smallest correlation of the speeds of an axis that determines the clock."""
 ENDS = 0.05
-"""Share of the planned peak speed; a motion ends with the last sample above it."""
+"""Speed below which a motion has ended, as a share of the planned peak speed."""
 CERTAIN = 5.0
-"""Standard deviations beyond which a difference is significant."""
+"""Number of standard deviations beyond which a difference is significant."""
 
 
 @dataclass(frozen=True)
 class Alignment(ShortRepr):
-    """Alignment of one axis with its plan.
-
-    delay: time of the recording at which the motion starts, s.
-    """
+    """The position of a planned motion in the recording of one axis."""
 
     delay: float
+    """Time of the recording at which the motion starts, s."""
     correlation: float
+    """Correlation of the measured with the planned speed."""
     reversed_correlation: float
-    """The best correlation with the recording's sign reversed."""
+    """Best correlation that results if the sign of the recording is reversed."""
     rate: float = 1.0
     """Planned time that passes in one second of the recording."""
     rate_error: float = np.inf
@@ -48,9 +48,9 @@ class Alignment(ShortRepr):
     delay_error: float = np.inf
     """Standard deviation of the delay, s."""
     size: float = 1.0
-    """Measured speed over planned speed."""
+    """Ratio of the measured to the planned speed."""
     agreement: float = 0.0
-    """Correlation up to the end of the measured motion, which may stop early."""
+    """Correlation until the end of the measured motion, which may stop early."""
 
 
 @dataclass(frozen=True)
@@ -58,26 +58,40 @@ class Clock(ShortRepr):
     """Common clock of all recordings: planned time = rate · (time of the recordings − delay)."""
 
     delay: float
+    """Time of the recordings at which the motion starts, s."""
     rate: float
-    """The estimated rate if it differs from 1 significantly, else 1."""
+    """Estimated rate if it differs significantly from 1, otherwise 1."""
     estimated_rate: float
     rate_error: float
     """Standard deviation of the rate."""
     slower: bool
-    """The speeds are smaller by the rate too: the motion was played slower, the clock is right."""
+    """True if the motion was played more slowly, so that speeds and rate are smaller alike."""
 
     def planned_time(self, time: Array) -> Array:
-        """Return planned times (n,), s from the start, for times (n,) of the recordings."""
+        """Convert times (n,) of the recordings to times since the start of the plan, s."""
         return self.rate * (time - self.delay)
 
     planned = Renamed("planned_time")
 
 
 def align(planned_time: Array, planned_speed: Array, time: Array, measured: Array) -> Alignment:
-    """Align a measured speed with a planned one.
+    """Find a planned motion in a recording.
 
-    planned_time, planned: times (m,) from 0, s, and speeds (m,), at rest before and after. time,
-    measured: times (n,), s, and speeds (n,) of the recording. The unit of the speeds is arbitrary.
+    Parameters
+    ----------
+    planned_time : (m,)
+        Instants of the plan, s. The first one is 0.
+    planned_speed : (m,)
+        Planned speed in any unit. The axis is at rest before and after the plan.
+    time : (n,)
+        Instants of the recording, s.
+    measured : (n,)
+        Measured speed in the unit of the planned speed.
+
+    Returns
+    -------
+    Alignment
+        Start of the motion in the recording, and rate of the recording's clock.
     """
     step = max(1, len(time) // SAMPLES)
     t = time[::step]
@@ -107,24 +121,34 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
 def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
     """Estimate one clock from the alignments of all axes.
 
-    An axis counts if its measured speed agrees with the plan in shape and size. If none does, the
-    axis with the best agreement gives the delay. drift: deviation of the rate, beyond its
-    uncertainty, that counts.
+    Only axes whose measured speed agrees with the plan in shape and size determine the clock. If
+    there is no such axis, the axis with the best agreement determines the delay.
+
+    Parameters
+    ----------
+    axes
+        Alignment of each axis.
+    drift
+        Smallest deviation of the rate from 1 that is corrected. The uncertainty of the rate is
+        added.
     """
     good = [
-        a
-        for a in axes
-        if a.agreement >= ALIKE and abs(a.size - 1) <= FOLLOWS and np.isfinite(a.rate_error)
+        axis
+        for axis in axes
+        if axis.agreement >= ALIKE
+        and abs(axis.size - 1) <= FOLLOWS
+        and np.isfinite(axis.rate_error)
     ]
     reliable = good or [max(axes, key=lambda axis: axis.agreement)]
-    weights = np.array([1 / axis.rate_error**2 for axis in good])
     rate = 1.0
     error = np.inf
     if good:
-        rate = float(np.median([axis.rate for axis in good]))
+        rates = [axis.rate for axis in good]
+        weights = np.array([1 / axis.rate_error**2 for axis in good])
+        rate = float(np.median(rates))
         error = float(1 / np.sqrt(weights.sum()))
-        if np.ptp([axis.rate for axis in good]) <= CERTAIN * max(axis.rate_error for axis in good):
-            rate = float(np.average([axis.rate for axis in good], weights=weights))
+        if np.ptp(rates) <= CERTAIN * max(axis.rate_error for axis in good):
+            rate = float(np.average(rates, weights=weights))
     certain = abs(rate - 1) > drift + CERTAIN * error
     size = float(np.median([axis.size for axis in reliable]))
     slower = certain and abs(size - rate) < abs(size - 1)
@@ -133,20 +157,21 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
 
 
 def planned_speed_at(planned_time: Array, planned_speed: Array, t: Array) -> Array:
-    """Return a planned speed at times t (n,), 0 before and after the motion."""
+    """Interpolate the planned speed (m,) at planned times t (n,). It is 0 outside of the motion."""
     return np.interp(t, planned_time, planned_speed, left=0.0, right=0.0)
 
 
 def _search(planned_time: Array, planned_speed: Array, t: Array, w: Array) -> tuple[float, float]:
-    """Return (delay, correlation) with the smallest squared difference of the speeds.
+    """Find the delay (s) for which measured and planned speed differ least, and their correlation.
 
-    Grids of delays zoom in on the minimum; large differences count with a constant only.
+    The cost is the sum of squared differences. A bound on each difference limits the effect of
+    faults. The search evaluates grids of delays that become finer around the minimum.
     """
     duration = float(planned_time[-1])
     low = float(t[0]) - duration
     high = float(t[-1])
     cutoff = FAR * float(np.abs(planned_speed).max())
-    # the first grid is finer than the features of the motion
+    # The first grid must be finer than the features of the motion.
     count = int(np.clip((high - low) / (duration / 100), DELAYS, 20 * DELAYS))
     delay = low
     while high - low > FINEST:
@@ -162,7 +187,7 @@ def _search(planned_time: Array, planned_speed: Array, t: Array, w: Array) -> tu
 
 
 def correlation(x: Array, y: Array) -> float:
-    """Return the correlation of two speeds (n,), or 0 if one of them is 0 throughout."""
+    """Return the correlation of two speeds (n,), or 0 if one of them is always 0."""
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
     return float(x @ y) / size if size > 0 else 0.0
 
@@ -170,16 +195,17 @@ def correlation(x: Array, y: Array) -> float:
 def _refine(
     start: float, planned_time: Array, planned_speed: Array, t: Array, w: Array
 ) -> tuple[float, float, float, tuple[float, float]]:
-    """Return (delay, rate, size, errors of delay and rate) by Gauss–Newton steps.
+    """Estimate delay, rate and size by Gauss–Newton steps from the delay `start` (s).
 
-    start: first delay, s. Samples far from the plan do not count. If the samples do not determine
-    the values, the function returns the first delay with infinite errors.
+    Samples that deviate far from the plan are ignored. Returns the delay (s), the rate, the size,
+    and the standard deviations of delay and rate. If the samples do not determine these values, the
+    function returns `start` with infinite standard deviations.
     """
     unknown = start, 1.0, 1.0, (np.inf, np.inf)
     slope = np.gradient(planned_speed, planned_time)
     cutoff = FAR * float(np.abs(planned_speed).max())
     duration = float(planned_time[-1])
-    # the planned time of the middle sample barely depends on the rate
+    # The planned time of the middle sample hardly depends on the rate.
     middle = float(np.clip(np.mean(t) - start, 0.0, duration))
     centre = start + middle
     rate = 1.0
@@ -200,12 +226,9 @@ def _refine(
         size += float(change[2])
     errors = np.sqrt(np.diag(np.linalg.inv(normal)) * float(np.mean(residual[used] ** 2)))
     delay = centre - middle / rate
-    cost = np.sum(
-        (w - size * planned_speed_at(planned_time, planned_speed, rate * (t - delay))) ** 2
-    )
-    if (
-        not cost <= np.sum((w - planned_speed_at(planned_time, planned_speed, t - start)) ** 2)
-        or abs(delay - start) > 0.1 * duration
-    ):
+    before = planned_speed_at(planned_time, planned_speed, t - start)
+    after = size * planned_speed_at(planned_time, planned_speed, rate * (t - delay))
+    improved = np.sum((w - after) ** 2) <= np.sum((w - before) ** 2)
+    if not improved or abs(delay - start) > 0.1 * duration:
         return unknown
     return delay, rate, size, (float(errors[0]), float(errors[1]))

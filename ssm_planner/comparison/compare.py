@@ -1,4 +1,7 @@
-"""Compare a plan with recordings of its execution, which share one clock; give a verdict."""
+"""Compare a plan with recordings of its execution, and give a verdict.
+
+All recordings must share one clock.
+"""
 
 from __future__ import annotations
 
@@ -34,21 +37,21 @@ from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification.certificate import Certificate
 
 LAG = 10e-3
-"""Permitted delay at the largest speed, s; equals the following error window of the export."""
+"""Permitted delay at the largest speed, s. It equals the following error window of the export."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Planned minus measured values of a motion; nrmsd = rms / (max − min of the measured)."""
+    """Statistics of the differences between planned and measured values of one quantity."""
 
     rms: float
     largest: float
     nrmsd: float | None
-    """None if the measured value is constant."""
+    """RMS divided by the range of the measured values. None if the measured value is constant."""
 
     @classmethod
     def from_samples(cls, planned: Array, measured: Array) -> Difference:
-        """Compute the difference of values (n,)."""
+        """Compute the statistics from planned and measured values (n,)."""
         error = planned - measured
         rms = float(np.sqrt(np.mean(error**2)))
         spread = float(np.ptp(measured))
@@ -59,36 +62,33 @@ class Difference:
 
 @record
 class AxisComparison(ShortRepr):
-    """Result for one axis."""
+    """The comparison of one axis with its plan."""
 
     joint: str
     recording: str
+    """Name of the recording."""
     alignment: Alignment
     covered: float
     """Share of the motion that the recording contains."""
     differences: dict[str, Difference]
-    """Differences by name: position, speed and torque of the motor."""
+    """Differences of the joint position, the motor speed and the motor torque, by name."""
     limits: tuple[Kept, ...]
     notes: tuple[str, ...] = field(default_factory=tuple)
     findings: tuple[Finding, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
-        """Return the verdict of this axis."""
-        return worst_of(
-            [
-                *(finding.verdict for finding in self.findings),
-                *(limit.verdict for limit in self.limits),
-            ]
-        )
+        """The worst verdict of all findings and limits of this axis."""
+        of_findings = worst_of(finding.verdict for finding in self.findings)
+        return worst_of((of_findings, *(limit.verdict for limit in self.limits)))
 
     @property
     def followed(self) -> bool:
-        """Return whether the axis followed the plan and kept every limit, within the noise."""
+        """True if the axis followed the plan and kept every limit, within the noise."""
         return self.verdict == "held"
 
     def to_dict(self) -> JsonObject:
-        """Return an entry of `axes` in the output of `compare --json`; SI."""
+        """Return an entry of `axes` in the output of `compare --json`, in SI units."""
         return {
             "joint": self.joint,
             "recording": self.recording,
@@ -111,7 +111,7 @@ class AxisComparison(ShortRepr):
 
 @record
 class Comparison(ShortRepr):
-    """Result for a plan and the recordings of its axes; iteration gives the axes."""
+    """The comparison of a plan with recordings of its axes. Iteration yields the axes."""
 
     axes: tuple[AxisComparison, ...]
     clock: Clock
@@ -120,14 +120,13 @@ class Comparison(ShortRepr):
 
     @property
     def verdict(self) -> Verdict:
-        """Return "held", "not held" or "cannot tell"."""
-        return worst_of(
-            [*(finding.verdict for finding in self.findings), *(axis.verdict for axis in self.axes)]
-        )
+        """The worst verdict of all findings and axes: "held", "cannot tell" or "not held"."""
+        of_findings = worst_of(finding.verdict for finding in self.findings)
+        return worst_of((of_findings, *(axis.verdict for axis in self.axes)))
 
     @property
     def followed(self) -> bool:
-        """Return whether the verdict is "held"."""
+        """True if the verdict is "held"."""
         return self.verdict == "held"
 
     def __iter__(self) -> Iterator[AxisComparison]:
@@ -140,7 +139,7 @@ class Comparison(ShortRepr):
         return self.axes[k]
 
     def to_dict(self) -> JsonObject:
-        """Return the object of `compare --json`; SI."""
+        """Return the output of `compare --json`, in SI units."""
         return {
             "held": self.followed,
             "verdict": self.verdict,
@@ -162,11 +161,31 @@ def compare(
     recordings: Sequence[Measured],
     lag: float = LAG,
 ) -> Comparison:
-    """Compare a planned motion with recordings of its axes, which share one clock.
+    """Compare a planned motion with recordings of its axes.
 
-    certificate: margins of the plan; None: unknown. lag: delay that a joint may have at its largest
-    speed, s; a larger tracking error is not held. Raises RecordingError if a recording belongs to
-    another motion.
+    Parameters
+    ----------
+    trajectory
+        The planned motion.
+    robot
+        Robot of the plan.
+    certificate
+        Certificate of the plan with its margins. None leaves the planned margins unknown.
+    recordings
+        One recording for each axis. All of them share one clock.
+    lag
+        Delay of a joint (s) that is permitted at its largest speed. It determines the permitted
+        tracking error.
+
+    Returns
+    -------
+    Comparison
+        Differences, limits, findings and the verdict.
+
+    Raises
+    ------
+    RecordingError
+        If there is no recording, or if a recording belongs to another motion.
     """
     if not recordings:
         raise RecordingError("no recording to compare with")
@@ -177,8 +196,8 @@ def compare(
     ]
     clock = clock_of(alignments, DRIFT)
     axes = [
-        map_to_clock(*item[:2], clock, item[2])
-        for item in zip(plans, recordings, alignments, strict=True)
+        map_to_clock(plan, recording, clock, alignment)
+        for plan, recording, alignment in zip(plans, recordings, alignments, strict=True)
     ]
     for axis in axes:
         _reject_other_motion(axis)
@@ -208,7 +227,10 @@ def _reject_other_motion(axis: AlignedAxis) -> None:
 
 
 def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float) -> AxisComparison:
-    """Compare one axis. Raises RecordingError if the recording does not cover the motion."""
+    """Compare one axis. Raises RecordingError if the recording contains nothing of the motion.
+
+    `lag` is the permitted delay at the largest speed, s.
+    """
     plan = axis.plan
     measured = axis.measured
     t = axis.t
@@ -224,17 +246,16 @@ def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float
         )
     predictions = {"position": plan.position, "speed": plan.speed, "torque": plan.torque}
     channels = {"position": axis.q, "speed": measured.w, "torque": measured.tau}
+    differences = {}
+    for name, values in channels.items():
+        planned = np.interp(t[is_planned], plan.time, predictions[name])
+        differences[name] = Difference.from_samples(planned, values[is_planned])
     return AxisComparison(
         measured.joint,
         measured.name,
         axis.alignment,
         covered,
-        differences={
-            name: Difference.from_samples(
-                np.interp(t[is_planned], plan.time, predictions[name]), values[is_planned]
-            )
-            for name, values in channels.items()
-        },
+        differences=differences,
         limits=limits_of(axis, certificate),
         notes=tuple(notes),
         findings=findings_of(axis, lag),

@@ -1,4 +1,4 @@
-"""Find faults of an executed motion, from missing samples to exceeded limits."""
+"""Find faults of an executed motion, such as missing samples, stalls and exceeded limits."""
 
 from __future__ import annotations
 
@@ -35,28 +35,32 @@ from ssm_planner.verification.certificate import Certificate
 STEP = 5e-3
 """Largest difference between the starts of the axes, s."""
 DRIFT = 1e-3
-"""Largest relative error of the recordings' clock; the error of a crystal is ten times smaller."""
+"""Largest relative error of the recordings' clock. The error of a crystal is ten times smaller."""
 GAP = 20e-3
 """Longest permitted time without a sample, s."""
 MISSING = 0.005
-"""Share of missing samples that is reported."""
+"""Share of missing samples above which they are reported."""
 TOO_MANY = 0.2
-"""Share of missing samples that prevents a verdict."""
+"""Share of missing samples above which no verdict is possible."""
 COVERED = 0.99
+"""Share of the motion that a recording must contain for a verdict."""
 OUTSIDE = 0.05
-"""Largest share of the moving time with torque outside its band."""
+"""Largest permitted share of the moving time with torque outside its band."""
 UNRESOLVED = 0.1
-"""Ratio of noise to limit that prevents a verdict."""
+"""Ratio of noise to limit above which no verdict is possible."""
 STANDS = 0.02
-"""Share of the largest planned speed: a slower motor stands, a saturated motor loses as much."""
+"""Speed below which a motor stands still, as a share of the largest planned speed.
+
+It is also the smallest speed that a saturated motor loses.
+"""
 SHORT = 20e-3
 """Shortest saturation, s."""
 STALL = 0.1
 """Shortest stall, s."""
 ALIKE = 0.8
-"""Smallest correlation of the speeds of a recording of this motion."""
+"""Smallest correlation of measured and planned speed in a recording of the same motion."""
 NEAR = 15e-3
-"""Time around a sample whose predictions count, because torque jumps at starts and stops, s."""
+"""Tolerance in time for predictions, s. Torque jumps at starts and stops."""
 
 Verdict = Literal["held", "not held", "cannot tell"]
 
@@ -76,33 +80,35 @@ class Finding(ShortRepr):
     verdict: Verdict
     text: str
     value: float
+    """Size of the fault, in a unit that depends on the kind."""
     allowed: float
-    """Smallest fault that is found, in the unit of `value`, including noise."""
+    """Largest permitted value, including noise."""
 
 
 @dataclass(frozen=True)
 class Kept:
-    """One limit in reality, with the margin of the plan."""
+    """The measured margin of one limit, and the margin in the plan."""
 
     name: str
     limit: float
     planned_margin: float | None
+    """Margin in the plan's certificate. None without a certificate."""
     measured: float
-    """Worst value, a mean over `window`."""
+    """Worst measured value, as a mean over `window`."""
     margin: float
     held: bool
-    """Whether the excess is below the noise, and the noise below a tenth of the limit."""
+    """True if the verdict is "held"."""
     unit: str
     noise: float
     """Possible contribution of noise to the measured value."""
     window: float
-    """Duration of the mean, s; 0: a single sample."""
+    """Duration of the mean, s. 0 means a single sample."""
     verdict: Verdict
 
 
 @record
 class AlignedAxis:
-    """One recording and its plan on the common clock; times and values of every sample, (n,)."""
+    """A recording and its plan on the common clock. Arrays are (n,), one value per sample."""
 
     plan: Predicted
     measured: Measured
@@ -113,19 +119,23 @@ class AlignedAxis:
     speed: Array
     """Planned speed, rad/s."""
     q: Array
-    """Measured joint position, or the integral of the speed."""
+    """Measured joint position, or the integral of the measured speed, rad or m."""
     integrated: bool
+    """True if `q` is the integral of the speed."""
     step: float
-    """Median distance of two samples, s."""
+    """Median interval between two samples, s."""
 
     @property
     def name(self) -> str:
-        """Return the name of the joint."""
+        """Name of the joint."""
         return self.plan.joint.name
 
     @property
     def moving(self) -> Mask:
-        """Return (n,): whether the plan moves the joint; true throughout if it barely moves."""
+        """Mask (n,) of the samples in which the plan moves the joint.
+
+        It selects all samples if the joint hardly moves.
+        """
         peak = self.plan.peak
         moving = np.abs(self.speed) > STANDS * peak
         if moving.sum() > 8 * windows(self.step)[-1][0]:
@@ -134,7 +144,7 @@ class AlignedAxis:
 
     @property
     def sigma(self) -> float:
-        """Return the standard deviation of the noise of a single speed sample, rad/s."""
+        """Standard deviation of the noise in a single sample of the speed, rad/s."""
         return noise_of(
             (self.measured.w - self.speed)[self.moving], 1, self.measured.speed_resolution
         )
@@ -143,10 +153,10 @@ class AlignedAxis:
 def map_to_clock(
     plan: Predicted, measured: Measured, clock: Clock, alignment: Alignment
 ) -> AlignedAxis:
-    """Map a recording to the common clock.
+    """Convert the times of a recording to the planned time, and add the planned values.
 
-    Without a position channel, the position is the integral of the speed. The integration starts at
-    the planned position, and again after every gap.
+    Without a position channel, the position is the integral of the speed. The integration begins at
+    the planned position, and begins again after every gap.
     """
     t = clock.planned_time(measured.time)
     step = float(np.median(np.diff(measured.time)))
@@ -157,15 +167,12 @@ def map_to_clock(
         for start, end in pairwise(starts):
             w = measured.w[start:end]
             times = t[start:end]
-            distance = (
-                np.concatenate([[0.0], np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2)])
-                / plan.ratio
-            )
-            # start the integration at the start of the motion if the part contains it
+            turned = np.concatenate([[0.0], np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2)])
+            distance = turned / plan.ratio
+            # The integration begins at the start of the motion if this run of samples contains it.
             anchor = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
-            q[start:end] = (
-                distance - distance[anchor] + np.interp(times[anchor], plan.time, plan.position)
-            )
+            planned = np.interp(times[anchor], plan.time, plan.position)
+            q[start:end] = distance - distance[anchor] + planned
     speed = np.interp(t, plan.time, plan.speed, left=0.0, right=0.0)
     return AlignedAxis(
         plan,
@@ -181,9 +188,9 @@ def map_to_clock(
 
 
 def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
-    """Return all findings of one axis except its limits.
+    """Return all findings of one axis. Limits are checked separately by `limits_of`.
 
-    lag: permitted delay at the largest speed, s.
+    `lag` is the permitted delay at the largest speed, s.
     """
     stall = find_stall(axis)
     findings = [
@@ -196,7 +203,7 @@ def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
 
 
 def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
-    """Report gaps, missing samples and missing parts of the motion."""
+    """Yield findings on gaps, missing samples and missing parts of the motion."""
     t = axis.t
     step = axis.step
     duration = axis.plan.duration
@@ -228,9 +235,10 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
-    """Compare the position, averaged over the shortest window, with the plan.
+    """Yield a finding if the tracking error is too large, or if noise hides such an error.
 
-    lag: permitted delay, s.
+    The error is averaged over the shortest window. `lag` is the permitted delay at the largest
+    speed, s.
     """
     plan = axis.plan
     joint = axis.plan.joint
@@ -240,17 +248,18 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
         return
     noise = position_noise(axis)
     limit = lag * joint.velocity
-    k = int(np.argmax(np.abs(smoothed(error, n))))
-    error_there = float(np.abs(smoothed(error, n)[k]))
+    mean = np.abs(smoothed(error, n))
+    k = int(np.argmax(mean))
+    largest = float(mean[k])
     unit = f"m{joint.unit}"
     scale = 1e3
     allowed = limit + noise
-    if error_there > allowed:
+    if largest > allowed:
         text = (
-            f"{scale * error_there:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
+            f"{scale * largest:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
             f"the start (allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
         )
-        yield Finding("tracking", "not held", text, error_there, allowed)
+        yield Finding("tracking", "not held", text, largest, allowed)
     elif noise > limit:
         text = (
             f"noise of {scale * noise:.3g} {unit} hides a tracking error of {scale * limit:.3g} "
@@ -269,7 +278,10 @@ def position_noise(axis: AlignedAxis) -> float:
 
 
 def follows_plan(axis: AlignedAxis) -> bool:
-    """Return whether the speed equals the planned one, even if the motor mostly rests."""
+    """Return True if the measured speed equals the planned speed within the noise.
+
+    This test also works for a motor that rests most of the time.
+    """
     is_planned = (axis.t >= 0) & (axis.t <= axis.plan.duration)
     if axis.step * is_planned.sum() < 0.1 * axis.plan.duration:
         return False
@@ -278,9 +290,10 @@ def follows_plan(axis: AlignedAxis) -> bool:
 
 
 def find_stall(axis: AlignedAxis) -> Finding | None:
-    """Return the finding that the motor stands although the plan moves it, or None.
+    """Return a finding if the motor stands still while the plan moves it, otherwise None.
 
-    A motor whose remaining motion differs from the plan does not count as stalled.
+    The motor must follow the plan before and after the stall. Otherwise, the recording may belong
+    to another motion.
     """
     w = axis.measured.w
     planned_speed = axis.speed
@@ -293,27 +306,30 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     )
     mean = smoothed(np.abs(w), n)
     planned_mean = smoothed(np.abs(planned_speed), n)
-    when = smoothed(axis.t, n)
-    still = smoothed(w, n)
-    stands = (np.abs(still) < level) & (planned_mean > 5 * level) & (mean < planned_mean / 5)
-    start, stop, length = longest_run(stands, when)
+    mean_time = smoothed(axis.t, n)
+    is_still = np.abs(smoothed(w, n)) < level
+    stands = is_still & (planned_mean > 5 * level) & (mean < planned_mean / 5)
+    start, stop, length = longest_run(stands, mean_time)
     if length < STALL:
         return None
-    remaining = (np.abs(w) >= level) & (
-        (axis.t < when[start] - NEAR) | (axis.t > when[stop] + NEAR)
-    )
+    begin, end = float(mean_time[start]), float(mean_time[stop])
+    remaining = (np.abs(w) >= level) & ((axis.t < begin - NEAR) | (axis.t > end + NEAR))
     if remaining.sum() > n and correlation(planned_speed[remaining], w[remaining]) < ALIKE:
         return None
     torque = float(np.abs(axis.measured.tau[start : stop + n]).max())
     text = (
-        f"the motor stands for {length:.3g} s, {float(when[start]):.3g} s after the start, where "
+        f"the motor stands for {length:.3g} s, {begin:.3g} s after the start, where "
         f"the plan moves it (torque up to {1e3 * torque:.3g} mN·m)"
     )
     return Finding("stall", "not held", text, length, STALL)
 
 
 def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
-    """Report torque at one value while the speed drops, or at the largest torque of the motor."""
+    """Yield a finding if the motor torque is saturated.
+
+    The torque is saturated if it stays at the largest torque of the motor, or if it stays at
+    another value while the speed falls below the plan.
+    """
     tau = axis.measured.tau
     w = axis.measured.w
     motor = axis.plan.joint.motor
@@ -353,15 +369,15 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
-    """Compare the torque in motion, averaged over the longest window, with its predicted band."""
+    """Yield a finding if the torque in motion leaves its predicted band for too long.
+
+    The torque is averaged over the longest window.
+    """
     plan = axis.plan
     n = windows(axis.step)[-1][0]
     tau = axis.measured.tau
-    moving = (
-        (np.abs(axis.speed) > STANDS * plan.peak)
-        if plan.peak > 0
-        else np.zeros(len(tau), dtype=bool)
-    )
+    # If the plan does not move the axis, both sides are 0 and no sample is selected.
+    moving = np.abs(axis.speed) > STANDS * plan.peak
     if len(tau) < 3 * n or moving.sum() < n:
         return
     reach = round((NEAR + n * axis.step / 2) * PLAN_RATE)
@@ -394,13 +410,19 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def _extreme(values: Array, reach: int, sign: int) -> Array:
-    """Return the largest (sign +1) or smallest (−1) of values (n,) within ± `reach` samples."""
+    """Return the extreme of values (n,) within ± `reach` samples of each sample.
+
+    The extreme is the maximum if `sign` is +1, and the minimum if it is −1.
+    """
     padded = np.pad(sign * values, reach, mode="edge")
     return sign * np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
 
 
 def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
-    """Compare position, velocity, motor speed and motor torque with their limits."""
+    """Compare the measured position, velocity, motor speed and motor torque with their limits.
+
+    `certificate` provides the margins of the plan.
+    """
     plan = axis.plan
     joint = axis.plan.joint
     measured = axis.measured
@@ -411,7 +433,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     def result(
         limit: Limit, bound: float, value: float, margin: float, noise: float, window: float
     ) -> Kept:
-        """Judge the worst measured value. The noise is that of this value."""
+        """Build the result from the worst measured value and its noise."""
         verdict: Verdict = "cannot tell"
         if margin * limit.half_width < -noise:
             verdict = "not held"
@@ -462,7 +484,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
 
 
 def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
-    """Report axes that start at different times, and a clock with a wrong rate."""
+    """Yield a finding if the clock has a wrong rate, or if axes start at different times."""
     if clock.rate != 1.0:
         text = (
             f"the recordings' clock is off by {100 * (1 / clock.estimated_rate - 1):+.3g} %: their "

@@ -1,4 +1,4 @@
-"""Read recordings of an executed motion in SI units and the joints' positive directions."""
+"""Read recordings of an executed motion in SI units, with the signs of the joints."""
 
 from __future__ import annotations
 
@@ -17,34 +17,61 @@ from ssm_planner.typing import Array, record
 from ssm_planner.units import TIMES
 
 POSITION = ("position actual value", "position demand value", "position")
+"""Names of columns that contain a position, the preferred one first."""
 INCREMENTS = ("inc", "qc", "counts", "increments", "")
+"""Names of the unit of a position column."""
 
 
 @record
 class Measured:
-    """Recording of one motor, SI, in the joint's positive direction; arrays (samples,)."""
+    """The recording of one motor in SI units. Arrays are (samples,).
+
+    Values are positive in the positive direction of the joint.
+    """
 
     joint: str
     name: str
+    """Name of the recording."""
     time: Array
-    """Time in the file, s; all recordings share one clock."""
+    """Time in the file, s. All recordings share one clock."""
     w: Array
+    """Motor speed, rad/s."""
     tau: Array
+    """Motor torque, N·m."""
     q: Array | None = None
-    """Joint position, rad or m; None: not recorded."""
+    """Joint position, rad or m. None if it was not recorded."""
     speed_resolution: float = 0.0
     torque_resolution: float = 0.0
     position_resolution: float = 0.0
     repairs: tuple[str, ...] = ()
+    """Remarks on faults of the file that were corrected."""
 
 
 def read_measured(
     path: Path, robot: Robot, joint: str, counts_per_turn: int | None = None
 ) -> Measured:
-    """Read one recording in SI units and the joint's positive direction.
+    """Read the recording of one axis.
 
-    counts_per_turn: increments per motor turn of a position channel; None: from the motor file.
-    Raises RecordingError.
+    Parameters
+    ----------
+    path
+        Recorder export, or CSV with named columns.
+    robot
+        Robot that performed the motion.
+    joint
+        Name of the joint.
+    counts_per_turn
+        Increments per motor turn of a position channel. The default follows from the motor file.
+
+    Returns
+    -------
+    Measured
+        The recording in SI units, with the signs of the joint.
+
+    Raises
+    ------
+    RecordingError
+        If the file is invalid, or if the joint has no drive.
     """
     axis = next(axis for axis in robot.joints if axis.name == joint)
     if axis.drive is None:
@@ -74,9 +101,10 @@ def read_measured(
 def _recorded_position(
     path: Path, joint: Joint, time: Array, counts_per_turn: int | None
 ) -> tuple[Array | None, float]:
-    """Return the joint position (samples,) at `time` and the size of one increment, rad or m.
+    """Read the joint position (samples,) at the instants `time`, and the size of an increment.
 
-    Returns (None, 0.0) if no channel contains the position. Raises RecordingError.
+    Both are in rad or m. The result is (None, 0.0) if no channel contains the position. Raises
+    RecordingError if the unit or the number of increments per turn is unknown.
     """
     table = parse_table(path.read_text(encoding="utf-8", errors="replace").lstrip("\ufeff"), path)
     names = [name.strip().lower() for name in table.names]
@@ -106,13 +134,22 @@ def _recorded_position(
 
 
 def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
-    """Return (joint, file) for every `JOINT=FILE`, or for files whose names contain a joint's name
-    or number.
+    """Assign recordings to joints, and return pairs of joint and file.
 
-    Raises RecordingError.
+    Parameters
+    ----------
+    texts
+        `JOINT=FILE`, or only the file if its name contains the name or the number of a joint.
+    robot
+        Robot with the names of the joints.
+
+    Raises
+    ------
+    RecordingError
+        If the joint of a recording is unknown, or if a joint has two recordings.
     """
     names = [joint.name for joint in robot.joints]
-    assignments: list[tuple[str, Path]] = []
+    assignments: dict[str, Path] = {}
     for text in texts:
         joint, separator, file = text.partition("=")
         if not separator:
@@ -122,14 +159,14 @@ def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
             raise RecordingError(
                 f"{text}: of which joint? write JOINT=FILE with one of {', '.join(names)}"
             )
-        if joint in (assigned_joint for assigned_joint, _ in assignments):
+        if joint in assignments:
             raise RecordingError(f"{text}: a second recording of joint {joint}")
-        assignments.append((joint, Path(file)))
-    return assignments
+        assignments[joint] = Path(file)
+    return list(assignments.items())
 
 
 def _joint_in(stem: str, names: list[str]) -> str:
-    """Return the joint that a file name contains, or an empty text if none or several match."""
+    """Return the joint that the name of a file contains, or "" if it is not unique."""
     matches = [name for name in names if name in stem]
     numbers = re.findall(r"(?:axis|joint|motor|j)[ _-]?([1-4])(?!\d)", stem)
     matches += [names[int(number) - 1] for number in numbers]

@@ -1,4 +1,4 @@
-"""Estimate the noise of a recorded channel and find values that exceed it."""
+"""Estimate the noise of a recorded channel, and find values that exceed it."""
 
 from __future__ import annotations
 
@@ -9,28 +9,43 @@ from ssm_planner.typing import Array, Indices, Mask
 WINDOWS = (10e-3, 40e-3)
 """Durations of the means that are compared with limits, s."""
 CERTAIN = 5.0
-"""Significant standard deviations of a mean; noise of some thousand samples reaches 4."""
+"""Number of standard deviations beyond which a mean is significant.
+
+The noise of some thousand samples reaches 4.
+"""
 CERTAIN_ALONE = 8.0
-"""Significant standard deviations of a sample, because the distribution of its noise is unknown."""
+"""Number of standard deviations beyond which a single sample is significant.
+
+It is larger, because the distribution of the noise is unknown.
+"""
 LEAST = 4
 """Smallest number of samples in a window."""
 _SHARE = 0.9
+"""Quantile of the second differences from which the noise is estimated."""
 _TO_SIGMA = 1 / 1.6449
-"""Quantile of the second differences, and the factor to a standard deviation if they are normal."""
+"""Ratio of the standard deviation to this quantile for a normal distribution."""
 
 
 def smoothed(values: Array, n: int) -> Array:
-    """Return the means of n consecutive samples, (samples − n + 1,)."""
+    """Return the means (samples − n + 1,) of every n consecutive values (samples,)."""
     total = np.concatenate([[0.0], np.cumsum(values)])
     return (total[n:] - total[:-n]) / n
 
 
 def noise_of(departure: Array, n: int, resolution: float) -> float:
-    """Return the standard deviation of the noise of means of n samples.
+    """Estimate the standard deviation of the noise in means of n samples.
 
-    departure (samples,): measured minus expected values. The estimate is a quantile of second
-    differences at a distance of n samples, so slow errors and rare faults do not count. It is at
-    least the rounding error of the resolution.
+    The estimate is a quantile of second differences at a distance of n samples. Slow errors and
+    rare faults therefore do not affect it. It is at least the rounding error.
+
+    Parameters
+    ----------
+    departure : (samples,)
+        Measured minus expected values.
+    n : int
+        Number of samples in a mean.
+    resolution : float
+        Resolution of the channel, in the unit of the values.
     """
     mean = smoothed(departure, n) if len(departure) >= n else departure
     rounding = resolution / np.sqrt(12.0 * n)
@@ -41,30 +56,47 @@ def noise_of(departure: Array, n: int, resolution: float) -> float:
 
 
 def windows(step: float) -> list[tuple[int, float]]:
-    """Return (samples, significant number of standard deviations) for a single sample and every
-    window.
+    """Return the number of samples and the significance of every window.
 
-    step: s per sample.
+    The first window is a single sample, and the others have the durations WINDOWS. The significance
+    is the number of standard deviations beyond which a mean is significant. `step` is the sampling
+    period, s.
     """
-    return [
-        (1, CERTAIN_ALONE),
-        *((max(LEAST, round(length / step)), CERTAIN) for length in WINDOWS),
-    ]
+    means = ((max(LEAST, round(length / step)), CERTAIN) for length in WINDOWS)
+    return [(1, CERTAIN_ALONE), *means]
 
 
 def worst_excess(
     values: Array, departure: Array, limit: float, step: float, resolution: float
 ) -> tuple[float, float, float]:
-    """Return (largest |mean|, its possible noise, window in s) for the window with the largest
-    excess.
+    """Find the window in which a channel exceeds its limit most.
 
-    values (n,): compared with `limit`. departure (m,): measured minus expected. step: s per sample.
-    resolution: of the channel, in its unit.
+    Parameters
+    ----------
+    values : (n,)
+        Measured values.
+    departure : (m,)
+        Measured minus expected values, from which the noise is estimated.
+    limit : float
+        Largest permitted magnitude, in the unit of the values.
+    step : float
+        Sampling period, s.
+    resolution : float
+        Resolution of the channel, in the unit of the values.
+
+    Returns
+    -------
+    maximum : float
+        Largest magnitude of a mean over the window.
+    noise : float
+        Possible contribution of noise to this mean.
+    window : float
+        Duration of the window, s. 0 means a single sample.
     """
     candidates = []
     for n, certain in windows(step):
         if len(values) >= n:
-            # rounding shifts a mean by up to half a step if the noise is smaller than a step
+            # Rounding shifts a mean by up to half of the resolution if the noise is small.
             noise = certain * noise_of(departure, n, resolution) + resolution / 2
             maximum = float(np.abs(smoothed(values, n)).max())
             candidates.append((maximum - limit - noise, maximum, noise, n * step if n > 1 else 0.0))
@@ -72,15 +104,19 @@ def worst_excess(
 
 
 def runs(flags: Mask) -> Indices:
-    """Return the (first, one past last) indices (m, 2) of every run of true values."""
-    return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).reshape(
-        -1, 2
-    )
+    """Return the first index and the index after the last one of every run of true values (n,).
+
+    The result is (runs, 2).
+    """
+    padded = np.concatenate([[False], flags, [False]]).astype(int)
+    return np.flatnonzero(np.diff(padded)).reshape(-1, 2)
 
 
 def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:
-    """Return (first index, last index, duration in s) of the longest run of true values; zeros if
-    there is none.
+    """Return the first index, the last index and the duration (s) of the longest run.
+
+    A run is a sequence of true values in `flags` (n,) at the instants `time` (n,). The result is
+    (0, 0, 0.0) if there is none.
     """
-    stretches = [(int(a), int(b) - 1, float(time[b - 1] - time[a])) for a, b in runs(flags)]
-    return max(stretches, key=lambda stretch: stretch[2], default=(0, 0, 0.0))
+    candidates = [(int(a), int(b) - 1, float(time[b - 1] - time[a])) for a, b in runs(flags)]
+    return max(candidates, key=lambda run: run[2], default=(0, 0, 0.0))

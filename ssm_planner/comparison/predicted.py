@@ -1,4 +1,4 @@
-"""Predict one axis from a plan: position, motor speed, motor torque and the band of the torque."""
+"""Predict position, motor speed and motor torque of each axis from a plan."""
 
 from __future__ import annotations
 
@@ -18,44 +18,48 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 
 PLAN_RATE = 2000.0
+"""Sampling rate of the prediction, Hz."""
 SPREAD = 0.25
 """Assumed relative deviation of the torque if the drive file contains no posterior."""
 TAIL = 1.96
-"""Standard deviations of the scatter between recordings that the band contains."""
+"""Half width of the band in standard deviations of the scatter between recordings."""
 
 
 @record
 class Predicted:
-    """Prediction of one axis at PLAN_RATE, arrays (n,); SI, on the motor side except for the
-    position.
+    """The prediction of one axis at PLAN_RATE. Arrays are (n,), in SI units.
+
+    Speed and torque are those of the motor.
     """
 
     joint: Joint
     ratio: float
     time: Array
-    """Time from the start of the motion, s."""
+    """Time since the start of the motion, s."""
     position: Array
+    """Joint position, rad or m."""
     speed: Array
     torque: Array
     low: Array
     """Lower end of the torque's band."""
     high: Array
+    """Upper end of the torque's band."""
     known: bool
-    """The band comes from the posterior of the drive file; otherwise it is ±SPREAD."""
+    """True if the band follows from the posterior of the drive file, otherwise it is ±SPREAD."""
 
     @property
     def peak(self) -> float:
-        """Return the largest speed, rad/s."""
+        """Largest motor speed, rad/s."""
         return float(np.abs(self.speed).max())
 
     @property
     def duration(self) -> float:
-        """Return the duration of the motion, s."""
+        """Duration of the motion, s."""
         return float(self.time[-1])
 
 
 def predict_axes(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) -> list[Predicted]:
-    """Predict each of the named joints. Raises RecordingError for a joint without a drive."""
+    """Predict the axes of the given joints. Raises RecordingError for a joint without a drive."""
     samples = trajectory.uniform(PLAN_RATE)
     direction, breakaway = directions(robot, samples, 1)
     body = RigidBody.from_robot(robot)
@@ -76,11 +80,8 @@ def predict_axes(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) ->
             direction[:, i],
             breakaway=breakaway[:, i],
         )
-        low, high = (
-            (torque - SPREAD * np.abs(torque), torque + SPREAD * np.abs(torque))
-            if band is None
-            else band
-        )
+        margin = SPREAD * np.abs(torque)
+        low, high = (torque - margin, torque + margin) if band is None else band
         predictions.append(
             Predicted(
                 joint,
@@ -100,10 +101,12 @@ def predict_axes(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) ->
 def _band(
     drive: Drive, rigid: Array, qd: Array, qdd: Array, direction: Array, *, breakaway: Array
 ) -> tuple[Array, Array] | None:
-    """Return the (low, high) motor torque (n,) at 95 % over the sets of the posterior, N·m.
+    """Return the band (low, high) that contains the motor torque in 95 % of recordings, N·m.
 
-    rigid, qd, qdd, way, breakaway (n,): load, velocity, acceleration, direction and breakaway of
-    the joint. Returns None if the drive file contains no posterior.
+    The band follows from the parameter sets of the posterior and from the scatter between
+    recordings. It is None if the drive file contains no posterior. All arrays are (n,): the load
+    `rigid`, velocity, acceleration and direction of the joint, and `breakaway`, which is True where
+    the joint starts from rest.
     """
     friction = friction_of(drive)
     if friction.posterior is None:

@@ -1,20 +1,20 @@
-"""The control cascade of a motor controller in CasADi.
+"""Model the control cascade of a motor controller in CasADi.
 
-It consists of a position PID loop with feed-forward, a current loop, the supply voltage and the
-encoder. The position loop (maxon, EPOS4 Application Notes, "Controller Architecture") uses the
-error e = demanded − measured motor angle:
+The cascade consists of a position PID loop with feed-forward, a current loop, the supply voltage
+and the encoder. The position loop (maxon, EPOS4 Application Notes, "Controller Architecture") uses
+the error e = demanded − measured motor angle:
 
     i_demand = P·e + I·∫e dt + D·ė filtered + FF_v·w + FF_a·ẇ + torque offset / k
 
 The filter of the derivative has the time constant D / (10 P). The current follows its demand with a
-lag. It is limited by the largest current and by the current that the supply can drive through the
-winding against the back-EMF: |k·w + R·i| ≤ U.
+lag. Two limits apply to the current: the largest current of the power stage, and the current that
+the supply voltage U can drive through the winding against the back-EMF: |k·w + R·i| ≤ U.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -26,16 +26,16 @@ from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import Joint
 
 MARGIN = 30.0
-"""Phase margin (degrees) of the default position loop on the motor's inertia.
+"""Phase margin of the default position loop that moves only the motor's inertia, degrees.
 
-It is the smallest usual value, because a worm that its load drives needs a fast loop.
+It is the smallest usual value, because a worm gear that its load drives needs a fast loop.
 """
 DAMPING = 0.7
 """Damping ratio of the default position loop."""
 FILTER = 10.0
 """Filter constant of the derivative: its time constant is D / (FILTER · P)."""
 INTEGRAL_SHARE = 0.1
-"""Share of the bandwidth at which the integral takes over."""
+"""Ratio of the integral gain I to bandwidth ω times proportional gain P."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Electrics:
     torque_constant: float
     """k, N·m/A, and V·s/rad."""
     resistance: float
-    """Resistance R of the winding, ohm. A value of 0 means that the motor file omits it."""
+    """Resistance R of the winding, ohm. 0 if the motor file does not state it."""
     voltage: float
-    """Largest voltage U at the motor, V. Infinite if no voltage is stated."""
+    """Largest voltage U at the motor, V. Infinite if no file states it."""
     max_current: float
     """Largest current, A."""
     lag: float
@@ -67,18 +67,22 @@ class Gains:
 
 @dataclass(frozen=True)
 class LoopStep:
-    """State of the loop after one period: current, saturation, integral and derivative."""
+    """State of the loop after one period, as CasADi expressions."""
 
     current: ca.SX
+    """Motor current, A."""
     saturated: ca.SX
+    """1 if the demanded current exceeds the possible current."""
     integral: ca.SX
+    """Integral term of the demanded current, A."""
     derivative: ca.SX
+    """Derivative term of the demanded current, A."""
 
 
 def electrics_of(joint: Joint, controller: Controller) -> Electrics:
-    """Return winding and supply of a joint's motor.
+    """Return the winding and the supply of a joint's motor.
 
-    Raises ProblemError without a torque constant.
+    Raises ProblemError if the joint has no motor or the motor file no torque constant.
     """
     motor = joint.motor
     if motor is None or motor.torque_constant is None:
@@ -101,11 +105,20 @@ def electrics_of(joint: Joint, controller: Controller) -> Electrics:
 
 @lru_cache
 def bandwidth_of(period: float, lag: float) -> float:
-    """Return the bandwidth (Hz) at which a sampled position loop has the phase margin MARGIN.
+    """Return the bandwidth (Hz) at which the default position loop has the phase margin MARGIN.
 
-    `period` (s) is the sampling period and `lag` (s) that of the current. With P, I and D from
-    `gains_of`, the inertia cancels out of the open loop (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) /
-    s². Half a sampling period and the lag of the current delay this loop.
+    With P, I and D from `gains_of`, the inertia cancels out of the open loop, which is
+
+        (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) / s².
+
+    Half a sampling period and the lag of the current delay this loop.
+
+    Parameters
+    ----------
+    period
+        Sampling period of the position loop, s.
+    lag
+        Time constant of the current loop, s.
     """
     low, high = 1e-3 / period, 1.0 / period
     for _ in range(60):
@@ -115,9 +128,10 @@ def bandwidth_of(period: float, lag: float) -> float:
 
 
 def phase_margin(bandwidth: float, period: float, lag: float) -> float:
-    """Return the phase margin (degrees) of the default position loop with a bandwidth (Hz).
+    """Return the phase margin (degrees) of the default position loop, see `bandwidth_of`.
 
-    It is −180 if the loop is unstable.
+    `bandwidth` is in Hz, and the sampling `period` and the `lag` of the current are in s. The
+    result is −180 if the loop is unstable.
     """
     omega = 2.0 * math.pi * bandwidth
     s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
@@ -135,23 +149,21 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
 
 
 def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gains:
-    """Return the gains of the controller file.
+    """Return the gains of a joint's position loop.
 
-    Gains that it lacks follow from the loop's bandwidth.
+    Gains that the controller file does not state are computed from the bandwidth of the loop. With
+    the torque constant k, the input inertia J and ω = 2π·bandwidth, they are P = J·ω²/k,
+    D = 2·0.7·J·ω/k and I = 0.1·ω·P. If the controller receives no torque offsets, FF_v = b_v/k and
+    FF_a = J/k. Otherwise both are 0, because the offsets contain these torques.
 
-    With input inertia J and ω = 2π·bandwidth, P = J·ω²/k, D = 2·0.7·J·ω/k and I = 0.1·ω·P. If the
-    drive adds no torque offsets, FF_v = b_v/k and FF_a = J/k. Otherwise both are 0, because the
-    offsets contain these torques. Raises ProblemError if the joint has no drive or the gains need
-    an inertia that the drive file does not give.
+    Raises ProblemError if the joint has no drive, or if the drive file does not state the inertia
+    that the default gains need.
     """
     drive, axis = joint.drive, controller.axis(joint.name)
     if drive is None:
         raise ProblemError("has no drive", key=f"joints.{joint.name}")
-    omega = (
-        2.0
-        * math.pi
-        * (axis.bandwidth or bandwidth_of(controller.loop_period, controller.current_lag))
-    )
+    bandwidth = axis.bandwidth or bandwidth_of(controller.loop_period, controller.current_lag)
+    omega = 2.0 * math.pi * bandwidth
     inertia = drive.input_inertia / electrics.torque_constant
     if inertia == 0.0 and (axis.p is None or axis.d is None):
         raise ProblemError(
@@ -169,31 +181,23 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
         ff_velocity=feedforward * friction_of(drive).b_v / electrics.torque_constant,
         ff_acceleration=feedforward * inertia,
     )
-    overrides = {name: getattr(axis, name) for name in vars(tuned)}
-    return Gains(
-        **{
-            name: getattr(tuned, name) if value is None else value
-            for name, value in overrides.items()
-        }
-    )
+    stated = {name: getattr(axis, name) for name in vars(tuned)}
+    return replace(tuned, **{name: gain for name, gain in stated.items() if gain is not None})
 
 
 def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the smallest and largest current (A) at motor speed w.
+    """Return the smallest and the largest possible current (A) at the motor speed w (rad/s).
 
-    They follow from the power stage and from the supply voltage minus the back-EMF.
+    The power stage and the supply voltage minus the back-EMF limit the current.
     """
     low, high = ca.SX(-electrics.max_current), ca.SX(electrics.max_current)
     if not math.isfinite(electrics.voltage):
         return low, high
-    back = electrics.torque_constant * w
+    back_emf, voltage = electrics.torque_constant * w, electrics.voltage
     if electrics.resistance == 0.0:
-        return ca.if_else(back <= -electrics.voltage, 0, low), ca.if_else(
-            back >= electrics.voltage, 0, high
-        )
-    below, above = (
-        (sign * electrics.voltage - back) / electrics.resistance for sign in (-1.0, 1.0)
-    )
+        low = ca.if_else(back_emf <= -voltage, 0, low)
+        return low, ca.if_else(back_emf >= voltage, 0, high)
+    below, above = ((limit - back_emf) / electrics.resistance for limit in (-voltage, voltage))
     return ca.fmax(low, ca.fmin(below, high)), ca.fmin(high, ca.fmax(above, low))
 
 
@@ -207,9 +211,9 @@ def loop_step(
     w: ca.SX,
     feedforward: ca.SX,
 ) -> LoopStep:
-    """Build the expressions of one period of the position loop and of the current loop.
+    """Build CasADi expressions for one period of the position loop and the current loop.
 
-    While the current is limited, the integral changes only if the error reduces it.
+    While the current is limited, the integral changes only if this reduces the demanded current.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Simulate one playback under many frictions at once, drawn from the data of the drive files."""
+"""Simulate one playback many times at once, with random friction from the data of drive files."""
 
 from __future__ import annotations
 
@@ -26,30 +26,34 @@ PROGRESS_INTERVAL = 1000
 
 @record
 class Draws(ShortRepr):
-    """Results of one playback under n frictions. Arrays are (n,) and (n, 4), in SI units."""
+    """Results of n playbacks with random friction, in SI units."""
 
     friction: Array
     """Friction parameters (n, 28) in the layout of `ArmPlant.friction`."""
     tip_error: Array
+    """Largest tip errors (n,), m."""
     peak_torque: Array
-    """Largest motor torques. 0 for joints without a drive."""
+    """Largest motor torques (n, 4), N·m. 0 for joints without a drive."""
     following_error: Array
-    """Largest following errors, rad at the motor."""
+    """Largest following errors (n, 4), rad at the motor."""
     saturated: Mask
+    """Mask (n, 4) of motors that demanded too much current."""
     tripped: Mask
+    """Mask (n, 4) of drives whose following error left its window."""
     tip_limit: float
+    """Largest permitted tip error, m."""
 
     @property
     def passed(self) -> Mask:
-        """(n,), True if no motor saturates or trips and the tip stays within its limit."""
-        fine = np.logical_not(self.saturated.any(axis=1) | self.tripped.any(axis=1))
-        passed: Mask = fine & (self.tip_error <= self.tip_limit)
+        """Mask (n,) of playbacks without saturated motor, tripped drive and excessive tip error."""
+        failed = self.saturated.any(axis=1) | self.tripped.any(axis=1)
+        passed: Mask = ~failed & (self.tip_error <= self.tip_limit)
         return passed
 
     def to_dict(self) -> dict[str, Any]:
-        """Return `draws` in the output of `simulate --json`, in SI units.
+        """Return the object `draws` in the output of `simulate --json`, in SI units.
 
-        Quantiles are 2.5 %, median and 97.5 %.
+        Tip errors and torques are given by their quantiles at 2.5, 50 and 97.5 %.
         """
 
         def quantiles(values: Array) -> list[float]:
@@ -68,12 +72,31 @@ class Draws(ShortRepr):
 def drawn_frictions(
     robot: Robot, count: int, spread: float | None = None
 ) -> tuple[Array, tuple[str, ...]]:
-    """Draw the friction of every joint and return (count, 28) and notes on missing uncertainties.
+    """Draw random friction parameters for every joint.
 
-    The draws follow the posterior or covariance of each drive file and are uniform within its
-    stated ranges. They are the same at every call. Columns are in the layout of
-    `ArmPlant.friction`. `spread` is the relative range of parameters without uncertainty in the
-    drive file. Raises ProblemError.
+    The parameters follow the posterior or the covariance of each drive file. Parameters with a
+    range have a uniform distribution. Every call returns the same numbers.
+
+    Parameters
+    ----------
+    robot
+        Robot with its drives.
+    count
+        Number of draws.
+    spread
+        Relative range of parameters for which the drive file states no uncertainty.
+
+    Returns
+    -------
+    frictions : (count, 28)
+        Parameters in the layout of `ArmPlant.friction`.
+    notes
+        Remarks on drive files that state no uncertainty.
+
+    Raises
+    ------
+    ProblemError
+        If the uncertainty of a drive is invalid.
     """
     rng = np.random.default_rng(SEED)
     table, notes = np.zeros((count, 4, len(FRICTION))), []
@@ -91,16 +114,15 @@ def drawn_frictions(
         values |= {
             name: rng.uniform(low, high, count) for name, (low, high) in uncertainty.ranges.items()
         }
-        friction = drive_with(
-            joint.drive, {name: value for name, value in values.items() if name in _DRAWN}
-        ).friction
-        table[:, k] = np.stack(
-            [np.broadcast_to(getattr(friction, name), count) for name in FRICTION], axis=1
-        )
+        values = {name: value for name, value in values.items() if name in _VARIED}
+        friction = drive_with(joint.drive, values).friction
+        for i, name in enumerate(FRICTION):
+            table[:, k, i] = getattr(friction, name)
     return table.reshape(count, -1), tuple(notes)
 
 
-_DRAWN = (*FRICTION, "mu_lowest")
+_VARIED = (*FRICTION, "mu_lowest")
+"""Names of the random parameters that affect the simulation."""
 
 
 def play_draws(
@@ -114,7 +136,7 @@ def play_draws(
     tip_limit: float,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Draws:
-    """Play the same commands from one state under many frictions.
+    """Play the same commands from the same state with many sets of friction parameters.
 
     Parameters
     ----------
@@ -122,10 +144,10 @@ def play_draws(
         The simulated arm.
     start
         Initial state, (44,).
-    told
+    commands
         Commands of m periods.
     offsets
-        Offsets of the encoders, (4,), rad.
+        Encoder offsets of `ControlledArm.offsets`, (4,), rad.
     friction
         Friction parameters, (n, 28).
     planned
@@ -133,22 +155,21 @@ def play_draws(
     tip_limit
         Permitted tip error, m.
     progress
-        Called with progress messages.
+        Function that receives progress messages.
 
     Returns
     -------
     Draws
-        Results by draw, without energies.
+        Result of each playback.
     """
     count = len(friction)
     full_step, half_steps = Vectorised(arm.control_step), Vectorised(arm.control_step_in_halves)
     halved, table = arm.needs_half_steps(commands), commands.table()
     x = np.tile(start, (count, 1))
-    inputs = np.empty((count, table.shape[1] + len(offsets) + friction.shape[1]), order="F")
-    inputs[:, table.shape[1] : table.shape[1] + 4], inputs[:, table.shape[1] + 4 :] = (
-        offsets,
-        friction,
-    )
+    width = table.shape[1]
+    inputs = np.empty((count, width + 4 + friction.shape[1]), order="F")
+    inputs[:, width : width + 4] = offsets
+    inputs[:, width + 4 :] = friction
     mechanism = Mechanism.from_geometry(arm.robot.geometry)
     constants = np.array(
         [arm.electrics[k].torque_constant if k in arm.electrics else 0.0 for k in range(4)]
@@ -161,8 +182,9 @@ def play_draws(
         if m % TIP_INTERVAL == 0:
             target = tip_position(mechanism, planned[m : m + 1])
             tip = np.fmax(tip, np.linalg.norm(tip_position(mechanism, x[:, Q]) - target, axis=1))
-        inputs[:, : table.shape[1]] = row
-        x, following, cut = (half_steps if halved[m] else full_step)(np.asfortranarray(x), inputs)
+        inputs[:, :width] = row
+        step = half_steps if halved[m] else full_step
+        x, following, cut = step(np.asfortranarray(x), inputs)
         peak = np.fmax(peak, np.abs(x[:, CURRENT]))
         error = np.fmax(error, np.abs(following))
         saturated |= cut > 0

@@ -1,4 +1,4 @@
-"""Advance a simulated drive that slides, stops or stands by one step, in CasADi."""
+"""Advance a simulated drive by one step, in CasADi. The drive slides, stops or stands still."""
 
 from __future__ import annotations
 
@@ -17,12 +17,16 @@ NOT_UNIQUE = (
 
 @dataclass(frozen=True)
 class DriveStep:
-    """State after one step: speed, mean speed in the step, time at rest, and friction loss."""
+    """State of a drive after one step, as CasADi expressions."""
 
     w: ca.SX
+    """Motor speed, rad/s."""
     mean: ca.SX
+    """Mean motor speed in the step, rad/s."""
     rest: ca.SX
+    """Time since the drive stopped, s."""
     loss: ca.SX
+    """Energy that friction dissipates in the step, J."""
 
 
 def drive_step(
@@ -35,11 +39,11 @@ def drive_step(
     h: float,
     middle: ca.SX | None = None,
 ) -> DriveStep:
-    """Advance a drive by one step under a constant torque and a constant effort on its output.
+    """Advance a drive by one step with constant motor torque and constant effort on its output.
 
-    The step ends at zero speed if the sign of the speed would change. The next step then decides
-    whether the drive stays at rest. Speed is linear within a step, so the energies of the step
-    follow from its mean speed. Frictional memory is not modelled.
+    If the sign of the speed would change, the step ends at speed zero, and the next step determines
+    whether the drive stays at rest. The speed is linear within a step, so the mean speed determines
+    the energies of the step. Frictional memory is not modelled.
 
     Parameters
     ----------
@@ -56,45 +60,45 @@ def drive_step(
     h
         Duration of the step, s.
     middle
-        Speed at which friction is evaluated. The default is `w`. With the speed in the middle of
-        the step, the step is of second order.
+        Motor speed at which friction is evaluated, rad/s. The default is `w`. With the speed in
+        the middle of the step, the method is of second order.
 
     Returns
     -------
     DriveStep
         State after the step.
     """
-    f, felt = friction_of(drive), w if middle is None else middle
-    mu = friction_coefficient(f, felt)
-    mu_rest = static_coefficient(f, rest, ca.fmin(friction_coefficient(f, 0.0), f.mu_static))
+    friction, speed = friction_of(drive), w if middle is None else middle
+    mu = friction_coefficient(friction, speed)
+    mu_slow = ca.fmin(friction_coefficient(friction, 0.0), friction.mu_static)
+    mu_rest = static_coefficient(friction, rest, mu_slow)
     forwards, backwards = (breakaway_torque(drive, load, sign, mu_rest) for sign in (1.0, -1.0))
     starts = ca.if_else(tau > forwards, 1, ca.if_else(tau < backwards, -1, 0))
     sign = ca.if_else(w == 0, starts, ca.sign(w))
-    wd, effort = motor_acceleration(drive, tau, w=felt, load=load, direction=sign, mu=mu)
-    free = w + h * wd
-    stops = sign * free <= 0
-    after = ca.if_else(ca.logic_or(sign == 0, stops), 0, free)
-    # A drive that stops does so before the step ends.
+    wd, effort = motor_acceleration(drive, tau, w=speed, load=load, direction=sign, mu=mu)
+    free_speed = w + h * wd
+    stops = sign * free_speed <= 0
+    end_speed = ca.if_else(ca.logic_or(sign == 0, stops), 0, free_speed)
+    # A drive that stops reaches speed zero before the step ends.
     share = ca.if_else(stops, ca.fmin(ca.fmax(-w / ca.if_else(wd == 0, 1, h * wd), 0), 1), 1)
-    mean = 0.5 * (w + after) * share
+    mean = 0.5 * (w + end_speed) * share
     qd, qdd = mean / drive.ratio, wd / drive.ratio
-    sliding = (
-        moving_torque(drive, effort, felt, wd, direction=sign, mu=mu) - drive.input_inertia * wd
-    )
+    torque = moving_torque(drive, effort, speed, wd, direction=sign, mu=mu)
     # The energy that leaves the drive or accelerates the output and the second nut is not lost.
     transmitted = load + (drive.output_inertia + drive.second_nut_mass) * qdd
-    slid = h * (sliding * mean - transmitted * qd)
-    stopped = h * (tau * mean - load * qd) + 0.5 * moving_inertia(drive) * w**2
-    loss = ca.if_else(sign == 0, 0, ca.if_else(stops, stopped, slid))
-    return DriveStep(after, mean, ca.if_else(after == 0, rest + h, 0), loss)
+    loss_sliding = h * ((torque - drive.input_inertia * wd) * mean - transmitted * qd)
+    loss_stopping = h * (tau * mean - load * qd) + 0.5 * moving_inertia(drive) * w**2
+    loss = ca.if_else(sign == 0, 0, ca.if_else(stops, loss_stopping, loss_sliding))
+    return DriveStep(end_speed, mean, ca.if_else(end_speed == 0, rest + h, 0), loss)
 
 
 def stalled(
     drive: Drive, step: DriveStep, blocked: ca.SX, *, w: ca.SX, load: ca.SX, tau: ca.SX, h: float
 ) -> DriveStep:
-    """Select the step for a motor that is blocked (`blocked` is 1) or free (`blocked` is 0).
+    """Replace the step of a drive if its motor is blocked.
 
-    The blocking body takes the energy of the motor.
+    A blocked motor (`blocked` is 1) stops at once, and loses its energy. The step of a free motor
+    (`blocked` is 0) does not change. The other arguments are those of `drive_step`.
     """
     mean = 0.5 * w
     loss = h * (tau * mean - load * mean / drive.ratio) + 0.5 * moving_inertia(drive) * w**2
@@ -107,5 +111,5 @@ def stalled(
 
 
 def moving_inertia(drive: Drive) -> float:
-    """Return the inertia (kg·m²) of all parts that move with the motor, at its shaft."""
+    """Return the inertia of all parts that move with the motor, reduced to its shaft, kg·m²."""
     return drive.input_inertia + (drive.output_inertia + drive.second_nut_mass) / drive.ratio**2

@@ -1,10 +1,10 @@
-"""The arm as a plant: rigid bodies, self-locking drives, and a spring, damper and backlash at each.
+"""Model the arm as rigid bodies that self-locking drives move through springs and dampers.
 
-With rigid drives the motion of the arm is not unique wherever the inertia of a load makes the
-effective inertia of a drive negative (dynamics/transmission.py). This is the case for joints 1 and
-2 of the published robot. Every real gearbox has some compliance at its output. With it, each drive
-is a separate sliding mesh under a smooth load, and standstill, breakaway and jamming are exact.
-Joints without a drive have prescribed accelerations.
+If the drives were rigid, the motion of the arm would not be unique: the inertia of the load can
+make the effective inertia of a drive negative (dynamics/transmission.py), as for joints 1 and 2 of
+the published robot. Every real gearbox has some compliance and backlash at its output. With
+compliance, each drive slides under a load that changes smoothly, so the model describes standstill,
+breakaway and jamming exactly. Joints without a drive have prescribed accelerations.
 
 The integrator takes midpoint steps in CasADi. It accumulates the energies, so that their balance
 can be checked.
@@ -31,15 +31,14 @@ from ssm_planner.typing import Array, record
 
 @record
 class Compliance:
-    """Spring, damper and backlash between each drive and its joint.
-
-    All arrays are (4,): N·m/rad, N·m·s/rad and rad, or N/m, N·s/m and m for joint 4.
-    """
+    """Spring, damper and backlash between each drive and its joint. Arrays are (4,)."""
 
     stiffness: Array
+    """Stiffness, N·m/rad, and N/m for joint 4."""
     damping: Array
+    """Damping, N·m·s/rad, and N·s/m for joint 4."""
     backlash: Array = field(default_factory=lambda: np.zeros(4))
-    """Free play from one flank to the other."""
+    """Free play from one flank to the other, rad, and m for joint 4."""
 
     @classmethod
     def of_frequency(
@@ -50,9 +49,22 @@ class Compliance:
         damping_ratio: float = 0.3,
         backlash: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> Compliance:
-        """Compute stiffness and damping from natural frequencies (Hz) with locked drives at q (4,).
+        """Compute stiffness and damping from the natural frequencies of the joints.
 
         The default values are assumptions, not measurements.
+
+        Parameters
+        ----------
+        body
+            Rigid bodies of the robot.
+        q
+            Joint positions at which the frequencies apply, (4,), rad and m.
+        frequency
+            Natural frequency of each joint with locked drives, Hz.
+        damping_ratio
+            Damping ratio of all joints.
+        backlash
+            Free play of each joint, rad and m.
         """
         inertia = np.diag(body.mass_matrix(np.reshape(q, (1, 4)))[0])
         omega = 2.0 * math.pi * np.asarray(frequency)
@@ -63,9 +75,16 @@ class Compliance:
         )
 
     def stretch(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
-        """Return the deflection of the spring of joint k (counted from 0) at a twist of the drive.
+        """Return the deflection of a joint's spring.
 
-        It has the shape of `twist`.
+        It is the twist between drive and joint without the free play, and 0 within the free play.
+
+        Parameters
+        ----------
+        k
+            Index of the joint, from 0.
+        twist
+            Position of the drive's output minus position of the joint, any shape, rad or m.
         """
         free = 0.5 * float(self.backlash[k])
         if free == 0.0:
@@ -76,22 +95,26 @@ class Compliance:
 
 @record
 class ArmMotion:
-    """A simulated motion at the control instants. Arrays are (n,) and (n, 4), in SI units.
+    """A simulated motion at n instants. Joint and motor quantities are (n, 4), energies (n,).
 
-    Motor columns are NaN for joints without a drive.
+    Motor quantities are NaN for joints without a drive.
     """
 
     time: Array
+    """Instants (n,), s."""
     q: Array
     qd: Array
     motor_angle: Array
     w: Array
+    """Motor speed, rad/s."""
     tau: Array
-    """Motor torque during the period that begins at each instant."""
+    """Motor torque during the period that begins at each instant, N·m."""
     work: Array
     """Energy since the start from the motors and from prescribed accelerations, J."""
     friction_loss: Array
+    """Energy that friction has dissipated since the start, J."""
     damping_loss: Array
+    """Energy that the dampers have dissipated since the start, J."""
     kinetic: Array
     potential: Array
     """Energy of gravity and of the springs, J."""
@@ -100,35 +123,57 @@ class ArmMotion:
 
 
 FRICTION = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "b_ov")
-"""Names in Friction of the parameters that may differ from run to run."""
+"""Names of the parameters in Friction that may differ between simulations."""
 
 Q, QD, MOTOR, W, INTEGRAL, REST, ENERGY = (slice(4 * k, 4 * k + 4) for k in range(7))
+"""Slices of a state (28,).
+
+They contain joint positions, joint velocities, motor angles, motor speeds, integral terms of the
+controllers, times at rest, and energies.
+"""
 STATE = 28
-"""Length of a state: four numbers for each of the slices above."""
+"""Length of a state."""
 STILL = 1e-12
-"""Change of twist per step (rad or m) below which the twist counts as constant."""
+"""Change of the twist in a step below which the twist counts as constant, rad or m."""
 CORRECTIONS = 2
-"""Corrections of the forces in a step for the resulting speeds.
+"""Number of times that the forces of a step are corrected for the resulting speeds.
 
 Each correction reduces the error of the energy balance to a tenth.
 """
 _WORK, _LOCKED_WORK, _FRICTION, _DAMPING = range(4)
+"""Indices of the energies: of motors, of prescribed accelerations, of friction and of dampers."""
 
 
 @dataclass(frozen=True)
 class _Forces:
-    """Forces of the springs and dampers on the joints (4,), and the motion of the drives."""
+    """Efforts in a step and the resulting motion of the drives, as expressions (4,)."""
 
     load: ca.SX
+    """Effort of spring and damper on each joint, N·m or N."""
     damper: ca.SX
+    """Effort of the damper alone."""
     w: ca.SX
+    """Motor speeds after the step, rad/s."""
     mean: ca.SX
+    """Mean motor speeds in the step, rad/s."""
     rest: ca.SX
+    """Times at rest after the step, s."""
     loss: ca.SX
+    """Energy that friction dissipates in all drives, J, (1,)."""
 
 
 class ArmPlant:
-    """The arm of a robot under motor torques, in steps of h seconds."""
+    """Simulation model of an arm with motor torques as inputs.
+
+    Parameters
+    ----------
+    robot
+        Robot with its drives.
+    compliance
+        Springs, dampers and backlash. None means the assumed values of `Compliance.of_frequency`.
+    h
+        Duration of a step, s.
+    """
 
     def __init__(self, robot: Robot, compliance: Compliance | None, h: float) -> None:
         self.robot, self.h = robot, h
@@ -137,11 +182,14 @@ class ArmPlant:
         self.driven = tuple(k for k, joint in enumerate(robot.joints) if joint.drive is not None)
 
     def at_rest(self, q: Array) -> Array:
-        """Return the state (28,) at rest at q (4,), with the weight on the springs."""
+        """Return the state (28,) of the arm at rest at q (4,). The weight deflects the springs."""
         return self.in_motion(q, np.zeros(4), np.zeros(4))
 
     def in_motion(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Return the state (28,) in a motion q, qd, qdd (4,), with its loads on the springs."""
+        """Return the state (28,) of the arm in the motion q, qd, qdd (4,).
+
+        The loads of this motion deflect the springs.
+        """
         load = self.body.inverse_dynamics(*(np.reshape(x, (1, 4)) for x in (q, qd, qdd)))[0]
         state = np.zeros(STATE)
         state[Q], state[QD] = q, qd
@@ -154,7 +202,7 @@ class ArmPlant:
         return state
 
     def motion(self, time: Array, x: Array, tau: Array) -> ArmMotion:
-        """Build a result with energies from states (n, 28) at times (n,)."""
+        """Build a result with energies from states (n, 28) and torques (n, 4) at times (n,)."""
         driven = list(self.driven)
         kinetic, potential = self.body.energy(x[:, Q], x[:, QD])
         for k in driven:
@@ -188,22 +236,22 @@ class ArmPlant:
         return "done" if all(always_unique(self.drive(k)) for k in self.driven) else NOT_UNIQUE
 
     def step_function(self) -> ca.Function:
-        """Build the function of one step.
+        """Build the CasADi function that advances a state by one step of the midpoint rule.
 
-        It maps (state, motor torques, prescribed accelerations, blocked, friction) to the state one
-        step later by the midpoint rule. Forces at the start give speeds and positions of the
-        middle, which give the forces of the step. They are corrected CORRECTIONS times with the
-        speeds that result from them. Inertia and weight are those of the first middle. The
-        prescribed accelerations (4,) apply to joints without a drive. `blocked` (4,) is 1 for a
-        blocked motor. `friction` (28,) has the layout of the method `friction`.
+        The forces at the start give the positions and speeds in the middle of the step, and these
+        give the forces of the step. The forces are then corrected CORRECTIONS times for the speeds
+        that result from them. Inertia and weight are evaluated once, at the first middle.
+
+        The function has these arguments: the state (28,); the motor torques (4,); prescribed
+        accelerations (4,), which apply to joints without a drive; `blocked` (4,), which is 1 for a
+        blocked motor; and `friction` (28,) in the layout of the method `friction`. It returns the
+        state (28,) after the step.
         """
         h = self.h
         x, tau, locked = ca.SX.sym("x", STATE), ca.SX.sym("tau", 4), ca.SX.sym("locked", 4)
         blocked, friction = ca.SX.sym("blocked", 4), ca.SX.sym("friction", 4 * len(FRICTION))
         inputs = (x, tau, locked, blocked, friction)
         q, qd, w, motor = x[Q], x[QD], x[W], x[MOTOR]
-        # Forces at the initial speeds give the speeds of the middle. These give the forces of the
-        # step.
         predictor = self._forces(inputs, q + 0.5 * h * qd, motor + 0.5 * h * w, qd, w)
         middle_qd = qd + 0.5 * h * self.accelerations(q + 0.5 * h * qd, qd, predictor.load, locked)
         middle_w = predictor.mean
@@ -223,10 +271,14 @@ class ArmPlant:
         locked_work = h * sum(
             (effort[k] * mean_qd[k] for k in range(4) if k not in self.driven), ca.SX(0)
         )
-        bent = [
-            forces.damper[k] * (mean_w[k] / self.drive(k).ratio - mean_qd[k]) for k in self.driven
-        ]
-        energy = x[ENERGY] + ca.vertcat(work, locked_work, forces.loss, h * sum(bent, ca.SX(0)))
+        damping = h * sum(
+            (
+                forces.damper[k] * (mean_w[k] / self.drive(k).ratio - mean_qd[k])
+                for k in self.driven
+            ),
+            ca.SX(0),
+        )
+        energy = x[ENERGY] + ca.vertcat(work, locked_work, forces.loss, damping)
         y = ca.vertcat(
             q + h * mean_qd,
             qd_after,
@@ -241,48 +293,52 @@ class ArmPlant:
     def _forces(
         self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX
     ) -> _Forces:
-        """Return the forces at the middle of the step (4,), and the motion of the drives."""
+        """Return the efforts in a step, and the motion of the drives that results from them.
+
+        `inputs` are the arguments of the step function. The other arguments describe the middle of
+        the step: joint positions, motor angles, joint velocities and motor speeds (4,).
+        """
         x, tau, _, blocked, friction = inputs
         load, damper, speed, mean, rest = ([ca.SX(0)] * 4 for _ in range(5))
         loss = ca.SX(0)
         for k in self.driven:
-            drive = _with_friction(
-                self.drive(k), friction[k * len(FRICTION) : (k + 1) * len(FRICTION)]
-            )
-            stretch, contact = self._mean_stretch(
-                k, x[MOTOR][k] / drive.ratio - x[Q][k], motor[k] / drive.ratio - q[k]
-            )
+            parameters = friction[k * len(FRICTION) : (k + 1) * len(FRICTION)]
+            drive = _with_friction(self.drive(k), parameters)
+            twist_start = x[MOTOR][k] / drive.ratio - x[Q][k]
+            twist_middle = motor[k] / drive.ratio - q[k]
+            stretch, contact = self._mean_stretch(k, twist_start, twist_middle)
             damper[k] = self.compliance.damping[k] * (w[k] / drive.ratio - qd[k]) * contact
             load[k] = self.compliance.stiffness[k] * stretch + damper[k]
-            speed_before, rest_time = x[W][k], x[REST][k]
-            step = drive_step(
-                drive, speed_before, rest_time, tau[k], load[k], h=self.h, middle=w[k]
-            )
-            step = stalled(
-                drive, step, blocked[k], w=speed_before, load=load[k], tau=tau[k], h=self.h
-            )
+            start, rest_time = x[W][k], x[REST][k]
+            step = drive_step(drive, start, rest_time, tau[k], load[k], h=self.h, middle=w[k])
+            step = stalled(drive, step, blocked[k], w=start, load=load[k], tau=tau[k], h=self.h)
             speed[k], mean[k], rest[k], loss = step.w, step.mean, step.rest, loss + step.loss
-        parts = [ca.vertcat(*column) for column in (load, damper, speed, mean, rest)]
-        return _Forces(parts[0], parts[1], w=parts[2], mean=parts[3], rest=parts[4], loss=loss)
+        columns = (ca.vertcat(*column) for column in (load, damper, speed, mean, rest))
+        return _Forces(*[*columns, loss])
 
     def _mean_stretch(self, k: int, start: ca.SX, middle: ca.SX) -> tuple[ca.SX, ca.SX | float]:
-        """Return the mean deflection of the spring over a step, and the share with contact.
+        """Return the mean deflection of a spring over a step, and the share of the step in contact.
 
-        The twist between drive and joint changes linearly from `start` through `middle`, so contact
-        begins and ends at its exact position. The mean force times the travel is the change of the
-        spring's energy (a discrete gradient; O. Gonzalez, Time Integration and Discrete Hamiltonian
+        The twist between drive and joint is linear in time, and `start` and `middle` are its values
+        at the start and in the middle of the step. Contact therefore begins and ends at the exact
+        position. The mean force times the change of the twist equals the change of the spring's
+        energy. This is a discrete gradient (O. Gonzalez, Time Integration and Discrete Hamiltonian
         Systems, J. Nonlinear Sci. 6, 1996).
         """
         if not self.compliance.backlash[k] > 0:
             return middle, 1.0
         end = 2 * middle - start
-        first, last = self.compliance.stretch(k, start), self.compliance.stretch(k, end)
-        still = ca.fabs(end - start) < STILL
-        contact = ca.if_else(still, first != 0, (last - first) / ca.if_else(still, 1, end - start))
-        return contact * (first + last) / 2, contact
+        stretch_start, stretch_end = (self.compliance.stretch(k, twist) for twist in (start, end))
+        constant = ca.fabs(end - start) < STILL
+        ratio = (stretch_end - stretch_start) / ca.if_else(constant, 1, end - start)
+        contact = ca.if_else(constant, stretch_start != 0, ratio)
+        return contact * (stretch_start + stretch_end) / 2, contact
 
     def friction(self, scale: float = 1.0) -> Array:
-        """Return FRICTION of every joint, joint after joint, (28,), multiplied by `scale`."""
+        """Return the parameters FRICTION of every joint, one joint after the other, (28,).
+
+        All of them are multiplied by `scale`. Joints without a drive have zeros.
+        """
         values = np.zeros((4, len(FRICTION)))
         for k in self.driven:
             friction = friction_of(self.drive(k))
@@ -290,14 +346,18 @@ class ArmPlant:
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
-        """Return the drive of joint k, counted from 0. Raises GeometryError if it has none."""
+        """Return the drive of the joint with index k. Raises GeometryError if it has none."""
         drive = self.robot.joints[k].drive
         if drive is None:
             raise GeometryError(f"joint {k + 1} has no drive")
         return drive
 
     def accelerations(self, q: ca.SX, qd: ca.SX, force: ca.SX, locked: ca.SX) -> ca.SX:
-        """Return the joint accelerations (4,), with `locked` for joints without a drive."""
+        """Return the joint accelerations (4,) as CasADi expressions.
+
+        `force` (4,) is the effort on each joint in the state q, qd (4,). `locked` (4,) contains the
+        prescribed accelerations of joints without a drive.
+        """
         free = list(self.driven)
         undriven = [k for k in range(4) if k not in free]
         probe = ca.SX.sym("qdd", 4)
@@ -315,7 +375,7 @@ class ArmPlant:
 
 
 def _with_friction(drive: Drive, values: ca.SX) -> Drive:
-    """Return the drive with symbols for FRICTION, without the checks of user input."""
+    """Replace the parameters FRICTION of a drive by symbols (7,), without checking them."""
     friction, changed = copy.copy(friction_of(drive)), copy.copy(drive)
     for name, value in zip(FRICTION, ca.vertsplit(values), strict=True):
         object.__setattr__(friction, name, value)

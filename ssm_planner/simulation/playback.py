@@ -29,7 +29,7 @@ from ssm_planner.typing import Array, Mask, record
 from ssm_planner.units import rpm
 
 STEPS = 2
-"""Steps of the plant in one period of the position loop."""
+"""Number of steps of the plant in one period of the position loop."""
 FREQUENCIES = (30.0, 30.0, 30.0, 100.0)
 """Assumed natural frequencies of the joints with locked drives, Hz."""
 BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
@@ -38,20 +38,21 @@ BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
 CURRENT, DERIVATIVE, ERROR, TRIP = (slice(STATE + 4 * k, STATE + 4 * k + 4) for k in range(4))
 """Slices of a state (44,) after those of the plant.
 
-They hold currents (A), derivative terms (A), following errors (rad), and 1 for a tripped drive.
+They contain currents (A), derivative terms (A), following errors (rad), and 1 for a tripped drive.
 """
-WHOLE = STATE + 16
+FULL_STATE = STATE + 16
 """Length of a state with the controllers."""
 _CHUNK = 250
+"""Number of periods that one call of a CasADi function simulates."""
 _BREAKAWAY = 100
-"""Number of periods in which a drive breaks away."""
+"""Number of periods that may pass until a drive breaks away."""
 
 
 @record
 class Commands:
-    """Commands to the drives in every period of the position loop.
+    """Commands to the drives in each of n periods of the position loop.
 
-    Arrays are (n, 4), in SI units and in the positive directions of the joints.
+    Arrays are (n, 4) unless stated otherwise, in SI units, with the signs of the joints.
     """
 
     demand: Array
@@ -63,35 +64,29 @@ class Commands:
     torque: Array
     """Torque offset, N·m."""
     prescribed: Array
-    """Prescribed accelerations of joints without a drive."""
+    """Prescribed accelerations of joints without a drive, rad/s² or m/s²."""
     power: Array
-    """(n,), 1 while the drives have power."""
+    """1 while the drives have power, otherwise 0, (n,)."""
     stalled: Array
-    """1 while the motor is blocked."""
+    """1 while the motor is blocked, otherwise 0."""
 
     def table(self) -> Array:
         """Return all columns side by side, (n, 25)."""
-        parts = (
-            self.demand,
-            self.speed,
-            self.acceleration,
-            self.torque,
-            self.prescribed,
-            self.stalled,
-        )
-        return np.column_stack([*parts, self.power])
+        columns = {**vars(self)}
+        power = columns.pop("power")  # It becomes the last column.
+        return np.column_stack([*columns.values(), power])
 
 
 @record
 class Played:
-    """A simulated motion of n periods."""
+    """The simulated states and errors of n periods."""
 
     states: Array
     """States (n + 1, 44) before the first period and after every period."""
     error: Array
     """Following errors (n, 4), rad at the motor."""
     saturated: Array
-    """(n, 4), 1 if the demanded current exceeded the possible current."""
+    """1 if the demanded current exceeded the possible current, otherwise 0, (n, 4)."""
 
 
 def commands(
@@ -101,10 +96,11 @@ def commands(
     prescribed: tuple[Array, Array],
     period: float,
 ) -> Commands:
-    """Convert set points every `period` (s) to the commands at the loop period.
+    """Convert set points to commands in each period of the position loop.
 
-    Positions are interpolated between set points (0x60C2). Velocity and torque offsets hold for a
-    period. Interpolation delays all drives by the same period, which is left out.
+    The controller interpolates positions between set points (0x60C2). Velocity and torque offsets
+    are constant between set points. The interpolation delays all drives by the same time, which the
+    simulation ignores.
 
     Parameters
     ----------
@@ -115,9 +111,9 @@ def commands(
     controller
         The motor controller.
     prescribed
-        Times (n,) of the loop in s, and accelerations (n, 4) of joints without a drive.
+        Instants (n,) of the position loop, s, and accelerations (n, 4) of joints without a drive.
     period
-        Period of the set points, s.
+        Interval between set points, s.
 
     Returns
     -------
@@ -135,11 +131,9 @@ def commands(
         increment = 2.0 * np.pi / axis.counts_per_turn * axis.direction
         columns["demand"][:, k] = increment * np.interp(t, sent, stream["target_position_inc"])
         speed = axis.direction * stream["velocity_offset_mrpm"] * rpm / 1000.0
-        bend = np.append(np.diff(speed), 0.0) / period
-        columns["speed"][:, k], columns["acceleration"][:, k] = (
-            speed[next_index],
-            bend[np.maximum(next_index - 1, 0)],
-        )
+        acceleration = np.append(np.diff(speed), 0.0) / period
+        columns["speed"][:, k] = speed[next_index]
+        columns["acceleration"][:, k] = acceleration[np.maximum(next_index - 1, 0)]
         if controller.torque_offset:
             offset = axis.direction * stream["torque_offset_permille"] * axis.rated_torque / 1000.0
             columns["torque"][:, k] = offset[next_index]
@@ -149,18 +143,19 @@ def commands(
 
 
 def compliance_of(plant_robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
-    """Return springs, dampers and backlash of the controller file, or the assumed ones.
+    """Return the springs, dampers and backlash between the drives and the joints.
 
-    `scale` multiplies stiffness and damping.
+    Values that the controller file does not state are assumed. `scale` multiplies stiffness and
+    damping.
     """
     body = ArmPlant(plant_robot, None, controller.loop_period).body
     frequency, backlash, ratios = list(FREQUENCIES), list(BACKLASH), [0.3] * 4
     for k, name in enumerate(JOINTS):
-        part = controller.compliance.get(name)
-        if part is not None:
-            frequency[k] = part.frequency or frequency[k]
-            backlash[k] = backlash[k] if part.backlash is None else part.backlash
-            ratios[k] = part.damping_ratio
+        stated = controller.compliance.get(name)
+        if stated is not None:
+            frequency[k] = stated.frequency or frequency[k]
+            backlash[k] = backlash[k] if stated.backlash is None else stated.backlash
+            ratios[k] = stated.damping_ratio
     default = Compliance.of_frequency(
         body, np.zeros(4), (frequency[0], frequency[1], frequency[2], frequency[3])
     )
@@ -169,7 +164,7 @@ def compliance_of(plant_robot: Robot, controller: Controller, scale: float = 1.0
 
 
 class ControlledArm(ArmPlant):
-    """An arm with the controllers of its drives, for playing any set points under any friction."""
+    """An arm with the controllers of its drives. It can play any set points with any friction."""
 
     def __init__(
         self,
@@ -183,7 +178,20 @@ class ControlledArm(ArmPlant):
     ) -> None:
         """Build the arm.
 
-        `windows` are the following errors (rad at the motor) that trip a drive, by joint.
+        Parameters
+        ----------
+        robot
+            Robot with its drives and motors.
+        controller
+            The motor controller.
+        axes
+            Axis settings of the controller by joint.
+        windows
+            Following error (rad at the motor) that trips the drive, by joint.
+        compliance
+            Springs, dampers and backlash. The default is that of `compliance_of`.
+        steps
+            Number of steps of the plant in one period of the position loop.
         """
         self.period, self.steps = controller.loop_period, steps
         super().__init__(robot, compliance or compliance_of(robot, controller), self.period / steps)
@@ -195,13 +203,13 @@ class ControlledArm(ArmPlant):
         self._chunk = self.control_step.mapaccum("arm", _CHUNK)
 
     def start(self, q: Array, qd: Array, qdd: Array, command: Commands) -> Array:
-        """Return the state (44,) at the start of a motion q, qd, qdd (4,).
+        """Return the state (44,) of an arm that already follows the motion q, qd, qdd (4,).
 
-        The arm tracks the motion: motors are where the encoders expect them, loads deflect the
-        joints, the currents overcome load and friction, and the integrals of the loops provide
-        the part of the current that the first commands lack.
+        The motors are at the positions that the encoders expect, and the loads deflect the joints.
+        The currents overcome the load and the friction. The integral terms of the position loops
+        provide the part of the current that the first `command` does not contain.
         """
-        state = np.concatenate([self.in_motion(q, qd, qdd), np.zeros(WHOLE - STATE)])
+        state = np.concatenate([self.in_motion(q, qd, qdd), np.zeros(FULL_STATE - STATE)])
         motor = self.at_rest(q)[MOTOR]
         needed = motor_torque(self.robot, q, qd, qdd)
         for k in self.driven:
@@ -220,9 +228,10 @@ class ControlledArm(ArmPlant):
         return state
 
     def offsets(self, q: Array) -> Array:
-        """Return the motor angles (4,) beyond ratio · q that the encoders read as zero.
+        """Return the offsets of the encoders, (4,), rad.
 
-        The encoders were set at rest at q (4,).
+        An offset is the motor angle minus ratio · q while the arm rests at q (4,). There, the
+        encoders were set to ratio · q, although the weight deflects the joints.
         """
         state, angles = self.at_rest(q), np.zeros(4)
         for k in self.driven:
@@ -230,39 +239,55 @@ class ControlledArm(ArmPlant):
         return angles
 
     def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Played:
-        """Simulate the arm under commands, from a state (44,).
+        """Simulate the arm while its controllers execute commands.
 
-        `offsets` (4,) are those of the encoders, and `friction` has the layout of
-        `ArmPlant.friction`. The result has the state, the following errors and the saturation of
-        every period. A chunk of periods takes half steps if one of them needs them.
+        A chunk of periods is simulated with half steps if one of its periods needs them.
+
+        Parameters
+        ----------
+        state
+            Initial state, (44,).
+        command
+            Commands of n periods.
+        offsets
+            Offsets of the encoders, (4,), rad.
+        friction
+            Friction parameters in the layout of `ArmPlant.friction`, (28,).
+
+        Returns
+        -------
+        Played
+            States, following errors and saturation of all periods.
         """
         table = command.table()
         table = np.hstack([table, np.tile(np.concatenate([offsets, friction]), (len(table), 1))])
         halved = self.needs_half_steps(command)
-        states, errors, saturated = [state[:, None]], [], []
+        states, errors, saturated = series = [state[:, None]], list[Array](), list[Array]()
         for start in range(0, len(table), _CHUNK):
             rows = table[start : start + _CHUNK]
-            used = len(rows)
-            rows = np.pad(rows, ((0, _CHUNK - used), (0, 0)), "edge")
-            step_chunk = self._chunk_in_halves if halved[start] else self._chunk
-            chunk_states, error, cut = step_chunk(states[-1][:, -1], rows.T)
-            states.append(chunk_states.full()[:, :used])
-            errors.append(error.full()[:, :used])
-            saturated.append(cut.full()[:, :used])
+            count = len(rows)
+            rows = np.pad(rows, ((0, _CHUNK - count), (0, 0)), "edge")
+            simulate_chunk = self._chunk_in_halves if halved[start] else self._chunk
+            outputs = simulate_chunk(states[-1][:, -1], rows.T)
+            for values, output in zip(series, outputs, strict=True):
+                values.append(output.full()[:, :count])
         return Played(np.hstack(states).T, np.hstack(errors).T, np.hstack(saturated).T)
 
     def needs_half_steps(self, command: Commands) -> Mask:
-        """Select the periods (n,) for half steps: near breakaway a full step errs most."""
-        turns = command.speed != 0
-        starts = (turns & ~np.vstack([np.zeros((1, 4), dtype=bool), turns[:-1]])).any(axis=1)
+        """Return a mask (n,) of the periods that are simulated with half steps.
+
+        These are the chunks in which a drive breaks away, where the error of full steps is largest.
+        """
+        moving = command.speed != 0
+        was_moving = np.vstack([np.zeros((1, 4), dtype=bool), moving[:-1]])
+        starts = (moving & ~was_moving).any(axis=1)
         chunks = range(0, len(starts), _CHUNK)
-        return np.repeat(
-            [starts[max(0, k - _BREAKAWAY) : k + _CHUNK].any() for k in chunks], _CHUNK
-        )[: len(starts)]
+        has_start = [starts[max(0, k - _BREAKAWAY) : k + _CHUNK].any() for k in chunks]
+        return np.repeat(has_start, _CHUNK)[: len(starts)]
 
     @cached_property
     def control_step_in_halves(self) -> ca.Function:
-        """The function `control_step` with steps of the plant that are half as long."""
+        """The function `control_step` with half as long steps of the plant."""
         h, steps = self.h, self.steps
         self.h, self.steps = h / 2, 2 * steps
         function = self._period_function()
@@ -274,17 +299,20 @@ class ControlledArm(ArmPlant):
         return self.control_step_in_halves.mapaccum("halves", _CHUNK)
 
     def _period_function(self) -> ca.Function:
-        """Build the function (state, commands) → (next state, following errors, saturation)."""
-        x, u = ca.SX.sym("x", WHOLE), ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
+        """Build the CasADi function that advances the arm by one period of the position loop.
+
+        Its arguments are a state (44,) and an input (57,), which consists of a row of
+        `Commands.table`, the offsets of the encoders and the friction parameters. It returns the
+        next state (44,), the following errors (4,) and the saturation (4,).
+        """
+        x, u = ca.SX.sym("x", FULL_STATE), ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
         demand, speed, acceleration, torque, prescribed, stalled = (
             u[4 * k : 4 * k + 4] for k in range(6)
         )
         offsets, friction = u[25:29], u[29:]
         power = ca.logic_and(u[24], ca.mmax(x[TRIP]) == 0)
-        tau, loops = (
-            [ca.SX(0)] * 4,
-            {name: [ca.SX(0)] * 4 for name in ("current", "i", "d", "e", "trip", "cut")},
-        )
+        tau = [ca.SX(0)] * 4
+        loops = {name: [ca.SX(0)] * 4 for name in ("current", "i", "d", "e", "trip", "cut")}
         for k in self.driven:
             joint, electrics = self.robot.joints[k], self.electrics[k]
             gains, axis = gains_of(joint, self.controller, electrics), self.axes[joint.name]
@@ -305,12 +333,13 @@ class ControlledArm(ArmPlant):
             loops["i"][k], loops["d"][k], loops["e"][k] = step.integral, step.derivative, error
             late = ca.logic_and(power, ca.fabs(error) > self.windows[joint.name])
             loops["trip"][k] = ca.fmax(x[TRIP][k], late)
-        # Without power a joint without a drive stops, because its actuation is not modelled.
+        # The actuation of a joint without a drive is not modelled. It stops if the power fails.
         locked = ca.if_else(power, prescribed, -x[QD] / self.period)
         y = ca.vertcat(x[: INTEGRAL.start], *loops["i"], x[INTEGRAL.stop : STATE])
         step_once = self.step_function()
         for _ in range(self.steps):
             y = step_once(y, ca.vertcat(*tau), locked, stalled, friction)
-        after = ca.vertcat(y, *(ca.vertcat(*loops[name]) for name in ("current", "d", "e", "trip")))
-        outputs = [after, ca.vertcat(*loops["e"]), ca.vertcat(*loops["cut"])]
+        columns = {name: ca.vertcat(*values) for name, values in loops.items()}
+        state = ca.vertcat(y, *(columns[name] for name in ("current", "d", "e", "trip")))
+        outputs = [state, columns["e"], columns["cut"]]
         return dense("period", [x, u], outputs)

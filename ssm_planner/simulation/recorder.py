@@ -1,4 +1,7 @@
-"""Write a simulated playback in the format of the recorder, for `compare` and `identify`."""
+"""Write a simulated playback in the format of a drive's recorder.
+
+The commands `compare` and `identify` can read these files.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,9 @@ _CHANNELS = (
 def write_recordings(
     result: SimulationResult, folder: Path, sampling: float = SAMPLING
 ) -> dict[str, Path]:
-    """Write one recording of each driven joint into a folder. Returns the paths by joint.
+    """Write one recording for each driven joint into a folder, and return the paths by joint.
 
-    Raises ExportError.
+    `sampling` is the sampling period, s. Raises ExportError if a file cannot be written.
     """
     return {
         name: write_recording(result, name, folder / f"{name}.csv", sampling)
@@ -37,10 +40,11 @@ def write_recordings(
 def write_recording(
     result: SimulationResult, joint: str, path: Path, sampling: float = SAMPLING
 ) -> Path:
-    """Write one joint in the EPOS recorder's layout: ms, rpm, % of rated torque, increments.
+    """Write the recording of one joint in the layout of the EPOS recorder.
 
-    Speed and torque are averaged over the sampling period (s). Signs are those of the controller.
-    Raises ExportError.
+    The columns are the time in ms, the speed in rpm, the torque in % of the rated torque, and the
+    position in increments, with the signs of the controller. Speed and torque are averaged over
+    the sampling period (s). Raises ExportError if the file cannot be written.
     """
     axis, k = result.axes[joint], JOINTS.index(joint)
     count = int(result.time[-1] / sampling) + 1

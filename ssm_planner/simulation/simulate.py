@@ -1,4 +1,4 @@
-"""Simulate a plan on the arm with its drives' controllers, and disturbances of the playback."""
+"""Simulate how the arm executes a plan, with the controllers of its drives and disturbances."""
 
 from __future__ import annotations
 
@@ -39,35 +39,35 @@ from ssm_planner.typing import Array, record
 PERIOD = 1
 """Period of the exported set points, ms."""
 COUNTS = 4096
-"""Default increments per motor turn, if neither motor nor controller file gives them.
+"""Increments per motor turn, if neither the motor file nor the controller file states them.
 
-The authors' rigs have this value.
+The test rigs of the paper have this value.
 """
 TIP_ERROR = 1e-4
 """Default of the largest permitted tip error, m.
 
-It is about the tremor of an unaided hand (0.05 to 0.18 mm RMS).
+The tremor of an unaided hand has about this size (0.05 to 0.18 mm RMS).
 """
 SETTLE = 0.2
 """Time for which the drives hold the target before they lose power, s."""
 HORIZON = 1.0
 """Time after a loss of power within which the arm must stand still, s."""
 STILL = 0.05
-"""Time for which motion must be absent before the arm counts as standing still, s.
+"""Time without motion after which the arm counts as standing still, s.
 
 A joint that swings on its spring turns back within this time.
 """
 STANDS = 1e-3
-"""Share of the velocity limit below which a joint stands still if its motor is at rest."""
+"""Speed below which a joint with a resting motor stands still, as a share of the velocity limit."""
 EVERYWHERE: Literal["everywhere"] = "everywhere"
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """Conditions and disturbances of a playback. All of them may be combined."""
+    """Conditions and disturbances of a playback. Any of them can be combined."""
 
     speed: float = 1.0
-    """Speed of the playback relative to the plan."""
+    """Speed of the playback as a share of the planned speed."""
     payload: float = 0.0
     """Point mass at the tip, kg."""
     payload_time: float = 0.0
@@ -75,39 +75,46 @@ class Scenario:
     power_loss: float | Literal["everywhere"] | None = None
     """Time at which all drives lose their power, s.
 
-    None means after holding the target for SETTLE.
+    "everywhere" simulates a loss at many instants. With None, the drives lose their power after
+    they have held the target for SETTLE.
     """
     instants: int = 1000
-    """Number of instants of a power loss everywhere."""
+    """Number of instants for `power_loss="everywhere"`."""
     stall: tuple[str, float] | None = None
     """Joint whose motor is blocked, and the time at which it is blocked, s."""
     supply: float | None = None
-    """Supply voltage, V. None means that of the controller."""
+    """Supply voltage, V. None means the voltage of the controller."""
     friction: float = 1.0
     """Factor on the friction of every drive."""
     dropped: float | None = None
     """Time at which one set point of every drive is lost, s."""
     wrong_direction: str | None = None
-    """Joint whose controller counts in the direction opposite to that of the robot file."""
+    """Joint whose controller counts in the wrong direction, opposite to that of the robot file."""
     compliance: float = 1.0
-    """Factor on the assumed stiffness and damping between motor and joint."""
+    """Factor on the stiffness and the damping between motor and joint."""
     draws: int = 0
-    """Number of additional playbacks with friction drawn from the data of the drive files."""
+    """Number of additional playbacks with random friction from the data of the drive files."""
     spread: float | None = None
-    """Relative range of friction without stated uncertainty. None means the stated values."""
+    """Relative range of friction for which the drive file states no uncertainty.
+
+    None means that such friction is certain.
+    """
     tip_error: float = TIP_ERROR
     """Largest permitted tip error, m."""
     travel: float | None = None
-    """Largest permitted travel of the tip after a loss of power, m. None means any."""
+    """Largest permitted travel of the tip after a loss of power, m. None permits any travel."""
 
     def __post_init__(self) -> None:
         if self.power_loss is not None and self.power_loss != EVERYWHERE:
             object.__setattr__(self, "power_loss", float(self.power_loss))
 
     def check(self, robot: Robot, duration: float) -> None:
-        """Raise ProblemError if the robot cannot play the scenario in this duration (s)."""
+        """Raise ProblemError if a value is out of range or does not fit the robot or the motion.
+
+        `duration` is the duration of the motion at the speed of the scenario, s.
+        """
         driven = [joint.name for joint in robot.joints if joint.drive is not None]
-        for key, holds, fault, allowed in (
+        for key, is_valid, fault, allowed in (
             ("speed", 0 < self.speed <= 1, "out of range", "above 0 and up to 1 (100 %)"),
             ("draws", 0 <= self.draws <= 100_000, "out of range", "0 to 100 000"),
             (
@@ -124,7 +131,7 @@ class Scenario:
             ),
             ("friction", 0 < self.friction <= 10, "out of range", "above 0 and up to 10"),
         ):
-            if not holds:
+            if not is_valid:
                 raise ProblemError(fault, key=key, value=getattr(self, key), allowed=allowed)
         for key, joint in (
             ("stall", self.stall and self.stall[0]),
@@ -155,89 +162,98 @@ class Tracking(ShortRepr):
 
     joint: str
     worst: float
+    """Largest magnitude of the error."""
     rms: float
 
 
 @dataclass(frozen=True)
 class MotorUse(ShortRepr):
-    """Use of one motor in the simulation."""
+    """Load of one motor and its drive in the simulation."""
 
     joint: str
     peak_torque: float
-    """N·m."""
+    """Largest motor torque, N·m."""
     limit: float
     """Largest torque of the motor, N·m."""
     saturated: bool
-    """True if more current was demanded than the drive or its supply can give."""
+    """True if the controller demanded more current than the drive or its supply can provide."""
     tripped: bool
-    """True if the following error left its window."""
+    """True if the following error left its window, so that the drive switched off."""
     following_error: float
     """Largest following error, increments."""
     window: int
-    """Window of the following error, increments."""
+    """Largest permitted following error, increments."""
     placeholder: bool
     """True if values of the motor are placeholders."""
 
 
 @record
 class PowerLosses(ShortRepr):
-    """Behaviour of the arm after all drives lose their power, at each of n instants."""
+    """Motion of the arm after all drives have lost their power, for n instants of the loss."""
 
     time: Array
-    """(n,), time since the start, s."""
+    """Instants of the loss, measured from the start of the motion, (n,), s."""
     travel: Array
-    """(n,), largest distance of the tip from its position at the loss of power, m."""
+    """Largest distance of the tip from its position at the loss, (n,), m."""
     standing: Array
-    """(n,), time until the arm stands still, s. Infinite if it exceeds HORIZON."""
+    """Time until the arm stands still, (n,), s. Infinite if it exceeds HORIZON."""
 
     @property
     def holds(self) -> bool:
-        """True if the arm stopped after every loss of power."""
+        """True if the arm comes to rest after every loss of power."""
         return bool(np.all(np.isfinite(self.standing)))
 
     @property
     def worst(self) -> int:
-        """Index of the largest travel."""
+        """Index of the loss with the largest travel."""
         return int(np.argmax(self.travel))
 
 
 @record
 class SimulationResult(ShortRepr):
-    """A simulated playback, the planned motion, and the verdict.
+    """A simulated playback at n instants, the planned motion, and the verdict.
 
-    Arrays are (n,) and (n, 4), in SI units.
+    Arrays are (n, 4) unless stated otherwise, in SI units.
     """
 
     time: Array
+    """Instants since the start, (n,), s."""
     planned: Array
     """Planned joint positions."""
     q: Array
     qd: Array
     motor_angle: Array
-    """Motor angle that the encoder counts, rad, from ratio · q at the start."""
+    """Motor angle that the encoder measures, rad. It is ratio · q at the start."""
     w: Array
+    """Motor speed, rad/s."""
     torque: Array
+    """Motor torque, N·m."""
     tip: Array
-    """Distance of the tip from its planned position, m, (n,)."""
+    """Distance of the tip from its planned position, (n,), m."""
     following: Array
     """Following errors, rad at the motor."""
     powered: Array
-    """(n,), True while the drives have power. Power does not return once it is lost."""
+    """True while the drives have power, (n,). Lost power does not return."""
     tracking: tuple[Tracking, ...]
     motors: tuple[MotorUse, ...]
     losses: PowerLosses
     scenario: Scenario
     reasons: tuple[str, ...]
-    """Reasons for not passing. Empty if the simulation passed."""
+    """Reasons why the simulation failed. Empty if it passed."""
     axes: dict[str, Axis] = field(default_factory=dict)
+    """Axis settings of the controller by joint."""
     notes: tuple[str, ...] = ()
     """Assumptions of the simulation."""
     draws: Draws | None = None
-    """Results of the same motion under drawn frictions. None if none were requested."""
+    """Results of the same motion with random friction. None if the scenario requests none."""
 
     @property
     def passed(self) -> bool:
-        """True if no drive tripped or saturated and the arm stood still without power."""
+        """True if there is no reason for a failure.
+
+        Reasons are a tripped drive, a saturated motor, a large tip error, and an arm that does not
+        come to rest without power.
+        """
         return not self.reasons
 
     @property
@@ -247,7 +263,7 @@ class SimulationResult(ShortRepr):
 
     @property
     def holds(self) -> bool:
-        """True if the arm stands after every simulated loss of power."""
+        """True if the arm comes to rest after every simulated loss of power."""
         return self.losses.holds
 
     @property
@@ -300,9 +316,9 @@ def simulate(
     controller
         The motor controller. The default is `Controller()`.
     progress
-        Called with progress messages.
+        Function that receives progress messages.
     robot
-        Robot of a trajectory. A plan names its robot.
+        Robot of a trajectory. A plan contains its robot.
 
     Returns
     -------
@@ -320,12 +336,9 @@ def simulate(
     scenario.check(plan.robot, duration)
     if scenario.supply is not None:
         controller = replace(controller, supply=scenario.supply)
-    played_plan = (
-        plan
-        if scenario.speed == 1.0
-        else replace(plan, trajectory=plan.motion.slower(scenario.speed))
-    )
-    stage = _Stage(played_plan, scenario, controller)
+    if scenario.speed != 1.0:
+        plan = replace(plan, trajectory=plan.motion.slower(scenario.speed))
+    stage = _Stage(plan, scenario, controller)
     progress("playing the set points")
     played = stage.play()
     progress("losing power")
@@ -334,7 +347,7 @@ def simulate(
 
 
 class _Stage:
-    """A plan, a scenario, and the arm that plays the plan."""
+    """The simulation of one plan in one scenario, with the arms that play the plan."""
 
     def __init__(self, plan: Plan, scenario: Scenario, controller: Controller) -> None:
         self.plan, self.scenario, self.controller = plan, scenario, controller
@@ -345,7 +358,7 @@ class _Stage:
         self.unknown: tuple[str, ...] = ()
         self.period = controller.loop_period
         loss = scenario.power_loss
-        end = plan.motion.duration + SETTLE if not isinstance(loss, float) else loss + HORIZON
+        end = loss + HORIZON if isinstance(loss, float) else plan.motion.duration + SETTLE
         self.time: Array = self.period * np.arange(round(end / self.period), dtype=float)
         stretch = setpoint_times(plan, PERIOD)[1]
         samples = at_times(plan, plan.motion.breaks[0] + self.time, stretch)
@@ -362,8 +375,8 @@ class _Stage:
             springs = compliance_of(self.plan.robot, self.controller, self.scenario.compliance)
             robot = with_payload(self.plan.robot, payload)
             windows = {
-                name: 2 * np.pi / self.axes[name].counts_per_turn * self.windows[name]
-                for name in self.axes
+                name: 2 * np.pi / axis.counts_per_turn * self.windows[name]
+                for name, axis in self.axes.items()
             }
             self.arms[payload] = ControlledArm(
                 robot, self.controller, self.axes, windows, compliance=springs
@@ -371,39 +384,33 @@ class _Stage:
         return self.arms[payload]
 
     def play(self) -> Played:
-        """Play the whole motion. The payload is picked up at the time that the scenario states."""
+        """Play the complete motion. The arm picks up the payload at the time of the scenario."""
         scenario = self.scenario
-        empty_arm = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
-        state = empty_arm.start(*self.initial_motion, self.commands)
-        self.offsets = empty_arm.offsets(self.planned[0])
-        self.friction = empty_arm.friction(scenario.friction)
+        arm = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
+        state = arm.start(*self.initial_motion, self.commands)
+        self.offsets = arm.offsets(self.planned[0])
+        self.friction = arm.friction(scenario.friction)
         change = round(scenario.payload_time / self.period) if scenario.payload_time > 0 else 0
         if not change or not scenario.payload:
-            return empty_arm.play(state, self.commands, self.offsets, self.friction)
-        before = empty_arm.play(
-            state, part_of(self.commands, slice(0, change)), self.offsets, self.friction
-        )
-        second = self.arm(scenario.payload)
-        after = second.play(
-            before.states[-1],
-            part_of(self.commands, slice(change, None)),
-            self.offsets,
-            self.friction,
-        )
+            return arm.play(state, self.commands, self.offsets, self.friction)
+        parts = [rows_of(self.commands, rows) for rows in (slice(0, change), slice(change, None))]
+        empty = arm.play(state, parts[0], self.offsets, self.friction)
+        arm = self.arm(scenario.payload)
+        loaded = arm.play(empty.states[-1], parts[1], self.offsets, self.friction)
         return Played(
-            np.vstack([before.states, after.states[1:]]),
-            np.vstack([before.error, after.error]),
-            np.vstack([before.saturated, after.saturated]),
+            np.vstack([empty.states, loaded.states[1:]]),
+            np.vstack([empty.error, loaded.error]),
+            np.vstack([empty.saturated, loaded.saturated]),
         )
 
     def lose_power(self, played: Played, progress: Callable[[str], None]) -> PowerLosses:
-        """Cut the power at the scenario's instant, at many instants, or at the end."""
+        """Simulate losses of power at the instants of the scenario, or at the end of the motion."""
         loss, duration = self.scenario.power_loss, self.plan.motion.duration
         if loss == EVERYWHERE:
             instants = np.linspace(0.0, duration, self.scenario.instants)
         else:
             instants = np.array([loss if isinstance(loss, float) else self.time[-1]])
-        off = part_of(self.commands, np.zeros(round(HORIZON / self.period), dtype=int))
+        off = rows_of(self.commands, np.zeros(round(HORIZON / self.period), dtype=int))
         off = replace(off, power=np.zeros(len(off.power)))
         travel, standing = np.zeros(len(instants)), np.zeros(len(instants))
         for i, instant in enumerate(instants):
@@ -414,35 +421,48 @@ class _Stage:
         return PowerLosses(instants, travel, standing)
 
     def _stop(self, state: Array, off: Commands, instant: float) -> tuple[float, float]:
-        """Simulate the arm without power, from a state (44,).
+        """Simulate the arm without power, from a state (44,) until it stands still.
 
-        Returns the largest distance of the tip from its start, m, and the time until the arm
-        stands still, s. The time is infinite if the arm moves to the end of the commands.
+        Parameters
+        ----------
+        state
+            State at the loss of power, (44,).
+        off
+            Commands without power.
+        instant
+            Instant of the loss, s.
+
+        Returns
+        -------
+        travel : float
+            Largest distance of the tip from its initial position, m.
+        time : float
+            Time until the arm stands still, s. Infinite if it still moves at the end of `off`.
         """
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
         states, chunk, still_periods = [state[None, :]], 250, round(STILL / self.period)
         for k in range(0, len(off.power), chunk):
-            continuation = arm.play(
-                states[-1][-1], part_of(off, slice(k, k + chunk)), self.offsets, self.friction
-            )
+            commands = rows_of(off, slice(k, k + chunk))
+            continuation = arm.play(states[-1][-1], commands, self.offsets, self.friction)
             states.append(continuation.states[1:])
             if np.all(self._standing(continuation.states)[-still_periods:]):
                 break
         path = np.vstack(states)
         moving = np.flatnonzero(np.logical_not(self._standing(path)))
-        stop_time = 0.0 if not len(moving) else float(self.period * (moving[-1] + 1))
+        periods = moving[-1] + 1 if len(moving) else 0
         tips = tip_position(Mechanism.from_geometry(self.plan.robot.geometry), path[::5, Q])
-        stopped = len(moving) == 0 or moving[-1] < len(path) - still_periods
         travel = float(np.linalg.norm(tips - tips[0], axis=1).max())
-        return travel, stop_time if stopped else np.inf
+        stopped = periods <= len(path) - still_periods or not len(moving)
+        return travel, float(self.period * periods) if stopped else np.inf
 
     def _standing(self, states: Array) -> Array:
-        """Return flags (n,), True if every motor is at rest and every joint stands still."""
-        still = np.array([STANDS * joint.velocity for joint in self.plan.robot.joints])
-        return np.all(states[:, W] == 0.0, axis=1) & np.all(np.abs(states[:, QD]) <= still, axis=1)
+        """Return a mask (n,) of the states (n, 44) in which all motors and joints stand still."""
+        largest = np.array([STANDS * joint.velocity for joint in self.plan.robot.joints])
+        joints_stand = np.all(np.abs(states[:, QD]) <= largest, axis=1)
+        return np.all(states[:, W] == 0.0, axis=1) & joints_stand
 
     def draws(self, progress: Callable[[str], None]) -> Draws | None:
-        """Play the same set points under many frictions. None if the scenario requests none."""
+        """Play the same set points with random friction, if the scenario requests it."""
         scenario = self.scenario
         if not scenario.draws:
             return None
@@ -465,26 +485,23 @@ class _Stage:
         """Build the result and its verdict."""
         states, robot = played.states[:-1], self.plan.robot
         mechanism = Mechanism.from_geometry(robot.geometry)
-        tip = np.linalg.norm(
-            tip_position(mechanism, states[:, Q]) - tip_position(mechanism, self.planned), axis=1
-        )
+        planned_tip = tip_position(mechanism, self.planned)
+        tip = np.linalg.norm(tip_position(mechanism, states[:, Q]) - planned_tip, axis=1)
         constants = [
-            electrics_of(j, self.controller).torque_constant if j.drive else 0.0
-            for j in robot.joints
+            electrics_of(joint, self.controller).torque_constant if joint.drive else 0.0
+            for joint in robot.joints
         ]
         torque = played.states[1:, CURRENT] * np.array(constants)
-        on = (self.commands.power > 0) & np.all(states[:, TRIP] == 0, axis=1)
-        powered = slice(0, max(int(np.sum(on)), 1))
+        powered = (self.commands.power > 0) & np.all(states[:, TRIP] == 0, axis=1)
+        count = max(int(np.sum(powered)), 1)
         tripped = played.states[-1, TRIP] > 0
-        error = (states[:, Q] - self.planned)[powered]
+        error = (states[:, Q] - self.planned)[:count]
+        worst, rms = np.abs(error).max(axis=0), np.sqrt(np.mean(error**2, axis=0))
         tracking = tuple(
-            Tracking(
-                joint, float(np.abs(error[:, k]).max()), float(np.sqrt(np.mean(error[:, k] ** 2)))
-            )
-            for k, joint in enumerate(JOINTS)
+            Tracking(joint, float(worst[k]), float(rms[k])) for k, joint in enumerate(JOINTS)
         )
         motors = tuple(
-            self._motor(k, torque[powered, k], played, bool(tripped[k]))
+            self._motor(k, torque[:count, k], played, bool(tripped[k]))
             for k, joint in enumerate(robot.joints)
             if joint.drive is not None
         )
@@ -498,7 +515,7 @@ class _Stage:
             torque=torque,
             tip=tip,
             following=played.error,
-            powered=on,
+            powered=powered,
             tracking=tracking,
             motors=motors,
             losses=losses,
@@ -511,35 +528,40 @@ class _Stage:
         return replace(result, reasons=tuple(_reasons(result)))
 
     def _motor(self, k: int, torque: Array, played: Played, tripped: bool) -> MotorUse:
+        """Return the load of the motor of joint k. `torque` (m,) covers the powered periods."""
         joint = self.plan.robot.joints[k]
         counts, motor = self.axes[joint.name].counts_per_turn, joint.motor
+        largest_error = float(np.abs(played.error[: len(torque), k]).max())
         return MotorUse(
             joint.name,
             peak_torque=float(np.abs(torque).max()),
             limit=np.inf if motor is None else motor.max_torque,
             saturated=bool(played.saturated[:, k].any()),
             tripped=tripped,
-            following_error=float(np.abs(played.error[: len(torque), k]).max())
-            * counts
-            / (2 * np.pi),
+            following_error=largest_error * counts / (2 * np.pi),
             window=self.windows[joint.name],
             placeholder=motor is not None and motor.placeholder,
         )
 
     def _window(self, axis: Axis) -> int:
+        """Return the following error that trips a drive, increments."""
         window = self.controller.axis(axis.name).following_error
         if window is None:
             return following_error_window(axis, PERIOD)
         return max(round(window * abs(axis.increments_per_unit)), 1)
 
     def _commands(self, prescribed: Array) -> Commands:
+        """Return the commands of the plan, changed by the disturbances of the scenario.
+
+        `prescribed` (n, 4) contains the accelerations of joints without a drive.
+        """
         scenario = self.scenario
         streams = setpoints(self.plan, self.axes, PERIOD)
         if scenario.dropped is not None:
-            lost = max(1, round(1000 * scenario.dropped / PERIOD))
             for stream in streams.values():
                 for column in stream.values():
-                    column[min(lost, len(column) - 1)] = column[min(lost, len(column) - 1) - 1]
+                    lost = min(max(1, round(1000 * scenario.dropped / PERIOD)), len(column) - 1)
+                    column[lost] = column[lost - 1]
         result = commands(
             streams, self.axes, self.controller, (self.time, prescribed), PERIOD / 1000
         )
@@ -581,23 +603,26 @@ class _Stage:
         return tuple(notes)
 
 
-def part_of(source: Commands, rows: slice | Array) -> Commands:
-    """Return rows (m,) of the commands."""
-    return Commands(**{name: column[rows] for name, column in vars(source).items()})
+def rows_of(commands: Commands, rows: slice | Array) -> Commands:
+    """Return the commands of the selected periods. `rows` is a slice or indices (m,)."""
+    return Commands(**{name: column[rows] for name, column in vars(commands).items()})
 
 
 def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
-    """Return the increments per motor turn from the motor file, the controller file, or COUNTS."""
+    """Return the increments per motor turn by joint.
+
+    They follow from the motor file, otherwise from the controller file. The default is COUNTS.
+    """
     counts = {}
     for joint in robot.joints:
-        encoder = None if joint.motor is None else joint.motor.encoder_counts
-        counts[joint.name] = (
-            QUADRATURE * encoder if encoder else controller.counts_per_turn or COUNTS
-        )
+        counts[joint.name] = controller.counts_per_turn or COUNTS
+        if joint.motor is not None and joint.motor.encoder_counts:
+            counts[joint.name] = QUADRATURE * joint.motor.encoder_counts
     return counts
 
 
 def _reasons(result: SimulationResult) -> list[str]:
+    """Return the reasons why a simulation failed, as sentences."""
     scenario, reasons = result.scenario, []
     if not np.all(np.isfinite(result.q)):
         return ["the simulated motion diverged: the controller gains make the plant unstable"]
@@ -605,25 +630,22 @@ def _reasons(result: SimulationResult) -> list[str]:
         if motor.tripped:
             k = JOINTS.index(motor.joint)
             counts = result.axes[motor.joint].counts_per_turn
-            late = np.abs(result.following[:, k]) * counts / (2 * np.pi) > motor.window
-            when = float(result.time[int(np.argmax(late))])
+            is_outside = np.abs(result.following[:, k]) * counts / (2 * np.pi) > motor.window
+            time = float(result.time[int(np.argmax(is_outside))])
             reasons.append(
                 f"joint {motor.joint}: the following error left its window of {motor.window} "
-                f"increments at {when:.4f} s; "
-                "the drives lost their power"
+                f"increments at {time:.4f} s; the drives lost their power"
             )
         if motor.saturated:
             reasons.append(
                 f"joint {motor.joint}: the motor saturated (peak torque "
-                f"{1e3 * motor.peak_torque:.3g} mN·m, largest "
-                f"{1e3 * motor.limit:.3g} mN·m)"
+                f"{1e3 * motor.peak_torque:.3g} mN·m, largest {1e3 * motor.limit:.3g} mN·m)"
             )
     if result.tip_error > scenario.tip_error:
-        when = float(result.time[int(np.argmax(result.tip * result.powered))])
+        time = float(result.time[int(np.argmax(result.tip * result.powered))])
         reasons.append(
-            f"the tip was {1e3 * result.tip_error:.3g} mm away from the plan at {when:.4f} s "
-            "(allowed: "
-            f"{1e3 * scenario.tip_error:.3g} mm)"
+            f"the tip was {1e3 * result.tip_error:.3g} mm away from the plan at {time:.4f} s "
+            f"(allowed: {1e3 * scenario.tip_error:.3g} mm)"
         )
     if result.draws is not None and not result.draws.passed.all():
         failed = int(np.sum(~result.draws.passed))
@@ -633,14 +655,11 @@ def _reasons(result: SimulationResult) -> list[str]:
         )
     losses = result.losses
     if not losses.holds:
-        first = float(losses.time[np.argmax(~np.isfinite(losses.standing))])
-        reasons.append(
-            f"without power at {first:.4f} s the arm does not stand within {HORIZON:g} s"
-        )
+        time = float(losses.time[np.argmax(~np.isfinite(losses.standing))])
+        reasons.append(f"without power at {time:.4f} s the arm does not stand within {HORIZON:g} s")
     if scenario.travel is not None and result.travel > scenario.travel:
         reasons.append(
             f"without power at {float(losses.time[losses.worst]):.4f} s the tip travels "
-            f"{1e3 * result.travel:.3g} mm "
-            f"(allowed: {1e3 * scenario.travel:.3g} mm)"
+            f"{1e3 * result.travel:.3g} mm (allowed: {1e3 * scenario.travel:.3g} mm)"
         )
     return reasons

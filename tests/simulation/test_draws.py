@@ -14,7 +14,7 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation import draws as module
 from ssm_planner.simulation.draws import PROGRESS_INTERVAL, TIP_INTERVAL, Draws, play_draws
 from ssm_planner.simulation.plant import MOTOR, Q, W
-from ssm_planner.simulation.playback import CURRENT, TRIP, WHOLE, Commands
+from ssm_planner.simulation.playback import CURRENT, FULL_STATE, TRIP, Commands
 
 CONSTANTS = {0: 0.5, 1: 2.0, 3: 0.1}
 """Torque constants of the driven joints, N·m/A."""
@@ -57,7 +57,7 @@ def playback(
         electrics={k: SimpleNamespace(torque_constant=c) for k, c in CONSTANTS.items()},
     )
     monkeypatch.setattr(module, "Vectorised", lambda function: function)
-    start, friction = np.zeros(WHOLE), np.outer(np.arange(1.0, COUNT + 1), np.ones(28))
+    start, friction = np.zeros(FULL_STATE), np.outer(np.arange(1.0, COUNT + 1), np.ones(28))
     start[Q] = START
     said: list[str] = []
     result = play_draws(

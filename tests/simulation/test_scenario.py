@@ -25,7 +25,7 @@ from ssm_planner.simulation.simulate import (
     Scenario,
     SimulationResult,
     Tracking,
-    part_of,
+    rows_of,
 )
 from ssm_planner.units import rpm
 
@@ -240,8 +240,8 @@ def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None
     assert table.shape == (6, 25)
     assert np.array_equal(table[:, 16:20], given)
     assert table[:, 24].all()
-    assert np.array_equal(part_of(told, slice(2, 4)).table(), table[2:4])
-    assert isinstance(part_of(told, np.array([0])), Commands)
+    assert np.array_equal(rows_of(told, slice(2, 4)).table(), table[2:4])
+    assert isinstance(rows_of(told, np.array([0])), Commands)
 
 
 def test_springs_follow_frequency_and_scale(robot: Robot) -> None:

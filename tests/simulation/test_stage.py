@@ -17,7 +17,7 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.simulation import simulate as module
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
-from ssm_planner.simulation.playback import CURRENT, TRIP, WHOLE, Commands, Played
+from ssm_planner.simulation.playback import CURRENT, FULL_STATE, TRIP, Commands, Played
 from ssm_planner.simulation.simulate import (
     COUNTS,
     EVERYWHERE,
@@ -56,7 +56,7 @@ class FakeArm:
         self.moves = moves
 
     def start(self, q: np.ndarray, *motion: Any) -> np.ndarray:
-        state = np.zeros(WHOLE)
+        state = np.zeros(FULL_STATE)
         state[Q] = q
         return state
 
@@ -159,7 +159,7 @@ def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) ->
     assert np.array_equal(made.offsets, np.arange(4.0))
     assert [len(told.power) for told in empty.commands] == ([change] if change else [])
     assert [len(told.power) for told in loaded.commands] == [n - change]
-    assert played.states.shape == (n + 1, WHOLE)
+    assert played.states.shape == (n + 1, FULL_STATE)
     assert played.error.shape == played.saturated.shape == (n, 4)
     begin = loaded.begun[0]
     assert begin[Q] == pytest.approx(made.planned[0] + change)
@@ -273,12 +273,12 @@ def test_power_is_lost_at_even_instants_from_the_states_there(plan: Plan) -> Non
 
 def test_standing_means_that_every_motor_rests_and_no_joint_moves(plan: Plan) -> None:
     made = stage(plan)
-    states = np.zeros((9, WHOLE))
+    states = np.zeros((9, FULL_STATE))
     for k, joint in enumerate(plan.robot.joints):
         states[k, QD.start + k] = -1.01 * STANDS * joint.velocity
         states[4 + k, QD.start + k] = 0.99 * STANDS * joint.velocity
     assert made._standing(states).tolist() == [False] * 4 + [True] * 5
-    states = np.zeros((4, WHOLE))
+    states = np.zeros((4, FULL_STATE))
     states[:, W] = 1e-9 * np.eye(4)
     assert not made._standing(states).any()
 
@@ -286,7 +286,7 @@ def test_standing_means_that_every_motor_rests_and_no_joint_moves(plan: Plan) ->
 def played_by_hand(made: _Stage) -> Played:
     """The plan followed 2 µrad late by joint 1; currents, a saturated and a tripped drive."""
     n = len(made.time)
-    states = np.zeros((n + 1, WHOLE))
+    states = np.zeros((n + 1, FULL_STATE))
     states[:-1, Q], states[-1, Q] = made.planned, made.planned[-1]
     states[:, 0] += 2e-6
     states[:, CURRENT] = np.arange(n + 1.0)[:, None] / n * [1.0, -2.0, 0.0, 0.5]
