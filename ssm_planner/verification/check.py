@@ -20,12 +20,12 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.limits import ENDS, JUMPS, ContinuousTorque, SelfLocking
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import BLOCK, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.cases import worst_cases
 from ssm_planner.verification.certificate import Certificate, LimitCheck, sealed
 from ssm_planner.verification.ends import Jumps, end_checks
-from ssm_planner.verification.limits import Worst, quantities
+from ssm_planner.verification.limits import Quantity, Worst, quantities
 from ssm_planner.verification.pieces import find_extremes, pieces_of
 from ssm_planner.verification.polylines import linear_limits
 from ssm_planner.verification.promises import path_checks
@@ -77,18 +77,12 @@ def check(
     Certificate
     """
     straight = resolution is not None
+    jumps = Jumps(robot)
+    rate = min(rate, INSTANTS / trajectory.duration)
     # on straight pieces what depends on the acceleration is not defined
     checked = [item for item in quantities(robot, limits) if not straight or item.limit.order < 2]
     checked += [] if straight else worst_cases(trajectory, robot, limits)
-    extremes = [Worst(quantity) for quantity in checked]
-    jumps = Jumps(robot)
-    rate = min(rate, INSTANTS / trajectory.duration)
-    sampled = SampledExtremes(trajectory, robot, extremes, rate=rate, eye=limits.eye)
-    for pieces in pieces_of(trajectory):
-        find_extremes(pieces, extremes)
-        sampled.search(pieces)
-        jumps.look(pieces)
-    checks = [item.as_check() for item in extremes]
+    checks, sampled = _worst_values(trajectory, robot, limits, checked, rate, jumps=jumps)
     unchecked = [
         f"motor torque and speed of joint {joint.name}: {_lacking(joint)}"
         for joint in robot.joints
@@ -106,6 +100,7 @@ def check(
             trajectory, robot, limits, resolution, dict(zip(checked, checks, strict=True))
         )
         unchecked += undefined
+        checks += _dynamics_of_smooth_pieces(trajectory, robot, limits, rate)
     checks += jumps.checks(straight)
     checks = _worst_of_each(checks)
     checks += end_checks(trajectory, robot, limits, straight)
@@ -121,6 +116,48 @@ def check(
         )
     certificate = Certificate(tuple(checks), interpolation, sampled.instants, tuple(unchecked))
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
+
+
+def _worst_values(
+    trajectory: Trajectory,
+    robot: Robot,
+    limits: TaskLimits,
+    checked: list[Quantity],
+    rate: float,
+    jumps: Jumps | None = None,
+) -> tuple[list[LimitCheck], SampledExtremes]:
+    """Return the check of each quantity, and the search that sampled the trajectory."""
+    extremes = [Worst(quantity) for quantity in checked]
+    sampled = SampledExtremes(trajectory, robot, extremes, rate=rate, eye=limits.eye)
+    for pieces in pieces_of(trajectory):
+        find_extremes(pieces, extremes)
+        sampled.search(pieces)
+        if jumps is not None:
+            jumps.look(pieces)
+    return [item.as_check() for item in extremes], sampled
+
+
+def _dynamics_of_smooth_pieces(
+    trajectory: Trajectory, robot: Robot, limits: TaskLimits, rate: float
+) -> list[LimitCheck]:
+    """Check accelerations, jerks and torques on the pieces that are not linear.
+
+    These pieces are joined without the linear ones, because each quantity depends on one piece.
+    """
+    starts = range(0, len(trajectory.breaks) - 1, BLOCK)
+    curved = [trajectory.pieces(slice(k, k + BLOCK))[:, 2:].any(axis=(1, 2)) for k in starts]
+    index = np.flatnonzero(np.concatenate(curved))
+    if not len(index):
+        return []
+    breaks = np.append(0.0, np.cumsum(np.diff(trajectory.breaks)[index]))
+    part = Trajectory(breaks, trajectory.pieces(index), ())
+    checked = [item for item in quantities(robot, limits) if item.limit.order >= 2]
+    checked += worst_cases(part, robot, limits)
+    checks, _ = _worst_values(part, robot, limits, checked, rate)
+    times = np.array([item.time for item in checks])
+    piece = part.piece_of(times)
+    times += trajectory.breaks[index[piece]] - breaks[piece]
+    return [replace(item, time=float(t)) for item, t in zip(checks, times, strict=True)]
 
 
 def _worst_of_each(checks: list[LimitCheck]) -> list[LimitCheck]:
