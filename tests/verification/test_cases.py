@@ -160,3 +160,31 @@ def test_zeros_on_the_ends_of_halves_are_found_once(zeros: list[float], sign: fl
         assert found.reshape(len(rows), -1) == pytest.approx(
             np.tile(sorted(zeros), (len(rows), 1)), abs=1e-12
         )
+
+
+@pytest.mark.parametrize("block", [1, 100_000])
+def test_extreme_sets_ask_for_the_largest_torques_and_heat(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    """In either direction, and in the mean square; however many sets are evaluated together."""
+    monkeypatch.setattr(cases, "BLOCK", block)
+    masses = [0.0, 0.05]
+    whole = cases._Motion(motion(), robot, masses)
+    sets = {"mu": np.array([0.06, 0.15, 0.09, 0.12, 0.07])}
+    instants = np.arange(len(whole.qd))
+    for i in (0, 3):
+        drive = robot.joints[i].drive
+        assert drive is not None
+        for load in range(len(masses)):
+            torque = np.vstack(
+                [
+                    whole.torque(i, drive_with(drive, {"mu": mu}), load, instants)
+                    for mu in sets["mu"]
+                ]
+            )
+            expected = {
+                (int(np.argmax(torque.max(axis=1))), load),
+                (int(np.argmin(torque.min(axis=1))), load),
+                (int(np.argmax(np.square(torque).mean(axis=1))), load),
+            }
+            assert whole.extreme_sets(i, drive, sets, load) == expected

@@ -19,7 +19,7 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification.check import check
-from ssm_planner.verification.ends import end_velocities
+from ssm_planner.verification.ends import Jumps, end_velocities
 from ssm_planner.verification.limits import JUMP, JUMP_RATE
 from tests.support.paths import ROOT
 from tests.support.plans import read_back, trapezoids
@@ -208,3 +208,21 @@ def test_jumps_that_time_excuses_do_not_add_up(robot: Robot) -> None:
     (line,) = (c for c in certificate.limits if (c.name, c.joint) == ("position jump", "roll"))
     assert line.passed
     assert line.worst == np.abs(np.diff(coefficients[:, 0, 0])).max()
+
+
+@pytest.mark.parametrize("parts", [1, 3])
+def test_jumps_add_up_over_the_worst_interval_of_time(robot: Robot, parts: int) -> None:
+    """The largest sum over all intervals that end at a break, less what their time excuses."""
+    jumps, rng = Jumps(robot), np.random.default_rng(2)
+    time = np.sort(rng.uniform(0.0, 1.0, 12))
+    step = jumps._excused[:2] / 12
+    jump = np.zeros((12, 3, 4))
+    jump[:, :2] = step * rng.exponential(1.0, (12, 2, 4))
+    blocks = np.array_split(np.arange(12), parts)
+    level = np.concatenate([jumps._accumulated(jump[k], time[k]) for k in blocks])
+    for m in range(12):
+        sums = [
+            jump[first : m + 1].sum(axis=0) - jumps._excused * (time[m] - time[first])
+            for first in range(m + 1)
+        ]
+        assert level[m] == pytest.approx(np.max(sums, axis=0), rel=1e-9, abs=1e-12)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -145,3 +146,50 @@ def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Rob
         assert line.limit == pytest.approx(none[name].limit) == pytest.approx(part[name].limit)
         for each in (line, none[name], part[name]):
             assert each.margin == pytest.approx(each.worst / each.limit - 1)
+
+
+@pytest.mark.parametrize("k", [0, 1, 3, 4])
+def test_the_closer_look_lies_between_the_neighbours_of_the_farthest_stop(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, k: int
+) -> None:
+    """The farther of both looks counts, at its time."""
+    coarse = np.array([0.0, 0.1, 0.15, 0.3, 0.5])
+    looks = []
+
+    def stops(_: Trajectory, __: Robot, time: np.ndarray = coarse) -> SimpleNamespace:
+        looks.append(time)
+        travel = np.full(len(time), 1e-3)
+        travel[k if time is coarse else 1] = 2e-3 if time is coarse else closest
+        return SimpleNamespace(time=time, travel=travel, ends=True)
+
+    passed = SimpleNamespace(worst=SimpleNamespace(passed=True, margin=0.5))
+    monkeypatch.setattr(module, "quickest_stops", stops)
+    monkeypatch.setattr(module, "check_stops", lambda *_: passed)
+    for closest in (3e-3, 1.5e-3):
+        looks.clear()
+        (line,) = module._farthest_stop(motion(), robot, TaskLimits((StopTravel(0.01),)))
+        closer = looks[1]
+        ends = coarse[max(k - 1, 0)], coarse[min(k + 1, 4)]
+        assert (closer[0], closer[-1]) == ends
+        assert len(closer) == module.CLOSER
+        assert np.diff(closer) == pytest.approx((ends[1] - ends[0]) / (module.CLOSER - 1))
+        assert line.worst == max(2e-3, closest)
+        assert line.time == 1.0 + (closer[1] if closest > 2e-3 else coarse[k])
+
+
+def test_straight_pieces_have_no_torque_in_any_case(robot: Robot) -> None:
+    """Their acceleration is not defined, whatever payload is demanded."""
+    line = Trajectory(
+        np.array([0.0, 1.0]), np.zeros((1, 6, 4)) + START * (np.arange(6) == 0)[:, None], ()
+    )
+    limits = TaskLimits(payload=(0.0, 0.05))
+    names = {c.name for c in check(line, robot, limits, resolution=np.zeros(4)).limits}
+    assert "motor torque" not in names
+    assert "acceleration" not in names
+    assert {"position", "velocity"} <= names
+    assert "motor torque" in {c.name for c in check(line, robot, limits).limits}
+
+
+def test_a_certificate_is_sealed_on_demand(robot: Robot) -> None:
+    assert check(motion(), robot).sha256 is None
+    assert check(motion(), robot, seal=True).sha256 is not None

@@ -41,7 +41,7 @@ def of_joint(certificate: Certificate, name: str, joint: str | None) -> LimitChe
 
 
 @pytest.mark.parametrize("resolution", [EXACT, np.array([1e-3, 2e-3, 1e-3, 1e-5])])
-@pytest.mark.parametrize("block", [8192, 5])
+@pytest.mark.parametrize("block", [8192, 5, 4])
 def test_speeds_and_jumps_are_those_of_the_points(
     table: Trajectory,
     robot: Robot,

@@ -10,9 +10,11 @@ import pytest
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.problem.limits import ContinuousTorque, MotorTorque
+from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification import slower
+from ssm_planner.verification.check import check
 from ssm_planner.verification.slower import SpeedRange, check_speeds
 
 
@@ -126,3 +128,43 @@ def test_the_worst_speed_is_found_on_either_side_of_the_grid(
         values = torques(None, None, grid, 0.0)[0][:, 0]  # type: ignore[index]
         found = slower._worst_speed(None, robot, grid, values, (False, 0), pause=0.0)  # type: ignore[arg-type]
         assert found == pytest.approx(place, rel=1e-3)
+
+
+@pytest.mark.parametrize("best", [0.0, 0.3, 0.62, 1.0])
+def test_the_worst_factor_is_sought_between_the_neighbours_of_the_largest_value(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, best: float
+) -> None:
+    """Each round looks closer, from the factor before the largest value to the one behind it."""
+    looks = []
+    low, high = 0.1, 1.0
+    worst = low * (high / low) ** best
+
+    def torques(_: object, __: object, factors: np.ndarray, ___: float) -> object:
+        looks.append(factors)
+        peak = -np.abs(np.log(factors / worst))
+        other = np.zeros((len(factors), 4))
+        return other, np.column_stack([other[:, :2], peak, other[:, :1]])
+
+    monkeypatch.setattr(slower, "_torques", torques)
+    factors = np.geomspace(low, high, 8)
+    values = -np.abs(np.log(factors / worst))
+    found = slower._worst_speed(None, robot, factors, values, (True, 2), pause=0.0)  # type: ignore[arg-type]
+    assert len(looks) == slower.REFINED
+    for before, after in zip([factors, *looks], looks, strict=False):
+        k = int(np.argmin(np.abs(np.log(before / worst))))
+        ends = before[max(k - 1, 0)], before[min(k + 1, len(before) - 1)]
+        assert (after[0], after[-1]) == pytest.approx(ends)
+        assert len(after) == 13
+    step = np.diff(np.log(looks[-1])).max()
+    assert abs(np.log(found / worst)) <= step
+
+
+def test_a_slower_motion_may_end_at_the_slower_rate(robot: Robot) -> None:
+    coefficients = np.zeros((1, 6, 4))
+    coefficients[0, 0], coefficients[0, 2] = [0.3, 1.15, 0.1, -0.01], [0.05, 0.0, 0.0, 0.0]
+    motion = Trajectory(np.array([0.0, 1.0]), coefficients, ())
+    limits = TaskLimits(end_rate={"roll": 0.1})
+    for speed in (1.0, 0.5):
+        assert slower.check_slower(motion, robot, limits, speed).passed
+        same = check(motion.slower(speed), robot, limits)
+        assert same.passed is (speed == 1.0)

@@ -1,0 +1,55 @@
+"""Parts of the search for stops: the nodes of the path, and polynomials at their ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from ssm_planner.problem.robot import Robot
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification import stops as module
+from tests.support.plans import trapezoids
+
+
+@pytest.fixture(scope="module")
+def motion(robot: Robot) -> Trajectory:
+    """A motion that begins at 3 s."""
+    whole = trapezoids(robot)
+    return Trajectory(whole.breaks + 3.0, whole.coefficients, ())
+
+
+def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -> None:
+    """Others do. The path has its states on both sides of every node."""
+    breaks = motion.breaks - 3.0
+    plain = module._Path.from_motion(motion, robot, np.zeros(0))
+    for shift in (-0.4 * module.NEAR, 0.4 * module.NEAR):
+        near = np.clip(breaks + shift, 0.0, breaks[-1])
+        path = module._Path.from_motion(motion, robot, near)
+        assert np.array_equal(path.s, plain.s)
+    apart = (breaks[1:] + 2 * breaks[:-1]) / 3
+    path = module._Path.from_motion(motion, robot, apart)
+    assert all(np.abs(path.s - instant).min() < 1e-12 for instant in (*breaks, *apart))
+    assert np.diff(path.s).min() > module.NEAR
+    assert np.diff(plain.s).max() <= max(module.STEP, breaks[-1] / module.MOST_STEPS) * (1 + 1e-9)
+    for end, (nodes, side) in enumerate(((path.s[:-1], "right"), (path.s[1:], "left"))):
+        samples = motion.sample(3.0 + nodes, side)  # type: ignore[arg-type]
+        for found, expected in zip(
+            (path.q, path.dq, path.ddq), (samples.q, samples.qd, samples.qdd), strict=True
+        ):
+            assert found[end] == pytest.approx(expected)
+    speeds = np.abs(motion.sample(3.0 + path.s).qd)
+    slow = module.RESTS * np.array([joint.velocity for joint in robot.joints])
+    assert np.array_equal(path.rests, np.all(speeds <= slow, axis=1))
+    assert path.rests[[0, -1]].all()
+
+
+@pytest.mark.parametrize("degree", [1, 4, 5])
+def test_polynomials_of_four_joints_are_evaluated_together(degree: int) -> None:
+    rng = np.random.default_rng(1)
+    coefficients, t = rng.normal(size=(degree + 1, 4, 6)), rng.uniform(0, 2, 6)
+    values = module._evaluate(coefficients, t)
+    assert values.shape == (6, 4)
+    for n in range(6):
+        for i in range(4):
+            assert values[n, i] == pytest.approx(Polynomial(coefficients[:, i, n])(t[n]))
