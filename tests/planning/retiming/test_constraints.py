@@ -19,6 +19,8 @@ from ssm_planner.planning.retiming.constraints import (
     LinearConstraints,
     PathLimits,
     PathTerm,
+    _Law,
+    _TorqueLaw,
     braking_travel,
 )
 from ssm_planner.planning.retiming.paths import PolylinePath
@@ -329,3 +331,20 @@ def test_friction_is_static_at_a_start_and_falls_with_the_speed(
 def test_a_joint_without_motor_has_no_torque_rows(path: PolylinePath, robot: Robot) -> None:
     joints = tuple(replace(joint, motor=None, alternatives=()) for joint in robot.joints)
     assert rows_at(path, replace(robot, joints=joints), 1.0).a.shape[1] == 8
+
+
+def test_laws_are_the_same_if_torque_and_side_are() -> None:
+    """A law without braking equals another one without braking alone."""
+    torque, other = (_TorqueLaw.__new__(_TorqueLaw) for _ in range(2))
+    mask, turned = np.array([True, False]), np.array([False, False])
+
+    def law(first: np.ndarray | None, of: object = torque) -> _Law:
+        return _Law(of, (1,), first, 0.5)  # type: ignore[arg-type]
+
+    assert law(None).same(law(None))
+    assert law(mask).same(law(mask.copy()))
+    assert not law(mask).same(law(turned))
+    assert not law(None).same(law(turned))
+    assert not law(turned).same(law(None))
+    assert not law(mask).same(law(mask, other))
+    assert not law(None).same(law(None, other))

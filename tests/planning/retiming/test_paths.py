@@ -249,3 +249,65 @@ def test_the_rate_along_a_path_follows_from_the_joints_speeds(spline: SplinePath
     starts = JointPath.starts(spline, spline.sample(np.array([0.0, 0.1])))
     assert starts.tolist() == [[True] * 4, [False] * 4]
     assert spline.overview.q == pytest.approx(spline.sample(np.linspace(0, 1, SAMPLES)).q)
+
+
+class Waves(paths.ClosedPath):
+    """Joints whose slopes are known: cosines of several turns, a constant, and one at rest."""
+
+    branch = 1
+    watched = (0, 1, 2)
+    first = np.array([4 * np.pi, 0.0, 0.0, 0.0])
+    turns = (3.0, 1.0, 0.0, 5.0)
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+
+    def _derivatives(self, s: np.ndarray, order: int = 2) -> tuple[np.ndarray, ...]:
+        rate = np.pi * np.array(self.turns)
+        phase = np.outer(s, rate)
+        q = np.sin(phase) + [0.0, 0.1, 0.2, 0.3]
+        return (q, rate * np.cos(phase), -(rate**2) * np.sin(phase), -(rate**3) * np.cos(phase))[
+            : order + 1
+        ]
+
+
+def test_knots_lie_where_watched_joints_reverse(mechanism: Mechanism) -> None:
+    """A joint that is not watched, or that rests, has no direction and no knot."""
+    path = Waves(mechanism)
+    knots, signs = path.directions
+    assert knots == pytest.approx([0.0, 1 / 6, 1 / 2, 5 / 6, 1.0], abs=1e-12)
+    assert signs.tolist() == [[1, 1, 0, 0], [-1, 1, 0, 0], [1, -1, 0, 0], [-1, -1, 0, 0]]
+    s = np.linspace(0.0, 1.0, 7)
+    assert path.sample(s).q[:, 0] == pytest.approx(np.sin(3 * np.pi * s) + 4 * np.pi)
+    assert path.sample(s).q[:, 3] == pytest.approx(np.sin(5 * np.pi * s) + 0.3)
+    assert path.third_derivative(s) == pytest.approx(path._derivatives(s, 3)[3])
+
+
+@pytest.mark.parametrize("root", [0.2, 0.25, 0.7])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_sign_changes_are_found_to_the_last_digits(root: float, swapped: bool) -> None:
+    """Whichever end is the lower one; of several roots, the first counts."""
+    low, high = (1.0, 0.1) if swapped else (0.1, 1.0)
+    for sign in (1.0, -1.0):
+        found = paths.sign_change(lambda s: sign * (s - root), low, high)  # noqa: B023
+        assert found == pytest.approx(root, abs=1e-11)
+    three = paths.sign_change(lambda s: (s - 0.2) * (s - 0.5) * (s - 0.8), low, high)
+    assert three == pytest.approx(0.8 if swapped else 0.2, abs=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_reversals_of_a_spline_are_the_roots_of_its_slopes(mechanism: Mechanism, seed: int) -> None:
+    """Between knots, every joint keeps the direction of its slope. A joint at rest has none."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(6, 4)) * [1, 1, 0, 1e-2]
+    for pieces in (False, True):
+        path = SplinePath(mechanism, points, np.array([1, 1, 1, 1e-2]), pieces)
+        knots, signs = path.directions
+        assert (knots[0], knots[-1]) == (0.0, 1.0)
+        assert not signs[:, 2].any()
+        for (low, high), sign in zip(pairwise(knots), signs, strict=True):
+            inside = low + (high - low) * np.linspace(1e-3, 1 - 1e-3, 50)
+            assert np.all(np.sign(path.sample(inside).dq) == sign)
+        reversing = np.any(signs[1:] != signs[:-1], axis=1)
+        assert np.all(reversing | np.isin(knots[1:-1], path.nodes)) or not pieces
+        assert pieces or reversing.all()
