@@ -457,3 +457,10 @@ def test_the_message_states_the_worst_excess_of_the_plan(bad_plan: Plan) -> None
     assert stated.group(1, 2) == (worst.name, worst.joint)
     assert float(stated.group(3)) == pytest.approx(-100 * worst.margin, rel=1e-2)
     assert float(stated.group(4)) == pytest.approx(worst.time, abs=1e-4)
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_files_of_a_verified_plan_carry_no_mark(plan: Plan, tmp_path: Path, to: str) -> None:
+    files, manifest = export(plan, to, tmp_path, **OPTIONS.get(to, {}))
+    assert not any("unverified" in name for name in manifest["files"])
+    assert not any(b"UNVERIFIED" in path.read_bytes() for path in files.values())

@@ -10,8 +10,10 @@ import pytest
 
 from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.formats.epos4_setup import axes_of
-from ssm_planner.problem.controller import Controller
+from ssm_planner.problem.controller import Controller, JointCompliance
 from ssm_planner.problem.robot import Robot
+from ssm_planner.simulation import playback as module
+from ssm_planner.simulation.cascade import gains_of
 from ssm_planner.simulation.plant import INTEGRAL, MOTOR, QD, REST, Q, W
 from ssm_planner.simulation.playback import (
     _BREAKAWAY,
@@ -20,6 +22,7 @@ from ssm_planner.simulation.playback import (
     TRIP,
     Commands,
     ControlledArm,
+    compliance_of,
 )
 
 COUNTS = 2**22
@@ -129,3 +132,81 @@ def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, Controlled
         assert set(chunks[~halved].tolist()) == set(range(6)) - expected
     moving = commands(made, QD_A, np.zeros(4), periods)
     assert set((np.flatnonzero(made.needs_half_steps(moving)) // _CHUNK).tolist()) == {0}
+
+
+def test_the_integrals_make_up_for_what_the_first_commands_lack(
+    arms: dict[bool, ControlledArm],
+) -> None:
+    """Later commands are of no account."""
+    made, rng = arms[True], np.random.default_rng(3)
+    told = commands(made, QD_A, QDD_A, 3, np.zeros(4))
+    for column in (told.speed, told.acceleration, told.torque):
+        column[:] = rng.normal(size=(3, 4)) * [[1.0], [5.0], [9.0]]
+    state = made.start(QA, QD_A, QDD_A, told)
+    for k in made.driven:
+        electrics = made.electrics[k]
+        gains = gains_of(made.robot.joints[k], made.controller, electrics)
+        forward = gains.ff_velocity * told.speed[0, k]
+        forward += gains.ff_acceleration * told.acceleration[0, k]
+        forward += told.torque[0, k] / electrics.torque_constant
+        assert state[CURRENT][k] == pytest.approx(state[INTEGRAL][k] + forward)
+
+
+@pytest.mark.parametrize("period", [1e-3, 4e-3])
+def test_offsets_hold_for_a_period_and_positions_are_interpolated(
+    robot: Robot, period: float
+) -> None:
+    """Offsets are those of the set point at the end of the period, as drives take them."""
+    axis = replace(axes_of(robot, 1000)["tilt"], direction=-1)
+    sent = np.arange(6.0)
+    stream = {
+        "target_position_inc": 1000 * sent**2,
+        "velocity_offset_mrpm": 60_000 * sent,
+        "torque_offset_permille": 100 * sent,
+    }
+    steps = 4
+    t = period / steps * np.arange(5 * steps + 3)
+    accelerations = np.random.default_rng(1).normal(size=(len(t), 4))
+    for with_offset in (True, False):
+        told = module.commands(
+            {"tilt": stream}, {"tilt": axis}, Controller(torque_offset=with_offset),
+            (t, accelerations), period,
+        )  # fmt: skip
+        after = np.minimum(np.arange(len(t)) // steps + 1, 5)
+        share = np.minimum(t / period, 5.0)
+        inside = np.floor(share)
+        position = inside**2 + (share - inside) * ((inside + 1) ** 2 - inside**2)
+        turns = np.where(share >= 5, 25.0, position)
+        assert told.demand[:, 1] == pytest.approx(-2 * np.pi * turns)
+        assert told.speed[:, 1] == pytest.approx(-2 * np.pi * after)
+        rate = np.where(after - 1 < 5, -2 * np.pi / period, 0.0)
+        assert told.acceleration[:, 1] == pytest.approx(rate)
+        torque = -0.1 * after * axis.rated_torque
+        assert told.torque[:, 1] == pytest.approx(torque if with_offset else 0.0)
+        assert np.array_equal(told.prescribed, accelerations)
+        assert told.power.all()
+        others = [0, 2, 3]
+        for column in (told.demand, told.speed, told.acceleration, told.torque, told.stalled):
+            assert not column[:, others].any()
+        table = told.table()
+        assert table.shape == (len(t), 25)
+        assert np.array_equal(table[:, 1], told.demand[:, 1])
+        assert np.array_equal(table[:, 24], told.power)
+
+
+def test_compliance_comes_from_the_controller_or_is_assumed(robot: Robot) -> None:
+    """The stiffness goes with the square of the frequency, the damping with frequency and ratio."""
+    plain = compliance_of(robot, Controller())
+    assert plain.backlash == pytest.approx(module.BACKLASH)
+    part = JointCompliance(frequency=2 * module.FREQUENCIES[1], backlash=0.0, damping_ratio=0.6)
+    stated = compliance_of(robot, Controller(compliance={"tilt": part}))
+    others = [0, 2, 3]
+    assert stated.stiffness[1] == pytest.approx(4 * plain.stiffness[1])
+    assert stated.damping[1] == pytest.approx(4 * plain.damping[1])
+    assert stated.backlash[1] == 0.0
+    for name in ("stiffness", "damping", "backlash"):
+        assert getattr(stated, name)[others] == pytest.approx(getattr(plain, name)[others])
+    scaled = compliance_of(robot, Controller(), 3.0)
+    assert scaled.stiffness == pytest.approx(3 * plain.stiffness)
+    assert scaled.damping == pytest.approx(3 * plain.damping)
+    assert scaled.backlash == pytest.approx(plain.backlash)
