@@ -1,7 +1,7 @@
-"""Generate candidates by adaptive searches: TPE and NSGA-II of Optuna, an optional extra.
+"""Generate candidates by adaptive search. The methods are TPE and NSGA-II of the package Optuna.
 
-Candidates are requested in batches of one size and reported in their order. The search is therefore
-the same with any number of workers, and after an interruption.
+Candidates are requested in batches of constant size, and their results are reported in the same
+order. Therefore, the search does not depend on the number of workers or on interruptions.
 """
 
 from __future__ import annotations
@@ -14,16 +14,19 @@ from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import Choice, Design, Study
 
 BATCH = 16
+"""Number of candidates in a batch."""
 POPULATION = 32
-"""Population of NSGA-II: two batches."""
+"""Population size of NSGA-II, which equals two batches."""
 
 Tell = Callable[[Sequence[Candidate]], None]
+"""Function that reports the results of a batch to the search."""
 
 
 def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
-    """Generate batches of candidates, each with a function that takes their rows in order.
+    """Yield batches of candidates, each with a function that reports their results.
 
-    Raises ProblemError without Optuna.
+    The caller must report the results of a batch, in the order of its candidates, before it
+    requests the next batch. Raises ProblemError if Optuna is not installed.
     """
     try:
         import optuna
@@ -53,26 +56,24 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
         def tell(rows: Sequence[Candidate], trials: Sequence[Any] = tuple(trials)) -> None:
             for trial, row in zip(trials, rows, strict=True):
                 values: list[Any] = [row.figures.get(name) for name in study.minimise]
-                good = row.state == "done" and None not in values
-                trial.set_user_attr("rejected", not good)
-                # a rejected candidate violates the constraint; its values only need to be finite
-                objectives = (
-                    [s * v for s, v in zip(signs, values, strict=True)]
-                    if good
-                    else [1e6] * len(signs)
-                )
+                rejected = row.state != "done" or None in values
+                trial.set_user_attr("rejected", rejected)
+                # A rejected candidate violates the constraint. Its values only need to be finite.
+                objectives = [1e6] * len(signs)
+                if not rejected:
+                    objectives = [sign * v for sign, v in zip(signs, values, strict=True)]
                 engine.tell(trial, objectives)
 
         yield designs, tell
 
 
 def _violation(trial: Any) -> tuple[float]:
-    """Return the constraint of a trial; positive if the candidate was rejected."""
+    """Return the constraint of a trial, which is positive if the candidate was rejected."""
     return (1.0 if trial.user_attrs.get("rejected", False) else -1.0,)
 
 
 def _design(study: Study, trial: Any) -> Design:
-    """Request the choices of one trial."""
+    """Request the design of one trial from Optuna."""
     design: dict[str, str] = {}
     for variable in study.vary:
         if isinstance(variable, Choice):

@@ -1,4 +1,4 @@
-"""Evaluate one candidate: plan its motions, select motors and gears, check and size."""
+"""Evaluate one candidate robot: plan its motions, select motors and gears, check, and size."""
 
 from __future__ import annotations
 
@@ -43,28 +43,28 @@ from ssm_planner.verification.check import check
 CHECKED = (*MARGINS, "heat")
 """Motor checks whose margins must reach the required one."""
 SPARE = 1e-4
-"""Additional share of a motor's limits, because planner and sizing evaluate different instants."""
+"""Additional margin of motors, because planner and sizing evaluate different instants."""
 
 MEMORY = 200e6
-"""Bytes that a worker may hold after a candidate before it discards cached programs."""
+"""Memory above which a worker discards cached programs, bytes."""
 GROWTH = 60e6
-"""Additional bytes before it discards them again."""
-_left = [0]
+"""Growth of the memory above which it discards them again, bytes."""
+_memory_after_release = [0]
 PACES = 6
-"""Number of speeds from the fastest motion to the candidate's pace, both included."""
+"""Number of speeds that are tried from the fastest motion to the candidate's pace."""
 
 Motions = Mapping[str, Trajectory]
-"""Trajectories by the motion's name."""
+"""Trajectories by name of the motion."""
 
 
 @record
 class Evaluation:
-    """Evaluates a candidate over every motion of a study. Workers receive it as a pickle."""
+    """A function that evaluates a candidate with all motions of a study. It can be pickled."""
 
     study: Study
 
     def __call__(self, number: int, design: Design) -> Candidate:
-        """Return the candidate's row; a fault of this program becomes the state failed."""
+        """Return the results of a candidate. A fault of this program gives the state "failed"."""
         try:
             return self._row(number, design)
         except ProblemError as error:
@@ -73,29 +73,29 @@ class Evaluation:
             return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
 
     def _row(self, number: int, design: Design) -> Candidate:
-        """Select, plan, check and size a candidate. Raises ProblemError for invalid values."""
+        """Plan, select, check and size a candidate. Raises ProblemError for invalid values."""
         study = self.study
-        margin = self.study.require.motor_margin
+        margin = study.require.motor_margin
         components: dict[str, str] = {}
         slowdown = float(design.get(PACE, 1.0))
-        fastest_motions: Motions = {}
+        fastest: Motions = {}
         if study.selected:
             originals = dict(problems_of(study, design))
             undriven = {
                 name: _without_selected_motors(study, problem)
                 for name, problem in originals.items()
             }
-            fast = _plan_motions(undriven, {})
-            if isinstance(fast, Rejection):
-                return Candidate(number, "infeasible", design, fast.stage, fast.reason)
-            fastest_motions = fast
-            selection = select_parts(study, originals, fast, slowdown)
+            planned = _plan_motions(undriven, {})
+            if isinstance(planned, Rejection):
+                return Candidate(number, "infeasible", design, planned.stage, planned.reason)
+            fastest = planned
+            selection = select_parts(study, originals, fastest, slowdown)
             if isinstance(selection, Rejection):
                 return Candidate(number, "infeasible", design, selection.stage, selection.reason)
             components = selection
         problems = dict(problems_of(study, {**design, **components}))
         reduced = {name: with_motor_margin(problem, margin) for name, problem in problems.items()}
-        motions = _plan_motions(reduced, fastest_motions)
+        motions = _plan_motions(reduced, fastest)
         if isinstance(motions, Rejection):
             return Candidate(
                 number, "infeasible", design, motions.stage, motions.reason, figures=components
@@ -108,15 +108,13 @@ class Evaluation:
         for speed in np.geomspace(1.0, 1.0 / slowdown, PACES)[1:] if slowdown > 1 else ():
             if _keeps_margin(results, margin):
                 break
-            # the planner does not limit heat and voltage: slow down the motion of the selection
-            slower = {
-                name: trajectory.slower(float(speed))
-                for name, trajectory in fastest_motions.items()
-            }
-            if all(
-                check(slower[name], problem.robot, problem.task_limits).passed
+            # The planner does not limit heat and voltage, so slower motions are tried for them.
+            slower = {name: motion.slower(float(speed)) for name, motion in fastest.items()}
+            certificates = (
+                check(slower[name], problem.robot, problem.task_limits)
                 for name, problem in reduced.items()
-            ):
+            )
+            if all(certificate.passed for certificate in certificates):
                 results |= _motion_figures(problems, slower)
         if not _keeps_margin(results, margin):
             reason = (
@@ -130,23 +128,35 @@ class Evaluation:
 def evaluate_batch(
     pickled: bytes, candidates: Sequence[tuple[int, Design]]
 ) -> tuple[list[Candidate], float]:
-    """Evaluate candidates (number, design) in a worker; return their rows and the time in s.
+    """Evaluate a batch of candidates in a worker process.
 
-    pickled: the Evaluation, which a worker reads once.
+    Parameters
+    ----------
+    pickled
+        Pickled `Evaluation`, which a worker reads only once.
+    candidates
+        Number and design of each candidate.
+
+    Returns
+    -------
+    rows
+        Results of the candidates.
+    seconds
+        Duration of the evaluation, s.
     """
     evaluation = _read(pickled)
     start = time.monotonic()
     rows = []
     for number, design in candidates:
         rows.append(evaluation(number, design))
-        if _memory() > max(MEMORY, _left[-1] + GROWTH):
+        if _memory() > max(MEMORY, _memory_after_release[0] + GROWTH):
             _release_memory()
-            _left[:] = [_memory()]
+            _memory_after_release[0] = _memory()
     return rows, time.monotonic() - start
 
 
 def _memory() -> int:
-    """Return the bytes that the process holds, or 0 if the system does not provide /proc."""
+    """Return the memory of the process in bytes, or 0 if the system does not provide /proc."""
     try:
         return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * mmap.PAGESIZE
     except OSError:
@@ -154,12 +164,12 @@ def _memory() -> int:
 
 
 def _release_memory() -> None:
-    """Discard the programs of earlier candidates and return free memory to the system."""
+    """Discard the cached programs of earlier candidates, and return free memory to the system."""
     from ssm_planner.planning.ocp.transcription import forget_programs
 
     forget_programs()
     gc.collect()
-    # only the GNU C library has this function
+    # Only the GNU C library has this function.
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
@@ -167,15 +177,15 @@ def _release_memory() -> None:
 
 @lru_cache(maxsize=1)
 def _read(pickled: bytes) -> Evaluation:
-    """Return the pickled evaluation; the latest one stays in a cache."""
+    """Unpickle an evaluation. The latest one is cached."""
     evaluation: Evaluation = pickle.loads(pickled)
     return evaluation
 
 
 def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
-    """Generate the motions of a study, by name, with a candidate as their robot.
+    """Yield the name and the problem of each motion of a study, with a candidate as the robot.
 
-    Raises ProblemError.
+    Raises ProblemError if the candidate is invalid.
     """
     tree = study.resolved(design)
     for name, motion in study.motions.items():
@@ -183,9 +193,10 @@ def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
 
 
 def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
-    """Plan a candidate's motions again with its motors; return the plans by motion.
+    """Plan the motions of a candidate again, and return the plans by name of the motion.
 
-    The plans keep the motor margin that the study requires.
+    The robot has the motors and gears that were selected for the candidate. The plans keep the
+    motor margin that the study requires.
     """
     plans = {}
     for name, problem in problems_of(study, study.complete_design(row.design, row.figures)):
@@ -198,9 +209,9 @@ def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
 
 
 def _plan_motions(problems: Mapping[str, Problem], previous: Motions) -> Motions | Rejection:
-    """Plan a trajectory for each problem. Returns a Rejection at the first one without a plan.
+    """Plan a trajectory for each problem, or return the rejection of the first one without a plan.
 
-    previous: trajectories that are used again if they pass the check.
+    A trajectory in `previous` is used again if it passes the check of the problem.
     """
     motions = {}
     for name, problem in problems.items():
@@ -209,32 +220,33 @@ def _plan_motions(problems: Mapping[str, Problem], previous: Motions) -> Motions
             continue
         result = plan(quickly(problem), relaxations=False)
         if not result.passed or result.trajectory is None:
-            return Rejection(
-                "plan",
-                f"{name}: {'no motion found' if result.reason is None else result.reason.message}",
-            )
+            reason = "no motion found" if result.reason is None else result.reason.message
+            return Rejection("plan", f"{name}: {reason}")
         motions[name] = result.trajectory
     return motions
 
 
 def with_motor_margin(problem: Problem, margin: float) -> Problem:
-    """Reduce torque, continuous torque and speed of all motors by a margin (share)."""
+    """Reduce the torque, the continuous torque and the speed of all motors by a margin.
+
+    `margin` is a share of these limits. The planner then keeps the margin.
+    """
     if margin == 0:
         return problem
     names = ("max_torque", "nominal_torque", "max_speed")
     share = 1 - margin - SPARE
 
-    def spared(motor: Motor | None) -> Motor | None:
+    def reduced(motor: Motor | None) -> Motor | None:
         if motor is None:
             return None
         return unchecked(motor, **{name: share * getattr(motor, name) for name in names})
 
-    joints = tuple(unchecked(joint, motor=spared(joint.motor)) for joint in problem.robot.joints)
+    joints = tuple(unchecked(joint, motor=reduced(joint.motor)) for joint in problem.robot.joints)
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
 
 
 def _without_selected_motors(study: Study, problem: Problem) -> Problem:
-    """Return the problem without the motors of all joints whose motor or gear is selected."""
+    """Remove the motors of all joints whose motor or gear is selected."""
     selected_joints = {choice.path.split(".")[1] for choice in study.selected}
     joints = tuple(
         replace(joint, motor=None) if joint.name in selected_joints else joint
@@ -246,30 +258,48 @@ def _without_selected_motors(study: Study, problem: Problem) -> Problem:
 def select_parts(
     study: Study, problems: Mapping[str, Problem], motions: Motions, slowdown: float
 ) -> dict[str, str] | Rejection:
-    """Return the names of the selected motors and gears by path, or the rejection.
+    """Select a motor and a gear for each joint with such a choice.
 
-    For each joint this is the first pair by rank that keeps the study's margins in every motion at
-    the given pace. One pass over arrays evaluates the whole catalogue; only the first pairs get the
-    complete checks, such as heat.
+    The function selects the first pair by rank that keeps the study's margins in every motion. It
+    evaluates the whole catalogue at once with arrays. Only the first pairs undergo all checks, such
+    as the check of heat.
+
+    Parameters
+    ----------
+    study
+        Study with the choices of motors and gears.
+    problems
+        Problem of each motion by name.
+    motions
+        Fastest trajectory of each motion by name.
+    slowdown
+        Factor on the durations of these motions.
+
+    Returns
+    -------
+    dict or Rejection
+        Names of the selected motors and gears by path. A rejection if a joint has no suitable pair.
     """
     components: dict[str, str] = {}
-    loads = {}
+    loads = []
     for name, problem in problems.items():
-        loads_of = joint_loads(motions[name].slower(1 / slowdown), problem.robot)
-        loads[name] = Conditions(pause=pause_of(problem)), {load.joint: load for load in loads_of}
-    for joint in dict.fromkeys(choice.path.split(".")[1] for choice in study.selected):
-        choices = {
-            choice.path.split(".")[-1]: choice
-            for choice in study.selected
-            if choice.path.split(".")[1] == joint
+        by_joint = {
+            load.joint: load
+            for load in joint_loads(motions[name].slower(1 / slowdown), problem.robot)
         }
-        motor_choice = choices.pop("motor", None)
-        gear_choice = next(iter(choices.values()), None)
+        loads.append((Conditions(pause=pause_of(problem)), by_joint))
+    choices: dict[str, dict[str, Choice]] = {}
+    for choice in study.selected:
+        keys = choice.path.split(".")
+        choices.setdefault(keys[1], {})[keys[-1]] = choice
+    for joint, by_component in choices.items():
+        motor_choice = by_component.pop("motor", None)
+        gear_choice = next(iter(by_component.values()), None)
         motors = _motors(study, joint)
         gears = _gears(study, joint, gear_choice)
         selections = [
             select_joint(by_joint[joint], motors, gears, conditions)
-            for conditions, by_joint in loads.values()
+            for conditions, by_joint in loads
             if joint in by_joint
         ]
         rank = (motor_choice or gear_choice or study.selected[0]).select or "mass"
@@ -278,32 +308,29 @@ def select_parts(
             reasons = ", ".join(
                 f"{name} {count}" for name, count in selections[0].reasons().items()
             )
-            pairs = (
-                f"{len(motors)} motors with {len(gears)} gears"
-                if gear_choice
-                else f"{len(motors)} motors"
-            )
+            pairs = f"{len(motors)} motors"
+            if gear_choice:
+                pairs += f" with {len(gears)} gears"
             text = (
                 f"joint {joint}: none of {pairs} holds with "
                 f"{100 * study.require.motor_margin:.4g} % to spare"
             )
             return Rejection("selection", f"{text} (ruled out by {reasons or 'their margins'})")
-        for choice, entry in ((motor_choice, motors[indices[1]]), (gear_choice, gears[indices[0]])):
-            if choice is not None:
-                components[choice.path] = entry.label
+        gear, motor = indices
+        if motor_choice is not None:
+            components[motor_choice.path] = motors[motor].label
+        if gear_choice is not None:
+            components[gear_choice.path] = gears[gear].label
     return components
 
 
 def _admissible_pairs(
     selections: Sequence[JointSelection], rank: Any, margin: float
 ) -> Iterator[tuple[int, int]]:
-    """Generate the pairs (gear, motor) that keep the margin in every motion, by rank."""
-    margins = np.min(
-        [np.nanmin(list(selection.margins.values()), axis=0) for selection in selections], axis=0
-    )
-    admissible = np.all([selection.adequate >= 0 for selection in selections], axis=0) & (
-        margins >= margin
-    )
+    """Yield the pairs of gear and motor indices that keep the margin in every motion, by rank."""
+    smallest = [np.nanmin(list(selection.margins.values()), axis=0) for selection in selections]
+    not_excluded = np.all([selection.adequate >= 0 for selection in selections], axis=0)
+    admissible = not_excluded & (np.min(smallest, axis=0) >= margin)
     for g, m in selections[0].ranked(rank):
         if not admissible[g, m]:
             continue
@@ -319,7 +346,10 @@ def _admissible_pairs(
 
 @lru_cache(maxsize=8)
 def _motors(study: Study, joint: str) -> list[Part[Motor]]:
-    """Return the motors to select from; if only the gear is selected, the joint's motor."""
+    """Return the motors from which the motor of a joint is selected.
+
+    If only the gear is selected, this is the motor of the robot file.
+    """
     path = f"joints.{joint}.motor"
     choice = next((choice for choice in study.selected if choice.path == path), None)
     original = study.robot["joints"][joint].get("motor")
@@ -332,7 +362,10 @@ def _motors(study: Study, joint: str) -> list[Part[Motor]]:
 
 
 def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]:
-    """Return the drives with each gear of the choice; without a choice, the joint's drive."""
+    """Return the drive of a joint with each gear of the choice.
+
+    Without a choice, this is the drive of the robot file.
+    """
     designs: dict[str, Design] = (
         {"": {}} if choice is None else {label: {choice.path: label} for label in choice.contents}
     )
@@ -347,13 +380,13 @@ def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]
 
 
 def _keeps_margin(results: Mapping[str, Any], margin: float) -> bool:
-    """Return whether the figures keep the motor margin; a missing margin passes."""
+    """Return True if the results keep the motor margin, or if the margin is not known."""
     available = results["motor_margin"]
     return available is None or available >= margin
 
 
 def _motion_figures(problems: Mapping[str, Problem], motions: Motions) -> JsonObject:
-    """Return the durations of the motions and the figures of the motors, SI."""
+    """Return the durations of the motions, and the results for the motors, in SI units."""
     durations = {f"duration.{name}": trajectory.duration for name, trajectory in motions.items()}
     sizings = [
         size_motion(motions[name], problem.robot, pause_of(problem))
@@ -363,7 +396,10 @@ def _motion_figures(problems: Mapping[str, Problem], motions: Motions) -> JsonOb
 
 
 def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
-    """Return the smallest motor margin, the largest torques by joint, and the mass; SI."""
+    """Return the smallest motor margin, the largest torques and the mass of the motors.
+
+    All values are in SI units. The mass is None if the mass of a motor is not known.
+    """
     margins = []
     results: JsonObject = {}
     masses: dict[str, float | None] = {}
@@ -392,7 +428,7 @@ def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
 
 
 def _geometry_figures(problem: Problem) -> JsonObject:
-    """Return alpha, beta and the tilt range of a robot, rad."""
+    """Return α, β and the tilt range of a robot, rad."""
     from ssm_planner.kinematics.mechanism import Mechanism
     from ssm_planner.kinematics.workspace import tilt_interval
 

@@ -1,4 +1,4 @@
-"""Draw the front of a study's first two objectives, and the stages that rejected candidates."""
+"""Draw the figures of a study: its front, and the stages that rejected candidates."""
 
 from __future__ import annotations
 
@@ -35,9 +35,23 @@ def write_study_figures(
     front: Sequence[Candidate],
     folder: Path,
 ) -> dict[str, Path]:
-    """Write `front` and `map` as PNG and PDF if they have content; return the paths by name.
+    """Write the figures `front` and `map` as PNG and PDF, and return the paths by name.
 
-    Raises ExportError.
+    The figure `front` needs two objectives, and the figure `map` two variables. Raises ExportError
+    if a file cannot be written.
+
+    Parameters
+    ----------
+    study
+        The study.
+    reference
+        Result of the study's own robot.
+    rows
+        Results of all candidates.
+    front
+        Results of the candidates on the front.
+    folder
+        Folder of the files.
     """
     plots: dict[str, Figure] = {}
     names = [
@@ -60,17 +74,11 @@ def _front(
     front: Sequence[Candidate],
     names: list[str],
 ) -> None:
-    """Plot planned candidates, the front and the study's own robot by the first two objectives."""
+    """Plot the planned candidates, the front and the study's own robot over two objectives."""
 
     def coordinates(candidates: Sequence[Candidate]) -> Any:
-        return (
-            np.array(
-                [[scaled(name, row.figures) for name in names[:2]] for row in candidates],
-                dtype=float,
-            )
-            .reshape(-1, 2)
-            .T
-        )
+        values = [[scaled(name, row.figures) for name in names[:2]] for row in candidates]
+        return np.array(values, dtype=float).reshape(-1, 2).T
 
     finished = [row for row in rows if row.state == "done"]
     axes.plot(
@@ -92,21 +100,16 @@ def _front(
 
 
 def _map(axes: Axes, study: Study, rows: Sequence[Candidate]) -> None:
-    """Plot the state of every candidate by its first two variables."""
-    across, up = (choices_at(study, path, rows) for path in study.paths[:2])
-    states = [
-        row.state if row.state in ("done", "waiting") else row.stage or row.state for row in rows
-    ]
-    kinds = sorted(set(states), key=lambda state: (state != "done", state))
-    for k, row_state in enumerate(kinds):
-        points = [
-            (x, y)
-            for x, y, state in zip(across["at"], up["at"], states, strict=True)
-            if state == row_state
-        ]
-        colour = COLOURS[0] if row_state == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
-        marker = MARKERS[k % len(MARKERS)]
-        label = f"{row_state}, {len(points)}"
-        axes.plot(*zip(*points, strict=True), marker, markersize=4, color=colour, label=label)
-    finish(axes, across["title"], up["title"])
+    """Plot the state of every candidate over the first two variables."""
+    horizontal, vertical = (choices_at(study, path, rows) for path in study.paths[:2])
+    points: dict[str, list[tuple[float, float]]] = {}
+    for x, y, row in zip(horizontal["at"], vertical["at"], rows, strict=True):
+        state = row.state if row.state in ("done", "waiting") else row.stage or row.state
+        points.setdefault(state, []).append((x, y))
+    for k, state in enumerate(sorted(points, key=lambda state: (state != "done", state))):
+        colour = COLOURS[0] if state == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
+        style: dict[str, Any] = {"color": colour, "label": f"{state}, {len(points[state])}"}
+        x_values, y_values = zip(*points[state], strict=True)
+        axes.plot(x_values, y_values, MARKERS[k % len(MARKERS)], markersize=4, **style)
+    finish(axes, horizontal["title"], vertical["title"])
     legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -1,8 +1,9 @@
-"""Write the page of a study: front, rejections, parallel coordinates and sensitivity."""
+"""Write the page of a study with its front, rejections, parallel coordinates and sensitivity."""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,23 +25,37 @@ UNITS = {
     "rms_torque": "N·m",
     "reach_margin": "rad",
 }
-"""SI units by the first part of a figure's name; other figures have no unit."""
+"""SI unit of each result, by the first part of its name. Other results have no unit."""
 BINS = 12
-"""Number of bins of a quantity for the share of an objective that it explains."""
-SHOWN = 50
+"""Number of bins into which `correlation_ratio` divides a quantity."""
+MAX_ROWS = 50
 """Largest number of rows in the table of the front."""
 
 
 def write_study_page(
     study: Study, rows: Sequence[Candidate], front: Sequence[Candidate], path: Path, finished: bool
 ) -> Path:
-    """Write the page.
+    """Write the page of a study, and return its path.
 
-    rows: the study's own robot, then its candidates. While the study runs, the page reloads itself.
-    Raises ExportError.
+    Parameters
+    ----------
+    study
+        The study.
+    rows
+        Result of the study's own robot, followed by the results of its candidates.
+    front
+        Results of the candidates on the front.
+    path
+        File of the page.
+    finished
+        False while the study runs. The page then reloads itself.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
     """
-    original = rows[0]
-    candidates = rows[1:]
+    original, *candidates = rows
     content = _content(study, candidates, front)
     content["notes"] = [*study.notes, against_own(study, original, front)]
     text = render("study.html", _data(study, candidates, front), **content, unfinished=not finished)
@@ -50,12 +65,9 @@ def write_study_page(
 
 
 def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> JsonObject:
-    """Return the values of the template."""
-    states = {
-        state: sum(row.state == state for row in rows)
-        for state in sorted({row.state for row in rows})
-    }
-    counts_text = ", ".join(f"{count} {state}" for state, count in states.items())
+    """Return the variables of the template."""
+    states = sorted(Counter(row.state for row in rows).items())
+    counts_text = ", ".join(f"{count} {state}" for state, count in states)
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
         if row.state not in ("done", "waiting"):
@@ -73,7 +85,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
             *(number(scaled(name, row.figures), 5) for name in names),
             *displayed_choices(study, row).values(),
         ]
-        for row in front[:SHOWN]
+        for row in front[:MAX_ROWS]
     ]
     return {
         "title": study.name,
@@ -95,7 +107,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
 
 
 def against_own(study: Study, reference: Candidate, front: Sequence[Candidate]) -> str:
-    """State in one sentence the result of the study's own robot and how many beat it."""
+    """Describe the result of the study's own robot, and how many candidates beat it."""
     results = ", ".join(in_words(name, reference.figures) for name in study.minimise)
     missing = [named(name) for name in study.minimise if reference.figures.get(name) is None]
     count = len(better(reference, front, study.minimise))
@@ -107,16 +119,14 @@ def against_own(study: Study, reference: Candidate, front: Sequence[Candidate]) 
             f"{', '.join(missing)}"
         )
     else:
-        outcome = (
-            f"{results}; {count} of the front beat{'s' if count == 1 else ''} it: better in "
-            "one, worse in none"
-        )
+        verb = "beats" if count == 1 else "beat"
+        outcome = f"{results}; {count} of the front {verb} it: better in one, worse in none"
     return f"{study.own_words}: {outcome}"
 
 
 def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> JsonObject:
-    """Return the values for the script: columns over all candidates."""
-    plotted = _shown_figures(study, rows)
+    """Return the data for the script of the page: columns over all candidates, as JSON types."""
+    plotted = _plotted_results(study, rows)
     front_numbers = {row.number for row in front}
     columns = [choices_at(study, path, rows) for path in study.paths]
     columns += [
@@ -136,8 +146,11 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
     }
 
 
-def _shown_figures(study: Study, rows: Sequence[Candidate]) -> list[str]:
-    """Return the objectives, then other figures that differ between planned candidates."""
+def _plotted_results(study: Study, rows: Sequence[Candidate]) -> list[str]:
+    """Return the names of the objectives, durations and margins that the page plots.
+
+    A result is plotted if all planned candidates have it and if it differs between them.
+    """
     values_by_name: dict[str, set[Any]] = {}
     for row in rows:
         if row.state == "done":
@@ -145,39 +158,34 @@ def _shown_figures(study: Study, rows: Sequence[Candidate]) -> list[str]:
                 values_by_name.setdefault(name, set()).add(value)
     names = [
         name
-        for name in sorted(values_by_name)
-        if len(values_by_name[name]) > 1 and None not in values_by_name[name]
+        for name, values in sorted(values_by_name.items())
+        if len(values) > 1 and None not in values
     ]
-    other_names = [
-        name
-        for name in names
-        if name not in study.minimise and name.split(".")[0] in ("duration", "motor_margin")
-    ]
-    return [*(name for name in study.minimise if name in names), *other_names]
+    candidates = [name for name in names if name.split(".")[0] in ("duration", "motor_margin")]
+    objectives = [name for name in study.minimise if name in names]
+    return list(dict.fromkeys(objectives + candidates))
 
 
 def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> JsonObject:
-    """Return the choices of the rows at a path: {title, at, labels}.
+    """Return the values that the candidates have at one path of the robot file.
 
-    at: numbers in the unit of the title, or indices of entries with their labels.
+    The result has the keys `title`, `at` and `labels`. The key `at` contains numbers in the unit of
+    the title. For a choice, it contains the indices of the chosen entries in `labels`.
     """
     variable = study.vary[study.paths.index(path)]
     if isinstance(variable, Varied):
-        values: list[float] = [float(row.design[path].split()[0]) for row in rows]
-        return {
-            "title": f"{path} ({variable.unit})" if variable.unit else path,
-            "at": values,
-            "labels": None,
-        }
+        title = f"{path} ({variable.unit})" if variable.unit else path
+        values = [float(row.design[path].split()[0]) for row in rows]
+        return {"title": title, "at": values, "labels": None}
     labels = list(variable.contents)
-    indices = {label: i for i, label in enumerate(labels)}
-    return {"title": path, "at": [indices[row.design[path]] for row in rows], "labels": labels}
+    indices = [labels.index(row.design[path]) for row in rows]
+    return {"title": path, "at": indices, "labels": labels}
 
 
 def sensitivity(study: Study, rows: Sequence[Candidate]) -> list[JsonObject]:
-    """Return the share (%) of each objective's variance that each choice explains.
+    """Return how much of each objective's variance each variable explains, in %.
 
-    Only planned candidates count; one entry per path.
+    The result has one entry for each path. Only planned candidates are evaluated.
     """
     finished = [row for row in rows if row.state == "done"]
     shares_by_path = []
@@ -194,10 +202,18 @@ def sensitivity(study: Study, rows: Sequence[Candidate]) -> list[JsonObject]:
 
 
 def correlation_ratio(positions: Array, value: Array) -> float:
-    """Return the correlation ratio η² of values (n,) over positions (n,).
+    """Return the correlation ratio η², the share of a variance that another quantity explains.
 
-    It is 0 without and 1 with full dependence. Positions are grouped into bins of equal count. A
-    correction for the number of bins makes the mean 0 for independent values.
+    It is 0 for independent quantities and 1 if one quantity determines the other. The positions are
+    divided into bins of equal count. A correction for the number of bins makes the expected value 0
+    for independent quantities.
+
+    Parameters
+    ----------
+    positions : (n,)
+        Quantity that explains the values.
+    value : (n,)
+        Values whose variance is explained. Values that are not finite are ignored.
     """
     finite = np.isfinite(value)
     positions = positions[finite]
@@ -205,21 +221,17 @@ def correlation_ratio(positions: Array, value: Array) -> float:
     if len(value) < 2 or np.ptp(value) == 0:
         return 0.0
     distinct = np.unique(positions)
-    edges = (
-        distinct
-        if len(distinct) <= BINS
-        else np.quantile(positions, np.linspace(0, 1, BINS + 1)[:-1])
-    )
-    group = np.searchsorted(edges, positions, side="right") - 1
-    within = sum(
-        float(np.sum((value[group == k] - value[group == k].mean()) ** 2)) for k in np.unique(group)
-    )
-    count = len(value)
-    groups = len(np.unique(group))
-    if count <= groups:
+    edges = distinct
+    if len(distinct) > BINS:
+        edges = np.quantile(positions, np.linspace(0, 1, BINS + 1)[:-1])
+    bins = np.searchsorted(edges, positions, side="right") - 1
+    groups = [value[bins == k] for k in np.unique(bins)]
+    degrees = len(value) - len(groups)
+    if degrees <= 0:
         return 0.0
+    within = sum(float(np.sum((group - group.mean()) ** 2)) for group in groups)
     total = float(np.sum((value - value.mean()) ** 2))
-    return max(0.0, 1.0 - within / (count - groups) / (total / (count - 1)))
+    return max(0.0, 1.0 - within / degrees / (total / (len(value) - 1)))
 
 
 def displayed_choices(study: Study, row: Candidate) -> dict[str, str]:
@@ -229,12 +241,15 @@ def displayed_choices(study: Study, row: Candidate) -> dict[str, str]:
 
 
 def named(name: str) -> str:
-    """Return the name of a figure in words: "motor_mass" as "motor mass"."""
+    """Return the name of a result in words, for example "motor mass" for "motor_mass"."""
     return name.replace("_", " ")
 
 
 def unit_of(name: str) -> tuple[str, float]:
-    """Return the unit in which a figure is shown ("" for none) and the factor from SI."""
+    """Return the display unit of a result, and the factor that converts SI values to this unit.
+
+    The unit is "" for results without a unit.
+    """
     quantity_name = name.split(".")[0]
     if quantity_name == "motor_margin":
         return ("%", 100.0)
@@ -244,17 +259,17 @@ def unit_of(name: str) -> tuple[str, float]:
 
 
 def title_of(name: str) -> str:
-    """Return the name of a figure with the unit in which it is shown."""
+    """Return the name of a result in words, with its display unit in parentheses."""
     unit = unit_of(name)[0]
     return f"{named(name)} ({unit})" if unit else named(name)
 
 
 def in_words(name: str, results: Mapping[str, Any]) -> str:
-    """Return a figure with its unit, such as "motor mass 0.239 kg"."""
+    """Format a result with its name and unit, for example as "motor mass 0.239 kg"."""
     return f"{named(name)} {number(scaled(name, results), 4)} {unit_of(name)[0]}".strip()
 
 
 def scaled(name: str, results: Mapping[str, Any]) -> float | None:
-    """Return a figure in the unit in which it is shown, or None if it is missing."""
+    """Return a result in its display unit, or None if it is missing."""
     value = results.get(name)
     return None if value is None else float(value) * unit_of(name)[1]

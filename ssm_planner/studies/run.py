@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import os
 import pickle
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import ExitStack, contextmanager
@@ -34,33 +34,35 @@ PAGE = "study.html"
 OWN = -1
 """Number of the study's own robot."""
 SCREENED_TOGETHER = 4096
+"""Number of candidates that are screened at once."""
 COMMIT_EVERY = 0.5
-"""Time between writes of the store, s."""
+"""Interval between writes of the store, s."""
 PAGE_EVERY = 10.0
-"""Shortest time between pages of a running study, s."""
+"""Shortest interval between two pages of a running study, s."""
 AHEAD = 8
-"""Batches per worker in advance, so that no worker waits for the driver."""
+"""Number of batches per worker that are submitted in advance, so that no worker has to wait."""
 AHEAD_ELSEWHERE = 512
-"""Batches in advance for an executor of unknown size."""
+"""Number of batches that are submitted in advance to an executor of unknown size."""
 BATCH_SECONDS = 0.25
+"""Target duration of a batch, s. An executor has a fixed cost for each batch."""
 LARGEST_BATCH = 64
-"""Target duration (s) and largest size of a batch; engines have a fixed cost per batch."""
+"""Largest number of candidates in a batch."""
 
-Asked = tuple[str, int, Design]
-"""Key, number and design of a candidate for the workers."""
+Task = tuple[str, int, Design]
+"""Key, number and design of a candidate that workers evaluate."""
 
 
 class StudyError(SsmPlannerError):
-    """The engine that evaluates the candidates is lost."""
+    """Error for an executor that has lost its workers."""
 
 
 StudyProgress = Callable[[int, int, dict[str, int]], None]
-"""Called with the number of finished candidates, the total, and the number in each state."""
+"""Function of the number of finished candidates, the total, and the number in each state."""
 
 
 @dataclass(frozen=True)
 class StudyResult(ShortRepr):
-    """Results of a study and their folder."""
+    """The results of a study, and the folder that contains them."""
 
     study: Study
     rows: tuple[Candidate, ...]
@@ -72,33 +74,27 @@ class StudyResult(ShortRepr):
 
     @property
     def states(self) -> dict[str, int]:
-        """Return the number of candidates in each state."""
-        return _states(self.rows)
+        """Number of candidates in each state."""
+        return dict(sorted(Counter(row.state for row in self.rows).items()))
 
     @property
     def reasons(self) -> dict[str, int]:
-        """Return the number of rejected candidates by stage, in decreasing order."""
-        stages = [
-            row.stage or row.state for row in self.rows if row.state not in ("done", "waiting")
-        ]
-        return dict(
-            sorted(
-                ((stage, stages.count(stage)) for stage in set(stages)),
-                key=lambda item: (-item[1], item[0]),
-            )
-        )
+        """Number of rejected candidates by stage, in descending order."""
+        rejected = [row for row in self.rows if row.state not in ("done", "waiting")]
+        counts = Counter(row.stage or row.state for row in rejected)
+        return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
     @property
     def better(self) -> tuple[Candidate, ...]:
-        """Return the candidates that beat the study's own robot in one objective, and lose in none.
+        """Candidates that beat the study's own robot in one objective and are worse in none.
 
-        Returns an empty tuple if that robot lacks an objective or violates a requirement.
+        Empty if that robot lacks an objective or violates a requirement.
         """
         return better(self.own, self.front, self.study.minimise)
 
     @property
     def front(self) -> tuple[Candidate, ...]:
-        """Return the candidates that no other dominates, in the order of the first objective."""
+        """Candidates that no other candidate dominates, in the order of the first objective."""
         return pareto(self.rows, self.study.minimise)
 
 
@@ -110,13 +106,38 @@ def study(
     executor: Executor | None = None,
     progress: StudyProgress = lambda done, count, states: None,
 ) -> StudyResult:
-    """Evaluate the remaining candidates of a study; write store, table and page into `folder`.
+    """Evaluate the candidates of a study, and write the store, the table, the page and the figures.
 
-    of: a study, its file, or the name of a shipped one. workers: number of processes, by default
-    one per processor. executor: any `concurrent.futures.Executor`, such as Dask's, instead of
-    processes; it is not shut down. progress: called after each result. Ctrl-C ends the run, and the
-    same call continues it. Raises ProblemError, ExportError, or StudyError if the executor loses
-    its workers.
+    Candidates with results in the store are not evaluated again. Ctrl-C ends a run, and the same
+    call continues it.
+
+    Parameters
+    ----------
+    of
+        Study, its file, or the name of a shipped study.
+    folder
+        Folder of the results.
+    workers
+        Number of worker processes. The default is the number of processors.
+    executor
+        Any `concurrent.futures.Executor`, such as that of Dask, which replaces the worker
+        processes. It is not shut down.
+    progress
+        Function that is called after each result.
+
+    Returns
+    -------
+    StudyResult
+        Results of all candidates.
+
+    Raises
+    ------
+    ProblemError
+        If the study is invalid, or if another program writes the same store.
+    ExportError
+        If a file cannot be written.
+    StudyError
+        If the executor loses its workers.
     """
     of = of if isinstance(of, Study) else load_study(of)
     folder = Path(folder)
@@ -144,7 +165,7 @@ def study(
 
 @contextmanager
 def _killed_on_exit(workers: Workers) -> Iterator[Workers]:
-    """Provide workers and kill them when the block ends."""
+    """Provide workers within a `with` block, and kill them at its end."""
     try:
         yield workers
     finally:
@@ -152,7 +173,7 @@ def _killed_on_exit(workers: Workers) -> Iterator[Workers]:
 
 
 class _Driver:
-    """Screens candidates, sends them to the workers and writes the store."""
+    """Driver of a study. It screens candidates, sends them to the workers and writes the store."""
 
     def __init__(
         self, study: Study, store: Store, pool: Executor, ahead: int, progress: StudyProgress
@@ -166,22 +187,19 @@ class _Driver:
         self._screens = Screens(study)
         self.keys: list[str] = []
         self.own = key_of({}, self._context)
-        self._pending: dict[Future[tuple[list[Candidate], float]], Sequence[Asked]] = {}
-        self._batch_seconds, self._batch_candidates = (
-            BATCH_SECONDS,
-            1.0,
-        )  # decaying sums over the latest batches
+        self._pending: dict[Future[tuple[list[Candidate], float]], Sequence[Task]] = {}
+        # Decaying sums over the latest batches.
+        self._batch_seconds, self._batch_candidates = BATCH_SECONDS, 1.0
         self._finished: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()
         self._next_page = self._last_write + PAGE_EVERY
         self._states: dict[str, int] = {}
         self._earlier: dict[str, tuple[int, str]] = {}
-        self._evaluation = pickle.dumps(
-            Evaluation(study)
-        )  # pickled once, so that engines treat it as bytes
+        # Executors treat the pickle as bytes, so the study is pickled only once.
+        self._evaluation = pickle.dumps(Evaluation(study))
 
     def run(self) -> None:
-        """Evaluate all candidates, the study's own robot first."""
+        """Evaluate all candidates, beginning with the study's own robot."""
         self._store.add([(OWN, self.own, {})])
         self._earlier = self._store.states()
         if self._earlier[self.own][1] == "waiting":
@@ -199,7 +217,7 @@ class _Driver:
         self.flush()
 
     def flush(self) -> None:
-        """Write finished candidates into the store, and the page if it is due."""
+        """Write finished candidates into the store. Also write the page if the last one is old."""
         if self._finished:
             self._store.put(self._finished)
             self._finished = []
@@ -208,27 +226,39 @@ class _Driver:
             self._write_page()
 
     def _write_page(self) -> None:
-        """Write the page of the running study; pages take at most 2 % of the time."""
+        """Write the page of the running study. Pages take at most 2 % of the time."""
         rows = self._store.rows([self.own, *self.keys])
         page = self._store.path.with_name(PAGE)
-        write_study_page(
-            self._study, rows, pareto(rows, self._study.minimise), page, finished=False
-        )
+        front = pareto(rows, self._study.minimise)
+        write_study_page(self._study, rows, front, page, finished=False)
         now = time.monotonic()
         self._next_page = now + max(PAGE_EVERY, 50 * (now - self._last_write))
 
     def _process(
         self, designs: Sequence[Design], first_number: int, total: int, collect: bool = True
     ) -> list[Candidate]:
-        """Screen candidates and send the others to the workers.
+        """Screen candidates, and send those that pass to the workers.
 
-        first: number of the first candidate. total: number of candidates of the study. collect:
-        wait for the results and return the rows; otherwise the list is empty.
+        Parameters
+        ----------
+        designs
+            Designs of the candidates.
+        first_number
+            Number of the first candidate.
+        total
+            Number of candidates of the study.
+        collect
+            If true, wait for all results.
+
+        Returns
+        -------
+        list[Candidate]
+            Results of the candidates. Empty if `collect` is false.
         """
         keys = [key_of(design, self._context) for design in designs]
         self._total = total
         self.keys += keys
-        waiting: list[Asked] = []
+        waiting: list[Task] = []
         new: list[tuple[int, str, Design]] = []
         for number, (key, design) in enumerate(zip(keys, designs, strict=True), first_number):
             earlier, state = self._earlier.get(key, (None, "waiting"))
@@ -239,20 +269,17 @@ class _Driver:
             else:
                 self._count(state)
         self._store.add(new)
-        batch: list[Asked] = []
-        for candidate_design, rejection in zip(
-            waiting, self._screens.reject([design for _, _, design in waiting]), strict=True
-        ):
-            key, number, design = candidate_design
+        batch: list[Task] = []
+        rejections = self._screens.reject([design for _, _, design in waiting])
+        for task, rejection in zip(waiting, rejections, strict=True):
             if rejection is not None:
-                self._record(
-                    key, Candidate(number, "infeasible", design, rejection.stage, rejection.reason)
-                )
+                key, number, design = task
+                stage, reason = rejection.stage, rejection.reason
+                self._record(key, Candidate(number, "infeasible", design, stage, reason))
                 continue
-            batch.append(candidate_design)
-            if len(batch) >= min(
-                BATCH_SECONDS * self._batch_candidates / self._batch_seconds, LARGEST_BATCH
-            ):
+            batch.append(task)
+            size = BATCH_SECONDS * self._batch_candidates / self._batch_seconds
+            if len(batch) >= min(size, LARGEST_BATCH):
                 while len(self._pending) >= self._ahead:
                     self._collect()
                 self._submit(batch)
@@ -265,33 +292,35 @@ class _Driver:
         self.flush()
         return self._store.rows(keys)
 
-    def _submit(self, batch: Sequence[Asked]) -> None:
+    def _submit(self, batch: Sequence[Task]) -> None:
         """Send a batch to the next free worker."""
-        future = self._pool.submit(
-            evaluate_batch, self._evaluation, [(number, design) for _, number, design in batch]
-        )
+        candidates = [(number, design) for _, number, design in batch]
+        future = self._pool.submit(evaluate_batch, self._evaluation, candidates)
         self._pending[future] = batch
 
     def _drain(self) -> None:
-        """Wait for all answers."""
+        """Wait for the results of all batches."""
         while self._pending:
             self._collect()
 
     def _collect(self) -> None:
-        """Wait for at least one answer. Raises StudyError if the engine has lost one."""
+        """Wait for the result of at least one batch.
+
+        The candidates of a batch that ended its worker are submitted again, one by one. Raises
+        StudyError if the executor fails in another way.
+        """
         lost: BaseException | None = None
         for future in wait(self._pending, timeout=COMMIT_EVERY, return_when=FIRST_COMPLETED).done:
             batch = self._pending.pop(future)
             try:
                 rows, seconds = future.result()
-            except (CancelledError, Exception) as error:  # noqa: BLE001 the engine's
-                if (
-                    not isinstance(error, WorkerDied) and type(error).__name__ != "KilledWorker"
-                ):  # Dask's WorkerDied
+            except (CancelledError, Exception) as error:  # noqa: BLE001 of the executor
+                # Dask raises KilledWorker instead of WorkerDied.
+                if not isinstance(error, WorkerDied) and type(error).__name__ != "KilledWorker":
                     lost = error
                 elif len(batch) > 1:
-                    for design in batch:  # each alone, to find the one that ends its worker
-                        self._submit([design])
+                    for task in batch:
+                        self._submit([task])
                 else:
                     reason = "ended its worker process each time it was tried"
                     self._record(batch[0][0], Candidate(-1, "quarantined", {}, None, reason))
@@ -307,7 +336,7 @@ class _Driver:
             raise StudyError(f"{reason}; what is done is kept, the same command goes on") from lost
 
     def _record(self, key: str, row: Candidate) -> None:
-        """Record a row for the next write and count its state."""
+        """Add a result to those of the next write, and count its state."""
         self._finished.append((key, row))
         if key != self.own:
             self._count(row.state)
@@ -315,15 +344,16 @@ class _Driver:
             self.flush()
 
     def _count(self, state: str) -> None:
-        """Count a state and report the progress."""
+        """Count the state of a candidate, and report the progress."""
         self._states[state] = self._states.get(state, 0) + 1
         self._progress(sum(self._states.values()), self._total, self._states)
 
 
 def context_of(study: Study) -> str:
-    """Return the hash of everything that determines a result besides the design.
+    """Return a hash of all data that determine the result of a design.
 
-    These are the robot, the motions, the catalogues, the requirements and the version.
+    These are the robot, the motions, the catalogues, the requirements and the version of the
+    package.
     """
     contents: dict[str, Any] = {v.path: v.contents for v in study.vary if isinstance(v, Choice)}
     contents |= {v.path: [v.select, v.contents, v.beside] for v in study.selected}
@@ -336,20 +366,11 @@ def context_of(study: Study) -> str:
         },
         "version": version("ssm_planner"),
     }
-    return hashlib.sha256(
-        json.dumps(dependencies, sort_keys=True, default=str).encode()
-    ).hexdigest()
-
-
-def _states(rows: Sequence[Candidate]) -> dict[str, int]:
-    """Return the number of rows in each state."""
-    names = sorted({row.state for row in rows})
-    return {name: sum(row.state == name for row in rows) for name in names}
+    text = json.dumps(dependencies, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _chunks(designs: list[Design], size: int) -> Iterator[list[Design]]:
-    """Generate parts of the list with `size` designs."""
-    for start in itertools.count(0, size):
-        if start >= len(designs):
-            return
+    """Divide a list into parts of at most `size` designs."""
+    for start in range(0, len(designs), size):
         yield designs[start : start + size]

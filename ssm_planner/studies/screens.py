@@ -1,8 +1,8 @@
-"""Reject candidates by closed forms, for all candidates at once and before any planning.
+"""Reject candidates by closed-form tests, before any planning and for all candidates at once.
 
-The screens check the reach (paper, eq. 9), self-locking of every drive, and the torque that starts
-each straight motion from rest against weight and static friction. A screen passes every candidate
-that it cannot evaluate.
+The tests are called screens. They check the reach (paper, eq. 9), the self-locking of every drive,
+and the torque that starts each straight motion from rest against weight and static friction. A
+candidate that a screen cannot evaluate passes it.
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ from ssm_planner.typing import Array, record
 from ssm_planner.units import quantity
 
 ANGLES = ("alpha", "home_tilt", "home_roll")
+"""Keys of the robot file that define a geometry."""
 FIRST_STEP = 1e-6
-"""Share of a straight motion after which the directions of its joints are determined."""
+"""Share of a straight motion from which the directions of its joints are computed."""
 DEGREE = math.pi / 180
 
 
 @dataclass(frozen=True)
 class Rejection:
-    """Stage and reason of a candidate's rejection."""
+    """The stage that rejected a candidate, and the reason."""
 
     stage: str
     reason: str
@@ -45,14 +46,14 @@ class Rejection:
 
 @record
 class Move:
-    """A straight motion between task coordinates (4,)."""
+    """A straight motion between two points in task coordinates (4,), rad and m."""
 
     start: Array
     end: Array
 
 
 class Screens:
-    """The screens of one study."""
+    """The screens of one study. They can be applied to many candidates at once."""
 
     def __init__(self, study: Study) -> None:
         self.study = study
@@ -63,7 +64,7 @@ class Screens:
         self._joints = self._alternatives()
 
     def reject(self, designs: Sequence[Design]) -> list[Rejection | None]:
-        """Return the rejection of each candidate, or None if it passes."""
+        """Apply all screens. Returns the rejection of each candidate, or None if it passes."""
         if not designs:
             return []
         rejections: list[Rejection | None] = [None] * len(designs)
@@ -77,13 +78,16 @@ class Screens:
 
     @property
     def _bodies_vary(self) -> bool:
-        """Return whether masses, bodies or gravity differ between candidates."""
+        """True if masses, bodies or gravity differ between candidates."""
         if any(path.startswith(("bodies", "gravity")) for path in self.study.paths):
             return True
         return any("parts" in body for body in self.study.robot["bodies"])
 
     def _problems(self) -> Iterator[Problem]:
-        """Generate the motions with the first candidate whose robot and motions are valid."""
+        """Yield the problem of each motion, with a candidate for which all problems are valid.
+
+        There are no problems if none of three candidates is valid.
+        """
         for position in (0.0, 0.5, 1.0):
             design = self.study.design([position] * len(self.study.vary))
             try:
@@ -101,30 +105,24 @@ class Screens:
     def _family(self, designs: Sequence[Design]) -> Family | None:
         """Return the geometries of all designs as arrays.
 
-        None if other keys than alpha, home_tilt and home_roll (ANGLES) define them.
+        None if other keys than ANGLES define the geometry.
         """
         geometry = self.study.robot["geometry"]
-        if (
-            "alpha" not in geometry
-            or "beta" in geometry
-            or any(path.startswith("geometry.axes") for path in self.study.paths)
-        ):
+        axes_vary = any(path.startswith("geometry.axes") for path in self.study.paths)
+        if "alpha" not in geometry or "beta" in geometry or axes_vary:
             return None
         columns = []
         for name in ANGLES:
             path = f"geometry.{name}"
-            texts = (
-                [d[path] for d in designs]
-                if path in self.study.paths
-                else [str(geometry.get(name, "0 deg"))]
-            )
-            angles = _angles(texts)
-            columns.append(np.broadcast_to(angles, (len(designs),)))
+            texts = [str(geometry.get(name, "0 deg"))]
+            if path in self.study.paths:
+                texts = [design[path] for design in designs]
+            columns.append(np.broadcast_to(_angles(texts), (len(designs),)))
         sign = -1 if geometry["insertion"] == "negative" else 1
         return Family(columns[0], columns[1], columns[2], sign)
 
     def _reach(self, family: Family, rejections: list[Rejection | None]) -> None:
-        """Reject candidates whose workspace lacks required tilts or those of a motion."""
+        """Reject candidates that do not reach the required tilts or the tilts of the motions."""
         require = self.study.require
         demands: list[tuple[str, Array, float]] = []
         if require.reach is not None:
@@ -143,7 +141,7 @@ class Screens:
                     )
 
     def _screen_parts(self, designs: Sequence[Design], rejections: list[Rejection | None]) -> None:
-        """Reject drives and motors that are invalid or do not lock."""
+        """Reject candidates with an invalid drive or motor, or with a drive that does not lock."""
         for path, options in self._joints.items():
             faults = {label: self._fault(option) for label, option in options.items()}
             for i, design in enumerate(designs):
@@ -151,7 +149,7 @@ class Screens:
                     rejections[i] = faults[design[path]]
 
     def _fault(self, joint: Joint | ProblemError) -> Rejection | None:
-        """Return the rejection of a joint's drive, or None."""
+        """Return the rejection if a joint is invalid or its drive does not lock, otherwise None."""
         if isinstance(joint, ProblemError):
             return Rejection("parts", joint.reason)
         drive = joint.drive
@@ -164,9 +162,10 @@ class Screens:
         return None
 
     def _alternatives(self) -> dict[str, dict[str, Joint | ProblemError]]:
-        """Return the joint for each entry of each choice of its drive or motor, by path and label.
+        """Build the joint with each entry of each choice of drives and motors.
 
-        All other values are those of the first candidate. An invalid entry gives its error.
+        All other values are those of the first candidate. The result contains the joints, or the
+        error of an invalid entry, by path of the choice and name of the entry.
         """
         joints: dict[str, dict[str, Joint | ProblemError]] = {}
         for variable in self.study.vary:
@@ -191,28 +190,26 @@ class Screens:
     def _start(
         self, designs: Sequence[Design], family: Family, rejections: list[Rejection | None]
     ) -> None:
-        """Reject designs whose motors cannot start a motion from rest on either branch.
+        """Reject designs whose motors cannot start a motion from rest on any branch.
 
         The reason is that of the first branch.
         """
         if self.robot is None:
             return
-        alive = np.array([rejection is None for rejection in rejections])
-        if not alive.any():
+        open_ = np.array([rejection is None for rejection in rejections])
+        if not open_.any():
             return
-        members = family.subset(alive)
-        passing = [design for design, lives in zip(designs, alive, strict=True) if lives]
-        by_branch = [self._lacking(members, branch, passing) for branch in (1, -1)]
-        for position, i in enumerate(np.flatnonzero(alive)):
-            branch_1 = by_branch[0][position]
-            branch_2 = by_branch[1][position]
-            if branch_1 is not None and branch_2 is not None:
-                rejections[i] = branch_1
+        indices = np.flatnonzero(open_).tolist()
+        members, passing = family.subset(open_), [designs[i] for i in indices]
+        branches = (self._weak_motors(members, branch, passing) for branch in (1, -1))
+        for i, *both in zip(indices, *branches, strict=True):
+            if None not in both:
+                rejections[i] = both[0]
 
-    def _lacking(
+    def _weak_motors(
         self, family: Family, branch: int, designs: Sequence[Design]
     ) -> list[Rejection | None]:
-        """Return for one branch the rejections of candidates with weak motors, else None."""
+        """Return the rejection of each design whose motors are too weak on one branch, or None."""
         assert self.robot is not None
         starts = np.array([move.start for move in self._moves])
         steps = starts + FIRST_STEP * (np.array([move.end for move in self._moves]) - starts)
@@ -235,27 +232,24 @@ class Screens:
                 ):
                     continue
                 sign = direction[members, :, k]
-                torque = np.abs(
-                    breakaway_torque(
-                        joint.drive, load[members, :, k], np.where(sign == 0, 1.0, sign)
-                    )
-                )
+                moving_sign = np.where(sign == 0, 1.0, sign)
+                torque = np.abs(breakaway_torque(joint.drive, load[members, :, k], moving_sign))
                 torque = np.where((sign == 0) | ~np.isfinite(torque), 0.0, torque).max(axis=1)
                 for i in np.flatnonzero(torque > joint.motor.max_torque):
                     if rejections[members[i]] is None:
-                        needs = 1e3 * torque[i]
-                        has = 1e3 * joint.motor.max_torque
+                        required = 1e3 * torque[i]
+                        available = 1e3 * joint.motor.max_torque
                         reason = (
-                            f"joint {name} starts against {needs:.4g} mN·m, "
-                            f"{joint.motor.name} has {has:.4g} mN·m"
+                            f"joint {name} starts against {required:.4g} mN·m, "
+                            f"{joint.motor.name} has {available:.4g} mN·m"
                         )
                         rejections[members[i]] = Rejection("static torque", reason)
         return rejections
 
     def _loads(self, family: Family, q: Array) -> Array:
-        """Return the efforts (n, k, 4) of the weight at joints q (n, k, 4), N·m and N.
+        """Return the efforts of the weight on the joints at q (n, k, 4), (n, k, 4), N·m and N.
 
-        The bodies of the robot file rotate with the axes of their joints.
+        The bodies keep their place relative to the axes of their joints.
         """
         assert self.robot is not None
         count = len(family.alpha)
@@ -264,27 +258,21 @@ class Screens:
         return static_loads(axes, masses, self._coms(family), self.robot.gravity, q)
 
     def _coms(self, family: Family) -> Array:
-        """Return centres of mass in the base frame at q = 0, (n, 4, 3).
+        """Return the centres of mass in the base frame at q = 0, (n, 4, 3), m.
 
-        The z axis of a body's frame stays along its joint's axis.
+        The z axis of a body's frame stays along the axis of its joint.
         """
         assert self.robot is not None
-        olds = self.robot.geometry.axes
-        news = (family.omega1, family.omega2, family.omega3, family.omega3)
+        new_axes = (family.omega1, family.omega2, family.omega3, family.omega3)
         centres = [body.frame @ body.com for body in self.robot.bodies]
-        return np.stack(
-            [
-                _rotated(centre, old, new)
-                for centre, old, new in zip(centres, olds, news, strict=True)
-            ],
-            axis=1,
-        )
+        bodies = zip(centres, self.robot.geometry.axes, new_axes, strict=True)
+        return np.stack([_rotated(centre, old, new) for centre, old, new in bodies], axis=1)
 
     def _groups(self, name: str, designs: Sequence[Design]) -> Iterator[tuple[Joint, Array]]:
-        """Yield each distinct variant of a joint with the indices of the designs that choose it.
+        """Yield each variant of a joint, and the indices of the designs that contain it.
 
-        A variant has the drive and the motor that a design chooses. Variants whose drive and motor
-        do not fit together are left out.
+        Variants differ in their drive and motor. A variant whose drive and motor do not fit
+        together is left out.
         """
         assert self.robot is not None
         original = self.robot.joints[JOINTS.index(name)]
@@ -296,7 +284,7 @@ class Screens:
             joint: Any = original
             for path, label in zip(paths, labels, strict=True):
                 option = self._joints[path][label]
-                assert isinstance(option, Joint)  # other candidates are rejected already
+                assert isinstance(option, Joint)  # Candidates with an error are rejected already.
                 field = "motor" if path.endswith("motor") else "drive"
                 try:
                     joint = replace(joint, **{field: getattr(option, field)})
@@ -308,14 +296,29 @@ class Screens:
 
 
 def _angles(texts: Sequence[str]) -> Array:
-    """Return angles in rad; all texts have the unit of the first, so the conversion is fast."""
+    """Convert texts such as "30 deg" to angles (n,) in rad. All texts have the same unit."""
     unit = texts[0].strip().partition(" ")[2]
     factor = quantity(f"1 {unit}", "angle")
     return np.array([float(text.strip().partition(" ")[0]) for text in texts]) * factor
 
 
 def _rotated(point: Array, old: Array, new: Array) -> Array:
-    """Return a point (3,) after the smallest rotations from `old` (3,) to `new` (n, 3), (n, 3)."""
+    """Rotate a point by the smallest rotation that turns one axis into another.
+
+    Parameters
+    ----------
+    point : (3,)
+        Point that is rotated.
+    old : (3,)
+        Unit vector of the axis before the rotation.
+    new : (n, 3)
+        Unit vectors of the axis after each of n rotations.
+
+    Returns
+    -------
+    (n, 3)
+        The point after each rotation.
+    """
     axis = np.cross(old, new)
     cosine = new @ old
     tangent = np.cross(axis, point)
@@ -323,9 +326,10 @@ def _rotated(point: Array, old: Array, new: Array) -> Array:
 
 
 def _demands(problems: Sequence[Problem]) -> tuple[Array, list[Move]]:
-    """Return tilts (k,) that the motions certainly pass, rad, and their straight motions.
+    """Return the tilts (k,) that all motions must reach, rad, and their straight motions.
 
-    Motions behind the first one that task coordinates do not define are left out.
+    Only motions whose ends are given in task coordinates are evaluated. The evaluation of a problem
+    ends at its first other motion.
     """
     tilts: list[float] = []
     moves: list[Move] = []

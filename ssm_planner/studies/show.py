@@ -1,4 +1,4 @@
-"""Write one candidate in full (robot file, plans, pages), or compare two candidates."""
+"""Write the robot file, the plans and the pages of one candidate, or compare two candidates."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ from ssm_planner.typing import JsonObject
 
 
 def candidate(folder: Path, number: int) -> Candidate:
-    """Return a row of the store in `folder`. Raises ProblemError."""
+    """Return the candidate with a number from the store in `folder`.
+
+    Raises ProblemError if there is no store or no such candidate.
+    """
     if not (folder / STORE).is_file():
         raise ProblemError(
             "no study has been run there",
@@ -40,25 +43,20 @@ def candidate(folder: Path, number: int) -> Candidate:
 
 
 def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
-    """Write robot.yaml, plans and pages of a candidate into `folder`/candidate_N.
+    """Write the robot file, the plans and the pages of a candidate, and return their paths.
 
-    Returns the paths. Raises ProblemError if a motion has no plan.
+    The files are written into `folder`/candidate_N, where `folder` contains the results of the
+    study. Raises ProblemError if a motion has no plan, and ExportError if a file cannot be written.
     """
     row = candidate(folder, number)
     target = folder / f"candidate_{number}"
     target.mkdir(parents=True, exist_ok=True)
     robot = target / "robot.yaml"
+    tree = study.resolved(study.complete_design(row.design, row.figures))
+    text = yaml.safe_dump(_numbered(tree, study, number), sort_keys=False, allow_unicode=True)
     with replacing(robot) as temporary:
-        text = yaml.safe_dump(
-            _numbered(
-                study.resolved(study.complete_design(row.design, row.figures)), study, number
-            ),
-            sort_keys=False,
-            allow_unicode=True,
-        )
-        temporary.write_text(
-            f"# Candidate {number} of the study {study.name}.\n{text}", encoding="utf-8"
-        )
+        heading = f"# Candidate {number} of the study {study.name}.\n"
+        temporary.write_text(heading + text, encoding="utf-8")
     paths = [robot]
     for name, plan in plans_of(study, row).items():
         if not plan.passed:
@@ -70,7 +68,7 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
 
 
 def _numbered(tree: JsonObject, study: Study, number: int) -> JsonObject:
-    """Return the content of a robot file with the candidate's number in name and source."""
+    """Add the number of the candidate to the name and the source in a robot file's content."""
     return {
         **tree,
         "name": f"{tree['name']}, candidate {number}",
@@ -79,7 +77,11 @@ def _numbered(tree: JsonObject, study: Study, number: int) -> JsonObject:
 
 
 def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int) -> JsonObject:
-    """Return choices and results of two candidates: {study, numbers, design, figures}."""
+    """Return the designs and the results of two candidates side by side, as JSON types.
+
+    The keys are study, numbers, design and figures. Raises ProblemError if a candidate does not
+    exist.
+    """
     a = candidate(folder, number_1)
     b = candidate(folder, number_2)
     return {
@@ -93,5 +95,5 @@ def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int)
 
 
 def _pairs(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Return (a, b) by name, with None for missing values."""
+    """Return the values of both mappings by name, with None for missing values."""
     return {name: (a.get(name), b.get(name)) for name in dict.fromkeys([*a, *b])}

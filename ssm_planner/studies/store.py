@@ -1,9 +1,8 @@
-"""Store the candidates of a study in SQLite, one row each.
+"""Store the candidates of a study in an SQLite database, with one row for each candidate.
 
-Only the driver writes; others may read at any time.
-
-The key of a row is a hash of the resolved design, the motions and the version of this program. The
-store contains figures; plans are computed again on request.
+Only one process writes the database, and others may read it at any time. The key of a row is a hash
+of the design, the motions and the version of the package. The database contains results but no
+plans. Plans are computed again on request.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import operator
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -27,12 +27,16 @@ from ssm_planner.representation import ShortRepr
 State = Literal["waiting", "done", "infeasible", "failed", "quarantined"]
 """State of a candidate.
 
-done: planned, checked and sized. infeasible: rejected for a named reason. failed: a fault of this
-program. quarantined: ended its worker process at every attempt.
+- "waiting": the candidate has not been evaluated yet.
+- "done": its motions are planned and checked, and its motors are sized.
+- "infeasible": it was rejected for a reason.
+- "failed": a fault of this program prevented its evaluation.
+- "quarantined": it ended its worker process at every attempt.
 """
 FORMAT = 1
+"""Version of the database's layout."""
 LOCK_WAIT = 0.5
-"""Time for which an open store may be locked by another process, s."""
+"""Time to wait for another process that holds the lock of a store, s."""
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS candidates (
     key TEXT PRIMARY KEY, number INTEGER NOT NULL, state TEXT NOT NULL, stage TEXT, reason TEXT,
@@ -45,42 +49,45 @@ PRAGMA user_version = {FORMAT};
 
 @dataclass(frozen=True)
 class Candidate(ShortRepr):
-    """One candidate. design: its choices by path; figures: its results by name, SI."""
+    """A candidate and its results."""
 
     number: int
     state: State
     design: Mapping[str, Any]
+    """Values of the variables by path."""
     stage: str | None = None
     """Stage that rejected an infeasible candidate."""
     reason: str | None = None
+    """Reason of the rejection or fault."""
     figures: Mapping[str, Any] = field(default_factory=dict)
+    """Results by name, in SI units."""
 
 
 def key_of(design: Mapping[str, Any], context: str) -> str:
-    """Return the key of a design.
+    """Return the key of a design in the store.
 
-    context: text that identifies the robot, the motions, the requirements and the version.
+    `context` identifies the robot, the motions, the requirements and the version of the package.
     """
     return hashlib.sha256(f"{context}\n{_text(design)}".encode()).hexdigest()[:32]
 
 
 class Store(AbstractContextManager["Store"]):
-    """Candidates by key.
+    """Database of candidates by key. It is used as a context manager.
 
-    Raises ProblemError for another kind of file, or if another driver writes the store.
+    Opening raises ProblemError if the file is no such database or if another process writes it, and
+    ExportError if the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        lock = path.with_suffix(
-            ".lock"
-        )  # a separate file: SQLite loses its lock when another handle of its file closes
+        # SQLite loses a lock if another handle of its file closes, so the lock has its own file.
+        lock = path.with_suffix(".lock")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             lock.touch()
         except OSError as error:
             raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from error
-        # A worker that a killed driver was starting keeps the lock for a moment.
+        # If a driver is killed while it starts a worker, the worker keeps the lock for a moment.
         deadline = time.monotonic() + LOCK_WAIT
         while True:
             self._lock = locked(lock, wait=False)
@@ -109,13 +116,15 @@ class Store(AbstractContextManager["Store"]):
                     f"a store of format {version}", file=self.path, allowed=f"format {FORMAT}"
                 )
             self._connection.execute("PRAGMA journal_mode = WAL")
-            self._connection.execute(
-                "PRAGMA synchronous = NORMAL"
-            )  # a power cut loses the last rows only
+            # A power cut loses only the latest rows.
+            self._connection.execute("PRAGMA synchronous = NORMAL")
             self._connection.executescript(_TABLES)
 
     def add(self, designs: Iterable[tuple[int, str, Mapping[str, Any]]]) -> None:
-        """Add candidates (number, key, design) as waiting; update the number of existing ones."""
+        """Add candidates with the state "waiting". Existing candidates get the new number.
+
+        `designs` contains the number, the key and the design of each candidate.
+        """
         rows = ((key, number, _text(design)) for number, key, design in designs)
         self._write(
             "INSERT INTO candidates (key, number, state, design) VALUES (?, ?, 'waiting', ?) "
@@ -124,21 +133,21 @@ class Store(AbstractContextManager["Store"]):
         )
 
     def put(self, rows: Iterable[tuple[str, Candidate]]) -> None:
-        """Write results by key."""
+        """Write the results of candidates. `rows` contains the key and the result of each."""
         self._write(
             "UPDATE candidates SET state = ?, stage = ?, reason = ?, figures = ? WHERE key = ?",
             ((row.state, row.stage, row.reason, _text(row.figures), key) for key, row in rows),
         )
 
     def states(self) -> dict[str, tuple[int, str]]:
-        """Return (number, state) by key."""
+        """Return the number and the state of every candidate by key."""
         return {
             key: (number, state)
             for key, number, state in self._read("SELECT key, number, state FROM candidates")
         }
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
-        """Return all candidates in the order of their numbers, or those of `keys` in order."""
+        """Return all candidates by number, or those with the given keys in their order."""
         candidates = {
             key: Candidate(
                 number,
@@ -175,7 +184,7 @@ class Store(AbstractContextManager["Store"]):
 
     @contextmanager
     def _faults(self) -> Iterator[None]:
-        """Convert errors of SQLite: ExportError for the disk, ProblemError for a damaged file."""
+        """Convert errors of SQLite to ExportError (disk) or ProblemError (damaged file)."""
         try:
             yield
         except sqlite3.OperationalError as error:
@@ -194,14 +203,14 @@ class Store(AbstractContextManager["Store"]):
 
 
 _text = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":")).encode
-"""Encode as JSON; equal values give equal text."""
+"""Encode a value as JSON. Equal values give equal texts."""
 
 
 def columns(rows: Sequence[Candidate]) -> dict[str, list[Any]]:
-    """Return the rows as columns of one table, by name.
+    """Return candidates as the columns of a table, by name of the column.
 
-    The columns are the attributes of the rows, their choices and their figures; missing values are
-    None.
+    The columns are the attributes of the candidates, their designs and their results. Missing
+    values are None.
     """
     attributes = ("number", "state", "stage", "reason")
     table: dict[str, list[Any]] = {
@@ -214,9 +223,9 @@ def columns(rows: Sequence[Candidate]) -> dict[str, list[Any]]:
 
 
 def write_table(rows: Sequence[Candidate], path: Path) -> None:
-    """Write the rows as CSV, or as Parquet if the name ends so.
+    """Write candidates as a table, as Parquet if the path ends with ".parquet" and else as CSV.
 
-    Raises ExportError if pyarrow is missing.
+    Raises ExportError if the file cannot be written, or if Parquet is requested without pyarrow.
     """
     table = columns(rows)
     with replacing(path) as temporary:
@@ -237,33 +246,34 @@ def write_table(rows: Sequence[Candidate], path: Path) -> None:
 
 
 def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
-    """Return the done rows that no other dominates.
+    """Return the Pareto front: the candidates that no other candidate dominates.
 
-    Rows without one of the objectives do not count.
+    A candidate dominates another one if it is not worse in any objective. Margins are maximised,
+    and all other objectives are minimised. Candidates that are not done or lack an objective are
+    ignored. The front is sorted by the first objective.
     """
     signs = [-1.0 if name.endswith("margin") else 1.0 for name in objectives]
-    points = [
-        (tuple(sign * row.figures[name] for sign, name in zip(signs, objectives, strict=True)), row)
-        for row in rows
-        if row.state == "done" and all(row.figures.get(name) is not None for name in objectives)
-    ]
-    points.sort(key=lambda point: (point[0], point[1].number))
-    front: list[tuple[tuple[float, ...], Candidate]] = []
-    for values, row in points:
-        if not any(
-            all(a <= b for a, b in zip(values_of_other, values, strict=True))
-            for values_of_other, _ in front
-        ):
-            front.append((values, row))
+    points: list[tuple[list[float], int, Candidate]] = []
+    for row in rows:
+        values: list[Any] = [row.figures.get(name) for name in objectives]
+        if row.state == "done" and None not in values:
+            costs = [sign * value for sign, value in zip(signs, values, strict=True)]
+            points.append((costs, row.number, row))
+    points.sort(key=lambda point: point[:2])
+    front: list[tuple[list[float], Candidate]] = []
+    for costs, _, row in points:
+        dominated = (all(map(operator.le, other, costs)) for other, _ in front)
+        if not any(dominated):
+            front.append((costs, row))
     return tuple(row for _, row in front)
 
 
 def better(
     reference: Candidate, front: Sequence[Candidate], objectives: Sequence[str]
 ) -> tuple[Candidate, ...]:
-    """Return the rows of a front that dominate `reference`.
+    """Return the candidates of a front that dominate the candidate `reference`.
 
-    Returns an empty tuple if `reference` is not done or lacks an objective.
+    The result is empty if `reference` is not done or lacks an objective.
     """
     if not pareto((reference,), objectives):
         return ()

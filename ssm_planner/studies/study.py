@@ -1,4 +1,4 @@
-"""Define a study as a frozen value: variables, motions, requirements and objectives."""
+"""Define a study as an immutable value: variables, motions, requirements and objectives."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from ssm_planner.typing import Array, JsonObject, Range, record
 from ssm_planner.units import BadQuantity, quantity
 
 Design = Mapping[str, str]
-"""One choice for each path: a quantity with its unit, or the name of a catalogue entry."""
+"""Value at each varied path of the robot file: a quantity with unit, or the name of an entry."""
 OBJECTIVES = ("duration", "motor_mass", "motor_margin", "peak_torque", "reach_margin")
-"""Values that `minimise` may name; the search maximises margins."""
+"""Results that `minimise` can name. Margins are maximised."""
 GEARS = ("worm", "screw")
-"""Last keys of a path that replace the gear of a drive, such as `joints.tilt.drive.worm`."""
+"""Last key of a path that replaces the gear of a drive, such as `joints.tilt.drive.worm`."""
 PACE = "pace"
-"""Path of the factor, at least 1, by which the motion for the selection of parts is slowed down."""
+"""Path of the factor (at least 1) by which motions are slowed down for the selection of parts."""
 
 
 @dataclass(frozen=True)
 class Varied:
-    """A quantity between two values, in the unit of the file."""
+    """A quantity that varies between two values, in the unit of the file."""
 
     path: str
     low: float
@@ -38,11 +38,11 @@ class Varied:
     unit: str
 
     def value_at(self, position: float) -> str:
-        """Return the choice at a position in [0, 1]: a quantity with its unit."""
+        """Return the value with its unit at a position from 0 (`low`) to 1 (`high`)."""
         return f"{self.low + position * (self.high - self.low):.8g} {self.unit}".rstrip()
 
     def grid(self, count: int) -> list[str]:
-        """Return `count` equidistant choices, including both ends."""
+        """Return `count` equidistant values with their unit, including both ends."""
         return [self.value_at(position) for position in np.linspace(0, 1, count)]
 
     at = Renamed("value_at")
@@ -50,25 +50,23 @@ class Varied:
 
 @dataclass(frozen=True)
 class Choice(ShortRepr):
-    """One of several entries.
-
-    contents: the value that the robot file gets at the path, by the entry's name.
-    """
+    """A choice among several entries, such as the motors of a catalogue."""
 
     path: str
     contents: Mapping[str, Any]
+    """Content that an entry has in the robot file, by name of the entry."""
     select: str | None = None
-    """Rank for selection instead of search; the first entry that meets the demands wins."""
+    """Rank by which the first suitable entry is selected. None means that entries are searched."""
     beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Mass (kg) and length (m) that a catalogue states, by the entry's name."""
+    """Mass (kg) and length (m) that a catalogue states, by name of the entry."""
 
     def value_at(self, position: float) -> str:
-        """Return the name of the entry at a position in [0, 1]."""
+        """Return the name of the entry at a position from 0 to 1."""
         names = list(self.contents)
         return names[min(int(position * len(names)), len(names) - 1)]
 
     def grid(self, count: int) -> list[str]:
-        """Return the names of all entries; `count` has no influence."""
+        """Return the names of all entries, for any `count`."""
         return list(self.contents)
 
     at = Renamed("value_at")
@@ -82,40 +80,40 @@ class Requirements(Value):
     """Conditions that a candidate must meet."""
 
     reach: Range | None = None
-    """Signed tilts that its workspace must contain, rad."""
+    """Range of signed tilts that the workspace must contain, rad."""
     reach_margin: NotNegative = 0.0
-    """Tilt beyond both ends, rad."""
+    """Additional tilt at both ends of this range, rad."""
     self_locking: bool = False
+    """True if every drive must hold its load without torque."""
     motor_margin: NotNegative = 0.0
-    """Smallest permitted margin of every motor in torque, continuous torque, speed, heat and
-    voltage.
-    """
+    """Smallest margin that every motor must keep in torque, speed, heat and voltage, as a share."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """Method that generates the candidates.
-
-    points: their number, or for a grid the number per range.
-    """
+    """The method that generates the candidates."""
 
     method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
     points: int = 256
+    """Number of candidates. For a grid, the number of values in each range."""
     seed: int = 0
+    """Seed of the random numbers. Equal seeds give equal candidates."""
 
     @property
     def adaptive(self) -> bool:
-        """Return whether later candidates depend on the results of earlier ones."""
+        """True if later candidates depend on the results of earlier ones."""
         return self.method in ("tpe", "nsga2")
 
 
 @record
 class Study(ShortRepr):
-    """A robot as in its file, with resolved references, and motions without their robot."""
+    """A comparison of many variants of a robot, the candidates, over a set of motions."""
 
     name: str
     robot: Mapping[str, Any]
+    """Content of the robot file, in which drives and motors replace the names of their files."""
     motions: Mapping[str, Mapping[str, Any]]
+    """Contents of problem files without their robot, by name."""
     vary: tuple[Variable, ...]
     """Variables of the search."""
     require: Requirements
@@ -123,16 +121,16 @@ class Study(ShortRepr):
     search: Search
     file: str | None = None
     selected: tuple[Choice, ...] = ()
-    """Motors and gears that follow from the demands of a candidate's motions."""
+    """Choices of motors and gears that follow from the motions of a candidate."""
 
     @cached_property
     def paths(self) -> tuple[str, ...]:
-        """Return the paths of the robot file that vary."""
+        """Paths of the robot file that vary."""
         return tuple(variable.path for variable in self.vary)
 
     @property
     def notes(self) -> list[str]:
-        """Return remarks that a reader of the results must know."""
+        """Remarks that a reader of the results must know."""
         fixed_bodies = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
         paths = [*self.paths, *(choice.path for choice in self.selected)]
         if not fixed_bodies or not any(
@@ -147,39 +145,32 @@ class Study(ShortRepr):
 
     @property
     def own_words(self) -> str:
-        """Describe the study's own robot, with which candidates are compared."""
+        """Description of the study's own robot, with which the candidates are compared."""
         if self.selected:
             return "The study's own robot with motors and gears selected in the same way, at pace 1"
         return "The study's own robot as it stands"
 
     def complete_design(self, design: Design, figures: Mapping[str, Any]) -> dict[str, str]:
-        """Return all choices of a candidate by path: its design and the parts selected for it.
+        """Add the selected motors and gears to the design of a candidate.
 
-        figures: the candidate's results, which contain the selected parts.
+        `figures` are the results of the candidate, which contain the names of the selected parts.
         """
-        return {
-            **design,
-            **{
-                choice.path: figures[choice.path]
-                for choice in self.selected
-                if choice.path in figures
-            },
-        }
+        paths = (choice.path for choice in self.selected)
+        return {**design, **{path: figures[path] for path in paths if path in figures}}
 
     def designs(self) -> Iterator[Design]:
-        """Generate the candidates of a search that is not adaptive, in order."""
+        """Yield the designs of all candidates, if the search is not adaptive."""
         search = self.search
         if search.method == "grid":
-            for choices in itertools.product(
-                *(variable.grid(search.points) for variable in self.vary)
-            ):
-                yield dict(zip(self.paths, choices, strict=True))
+            grids = [variable.grid(search.points) for variable in self.vary]
+            for values in itertools.product(*grids):
+                yield dict(zip(self.paths, values, strict=True))
             return
         for point in sobol(len(self.vary), search.points, search.seed):
             yield self.design(point)
 
     def design(self, point: Sequence[float] | Array) -> Design:
-        """Return the candidate at a point (d,) of the unit cube, one number per variable."""
+        """Return the design at a point (d,) of the unit cube, with one coordinate per variable."""
         return {
             variable.path: variable.value_at(float(x))
             for variable, x in zip(self.vary, point, strict=True)
@@ -194,24 +185,21 @@ class Study(ShortRepr):
         for variable in (*self.vary, *self.selected):
             if variable.path not in design or variable.path == PACE:
                 continue
-            entry = design[variable.path]
-            _put(
-                tree,
-                variable.path,
-                variable.contents[entry] if isinstance(variable, Choice) else entry,
-            )
+            content = design[variable.path]
+            if isinstance(variable, Choice):
+                content = variable.contents[content]
+            _put(tree, variable.path, content)
         for path in design:
             if path.startswith("joints.") and path.endswith(".motor"):
-                _with_rotor(
-                    tree["joints"][path.split(".")[1]], self.robot["joints"][path.split(".")[1]]
-                )
+                joint = path.split(".")[1]
+                _replace_rotor(tree["joints"][joint], self.robot["joints"][joint])
         return tree
 
     whole = Renamed("complete_design")
 
 
 def sobol(dimensions: int, points: int, seed: int) -> Array:
-    """Return points (points, dimensions) of a scrambled Sobol' sequence in the unit cube."""
+    """Return a scrambled Sobol' sequence in the unit cube, (points, dimensions)."""
     from scipy.stats import qmc
 
     sampler = qmc.Sobol(dimensions, scramble=True, seed=seed)
@@ -219,9 +207,9 @@ def sobol(dimensions: int, points: int, seed: int) -> Array:
 
 
 def _put(tree: JsonObject, path: str, content: Any) -> None:
-    """Set the value at a dotted path of `tree`.
+    """Set the content at a dotted path of a robot file's content, in place.
 
-    The mapping of a gear, or a mapping with dotted keys, is merged into the existing drive.
+    If the path ends with a gear, the content is merged into the existing drive.
     """
     keys = path.split(".")
     gear = keys.pop() if keys[-1] in GEARS else None
@@ -246,17 +234,16 @@ def _put(tree: JsonObject, path: str, content: Any) -> None:
             _nested(drive, key.split("."), value)
 
 
-def _with_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
-    """Replace the rotor inertia in a drive's input inertia by that of the joint's motor.
+def _replace_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
+    """Replace the rotor inertia that a drive's input inertia contains by that of the new motor.
 
-    own: the joint of the study's own robot. If its motor states no rotor inertia, the new one is
-    added, which is an upper bound.
+    `original` is the joint of the study's own robot. If the file of its motor does not state the
+    rotor inertia, the new rotor inertia is added, which gives an upper bound.
     """
     if "drive" not in joint:
         return
-    inertia = _inertia(joint["drive"], "input_inertia") - _inertia(
-        original.get("motor"), "rotor_inertia"
-    )
+    inertia = _inertia(joint["drive"], "input_inertia")
+    inertia -= _inertia(original.get("motor"), "rotor_inertia")
     inertia += _inertia(joint["motor"], "rotor_inertia")
     source = "the drive's, with the rotor of the motor chosen"
     joint["drive"] = {
@@ -266,9 +253,9 @@ def _with_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
 
 
 def _inertia(mapping: Mapping[str, Any] | None, key: str) -> float:
-    """Return the inertia that a drive or motor states under `key`, kg·m².
+    """Return the inertia that a drive or motor states under a key, kg·m².
 
-    Missing and invalid values count as 0; the loader of motors reports invalid ones.
+    Missing and invalid values count as 0, because the loader of motors reports invalid values.
     """
     entry = (mapping or {}).get(key)
     value = entry.get("value") if isinstance(entry, Mapping) else entry
@@ -279,7 +266,7 @@ def _inertia(mapping: Mapping[str, Any] | None, key: str) -> float:
 
 
 def _nested(tree: JsonObject, keys: list[str], value: Any) -> None:
-    """Set a value below nested mappings; copy every mapping on the way."""
+    """Set a value in nested mappings. Mappings below `tree` are copied before they change."""
     for key in keys[:-1]:
         tree[key] = dict(tree.get(key) or {})
         tree = tree[key]
@@ -287,7 +274,10 @@ def _nested(tree: JsonObject, keys: list[str], value: Any) -> None:
 
 
 def path_exists(tree: Mapping[str, Any], path: str) -> bool:
-    """Return whether a path leads to an existing part of a robot file; its last key may be new."""
+    """Return True if a path leads to an existing mapping or list of a robot file.
+
+    The last key of the path may be new.
+    """
     node: Any = tree
     keys = path.split(".")
     for key in keys[: -1 if keys[-1] not in GEARS else None]:

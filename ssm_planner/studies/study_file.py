@@ -1,4 +1,4 @@
-"""Load a study file and the robot, motions and catalogues that it names."""
+"""Load a study file, and the files of the robot, motions and catalogues that it names."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from ssm_planner.typing import JsonObject
 
 
 def _share(value: object) -> float:
-    """Return a share in [0, 1) from a number or a percentage such as `20 %`."""
+    """Convert a number or a percentage such as `20 %` to a share from 0 to below 1."""
     text = str(value).strip()
     try:
         share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
@@ -105,15 +105,16 @@ class StudyModel(Model):
 
 @checked
 def load_study(name: str | Path) -> Study:
-    """Load a study from a YAML file or by its shipped name, with all files that it names.
+    """Load a study and all files that it names.
 
-    Raises ProblemError.
+    `name` is the path of a YAML file or the name of a shipped study. Raises ProblemError if a file
+    is missing or invalid.
     """
     return study_from(read(find(name, "studies")))
 
 
 def study_from(section: Section) -> Study:
-    """Convert a section into a study. Raises ProblemError."""
+    """Convert the content of a study file to a study. Raises ProblemError if it is invalid."""
     model = validated(section, StudyModel)
     robot = robot_content(follow(section, "robot"))
     motions: JsonObject = {}
@@ -151,9 +152,9 @@ def study_from(section: Section) -> Study:
 
 
 def robot_content(robot: Section) -> JsonObject:
-    """Return the content of a robot file; drives and motors replace the names of their files.
+    """Return the content of a robot file, in which drives and motors replace the names of files.
 
-    Raises ProblemError.
+    Raises ProblemError if the robot is invalid.
     """
     robot_from(robot)
     tree = {**robot.value, "joints": {}}
@@ -170,7 +171,7 @@ def robot_content(robot: Section) -> JsonObject:
 
 
 def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
-    """Convert the entry at `path` into a variable. Raises ProblemError."""
+    """Convert the entry for a path to a variable. Raises ProblemError if the entry is invalid."""
     if not path_exists(robot, path):
         raise section.error(
             "the robot file has no such place", show=False, allowed="such as geometry.alpha"
@@ -190,16 +191,12 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
         if not isinstance(choices, list) or not choices:
             raise section.error("not a list of choices", "choices")
         contents = {}
+        kind = path.split(".")[-1]
         for i, choice in enumerate(choices):
-            file = isinstance(choice, str) and path.split(".")[-1] in ("drive", "motor")
-            content = (
-                follow(section, "choices", i, file_kind=path.split(".")[-1]).value
-                if file
-                else choice
-            )
-            contents[
-                str(choice) if not isinstance(choice, dict) else str(choice.get("name", i))
-            ] = content
+            label = str(choice.get("name", i) if isinstance(choice, dict) else choice)
+            contents[label] = choice
+            if isinstance(choice, str) and kind in ("drive", "motor"):
+                contents[label] = follow(section, "choices", i, file_kind=kind).value
         return Choice(path, contents)
     select = value.get("select")
     if select is not None and select not in RANKS:
@@ -211,9 +208,10 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
 def _check_selection(
     section: Section, vary: Sequence[Variable], selected: Sequence[Choice]
 ) -> None:
-    """Check that something is searched, that only motors and gears are selected, and the pace.
+    """Check the variables of a study. Raises ProblemError if they are invalid.
 
-    Raises ProblemError.
+    At least one variable must be searched, only motors and gears can be selected, and every pace
+    must be at least 1.
     """
     if len(selected) == len(vary):
         raise section.error(
@@ -228,19 +226,18 @@ def _check_selection(
                 "no motor and no gear: not selected", "vary", choice.path, show=False
             )
     for pace_variable in (variable for variable in vary if variable.path == PACE):
-        paces = (
-            [pace_variable.value_at(0.0)]
-            if isinstance(pace_variable, Varied)
-            else [str(name) for name in pace_variable.contents]
-        )
+        # A range begins with its smallest value.
+        paces = [pace_variable.value_at(0.0)]
+        if isinstance(pace_variable, Choice):
+            paces = list(pace_variable.contents)
         try:
-            good = all(1.0 <= float(text) < math.inf for text in paces)
+            is_valid = all(1.0 <= float(text) < math.inf for text in paces)
         except ValueError:
-            good = False
-        if not good or not selected:
-            reason = (
-                "not a pace" if selected else "nothing is selected, so the pace changes nothing"
-            )
+            is_valid = False
+        if not is_valid or not selected:
+            reason = "nothing is selected, so the pace changes nothing"
+            if selected:
+                reason = "not a pace"
             raise section.error(
                 reason,
                 "vary",
@@ -250,7 +247,7 @@ def _check_selection(
 
 
 def _span(section: Section, path: str) -> Varied:
-    """Convert `{from, to}` into a range. Raises ProblemError."""
+    """Convert the keys `from` and `to` to a range. Raises ProblemError if they are invalid."""
     numbers = []
     units = []
     for end in ("from", "to"):
@@ -272,14 +269,13 @@ def _span(section: Section, path: str) -> Varied:
 
 
 def catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, dict[str, float]]]:
-    """Read a catalogue: a CSV or a folder of YAML files.
+    """Read the catalogue that an entry names, which is a CSV file or a folder of YAML files.
 
-    Returns the contents by the entry's name, and the masses (kg) and lengths (m) that the catalogue
-    states. Raises ProblemError.
+    Returns the contents of all entries by name, and their masses (kg) and lengths (m) if the
+    catalogue states them. Raises ProblemError if the catalogue is invalid.
     """
-    file = (Path() if section.file is None else section.file.parent) / str(
-        section.value["catalogue"]
-    )
+    folder = Path() if section.file is None else section.file.parent
+    file = folder / str(section.value["catalogue"])
     try:
         return entries(file, gear=path.split(".")[-1] in GEARS), stated_beside(file)
     except ProblemError as error:
@@ -291,7 +287,7 @@ def catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, dict[s
 def _check_paths(section: Section, study: Study) -> None:
     """Check that the robot is valid with the first value of each variable.
 
-    Raises ProblemError for the faulty path.
+    Raises ProblemError, which names the path of the invalid value.
     """
     start_design = {variable.path: variable.value_at(0.0) for variable in study.vary}
     tree = study.resolved(start_design)

@@ -1,8 +1,8 @@
-"""Run tasks in supervised worker processes behind the interface of `concurrent.futures.Executor`.
+"""Run tasks in supervised worker processes.
 
-The standard process pool fails as a whole when one of its processes dies. This pool replaces a dead
-process and tries its task again. After `attempts` deaths it gives up the task as `WorkerDied`; the
-other tasks continue.
+The class has the interface of `concurrent.futures.Executor`. If a process of Python's own process
+pool dies, the entire pool fails. This pool replaces a dead process and repeats its task. If a task
+has ended several workers, it fails with `WorkerDied`, and all other tasks continue.
 """
 
 from __future__ import annotations
@@ -25,19 +25,25 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 ATTEMPTS = 3
-"""Number of workers that one task may end."""
+"""Default number of workers that one task may end before it fails."""
 _START = "from ssm_planner.studies.workers import serve; serve()"
 
 
 class WorkerDied(SsmPlannerError):
-    """A task ended every worker process that tried it."""
+    """Error for a task that ended every worker process that tried it."""
 
 
 class Workers(Executor):
-    """Pool of `count` processes; calls, arguments and results travel as pickles.
+    """Pool of worker processes, which exchange calls and results as pickles.
 
-    attempts: number of workers that one task may end. timeout: seconds after which a call counts as
-    hung and its worker is killed; None: no limit.
+    Parameters
+    ----------
+    count
+        Number of processes.
+    attempts
+        Number of workers that one task may end before it fails.
+    timeout
+        Time after which the worker of a call is killed, s. None sets no limit.
     """
 
     def __init__(self, count: int, attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
@@ -54,13 +60,13 @@ class Workers(Executor):
 
     @property
     def pids(self) -> tuple[int, ...]:
-        """Return the process identifiers of the running workers."""
+        """Process identifiers of the running workers."""
         return tuple(
             process.pid for process in list(self._processes.values()) if process.poll() is None
         )
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Schedule a call on the next free worker and return its future.
+        """Schedule a call of fn(*args, **kwargs) on the next free worker, and return its future.
 
         Raises RuntimeError after `shutdown`.
         """
@@ -73,8 +79,12 @@ class Workers(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the workers after all submitted calls.
 
-        cancel_futures: kill the workers at once and cancel waiting calls. wait: return after all
-        workers ended.
+        Parameters
+        ----------
+        wait
+            If true, return after all workers have ended.
+        cancel_futures
+            If true, kill the workers at once and cancel waiting calls.
         """
         self._closed = True
         if cancel_futures:
@@ -95,7 +105,7 @@ class Workers(Executor):
                 thread.join()
 
     def _supervise(self, index: int) -> None:
-        """Supervise one worker: send it tasks and replace it after its death."""
+        """Send tasks to the worker with an index, and replace the worker if it dies."""
         process: subprocess.Popen[bytes] | None = None
         while (task := self._tasks.get()) is not None:
             future, message = task
@@ -106,7 +116,7 @@ class Workers(Executor):
             while answer is None and died < self._attempts and not (died and self._closed):
                 if process is None or process.poll() is not None:
                     process = self._processes[index] = _start_worker()
-                    if self._ended:  # this worker started after `shutdown` had killed the others
+                    if self._ended:  # This worker started after `shutdown` had killed the others.
                         process.kill()
                 answer = self._ask(process, message)
                 died += answer is None
@@ -133,12 +143,15 @@ class Workers(Executor):
 
 
 def _resolve(future: Future[Any], answer: bytes | None, died: int) -> None:
-    """Set the result or the exception of a future from a worker's answer; None: the worker died."""
+    """Set the result or the exception of a future from a worker's answer.
+
+    The answer is None if the task ended its worker `died` times.
+    """
     if answer is None:
         future.set_exception(WorkerDied(f"ended its worker process {died} times"))
         return
-    fine, value = pickle.loads(answer)
-    if fine:
+    succeeded, value = pickle.loads(answer)
+    if succeeded:
         future.set_result(value)
     else:
         future.set_exception(value)
@@ -146,7 +159,7 @@ def _resolve(future: Future[Any], answer: bytes | None, died: int) -> None:
 
 def _start_worker() -> subprocess.Popen[bytes]:
     """Start a worker process with one thread for linear algebra."""
-    # one thread each, because the workers already share the processors
+    # One thread for each worker is enough, because the workers share the processors.
     quiet = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     return subprocess.Popen(
         python_command(_START),
@@ -168,16 +181,13 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _send(stream: BinaryIO | Any, message: bytes) -> None:
-    """Write a message. As a pickle, it states its own length."""
+    """Write a message as a pickle, which contains its own length."""
     pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
     stream.flush()
 
 
 def _receive(stream: BinaryIO | Any) -> bytes:
-    """Return the next message.
-
-    Raises EOFError if the other side has closed the stream, also within a message.
-    """
+    """Read the next message. Raises EOFError if the other side has closed the stream."""
     try:
         message: bytes = pickle.load(stream)
     except pickle.UnpicklingError as error:
@@ -186,13 +196,13 @@ def _receive(stream: BinaryIO | Any) -> bytes:
 
 
 def serve() -> None:
-    """Evaluate pickled calls from standard input until it closes.
+    """Run a worker process: execute pickled calls from standard input until it closes.
 
-    Each call is (function, arguments, keywords). The answer on standard output is the pickled
-    result or the error of the call.
+    A call consists of the function, its arguments and its keyword arguments. The answer on standard
+    output contains the result or the exception of the call.
     """
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # keep the output of libraries out of the answers
+    os.dup2(2, 1)  # The output of libraries must not mix with the answers.
     while True:
         try:
             message = _receive(sys.stdin.buffer)
@@ -207,9 +217,9 @@ def serve() -> None:
 
 
 def _fault(error: Exception) -> bytes:
-    """Return the answer for a failed call; an exception that cannot be pickled travels as text."""
+    """Return the answer for a failed call. An exception that cannot be pickled becomes text."""
     try:
         pickle.loads(pickle.dumps(error))
         return pickle.dumps((False, error))
-    except Exception:  # noqa: BLE001 an exception that cannot be pickled travels as text
+    except Exception:  # noqa: BLE001 pickling may raise any exception
         return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
