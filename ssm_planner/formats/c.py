@@ -1,7 +1,7 @@
-"""Export a robot's kinematics, inverse dynamics and motor torques, and a plan's motion, as C99.
+"""Export the kinematics, the dynamics and the motor torques of a robot, and a motion, as C99 code.
 
-The code is for a control loop. Its functions are generated from the expressions of this package, so
-there is no second implementation of any law.
+The code is intended for a control loop. It is generated from the expressions of this package, so no
+physical law is implemented twice.
 """
 
 from __future__ import annotations
@@ -65,7 +65,10 @@ class CFunction:
 
 
 def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> JsonObject:
-    """Write ssm_robot and ssm_trajectory (.h and .c) and return the manifest entries."""
+    """Write ssm_robot and ssm_trajectory (.h and .c), and return the entries of the manifest.
+
+    `suffix` marks unverified files and precedes the extension of their names.
+    """
     mark = ["UNVERIFIED: the plan has no passed certificate."] if suffix else []
     remarks = [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}.", *mark]
     texts = (c_code(plan.robot, remarks, suffix), c_trajectory(plan, remarks, suffix))
@@ -81,9 +84,15 @@ def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) ->
 
 
 def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
-    """Return header and source of a robot as C99.
+    """Return the header and the source file of a robot as C99 code.
 
-    remarks: lines for the comment at the beginning. suffix: mark in the names of included files.
+    Parameters
+    ----------
+    robot : Robot
+    remarks : Sequence[str]
+        Lines that are added to the comment at the beginning.
+    suffix : str
+        Mark in the names of included files.
     """
     functions = c_functions(robot)
     limits = joint_limits(robot)
@@ -107,9 +116,10 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
 
 
 def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
-    """Return header and source of a plan's motion as C99: a sampler with constant tables.
+    """Return the header and the source file of a plan's motion as C99 code.
 
-    remarks and suffix: see `c_code`.
+    The code contains the polynomials as constant tables, and a function that samples them.
+    `remarks` and `suffix` are those of `c_code`.
     """
     motion = plan.motion
     values = {
@@ -128,9 +138,9 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
 
 
 def joint_limits(robot: Robot) -> dict[str, list[float]]:
-    """Return the limits of the four joints by the name of the C constant.
+    """Return the limits of the four joints by name of the C constant, in SI units.
 
-    Infinity means that there is no limit.
+    A joint without a limit has the value infinity.
     """
 
     def limit(joint: Joint, limit_type: type[Limit]) -> float:
@@ -168,15 +178,12 @@ def _comment(robot: Robot, remarks: Sequence[str]) -> str:
 
 
 def c_text(name: str) -> str:
-    """Return a name that is safe inside a C comment.
-
-    It can neither end the comment or the line nor splice lines.
-    """
+    """Return a name without the characters that could end a C comment or its line."""
     return one_line(name, without="*/\\?")
 
 
 def c_functions(robot: Robot) -> list[CFunction]:
-    """Build the C functions: forward and inverse kinematics, inverse dynamics, motor torques."""
+    """Build the C functions for forward and inverse kinematics, inverse dynamics, motor torques."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     body = RigidBody.from_robot(robot)
     q, qd, qdd, qddd, task, guess = (

@@ -1,7 +1,7 @@
 """Read and write trajectories as CSV files with units in the column names.
 
-A file starts with a header that names joints and units and has one row per point. Exported rows lie
-either at a fixed rate or at the points between which cubics or quintics keep the limits.
+The header names joints and units, and each row contains one point. An export contains points at a
+fixed rate, or the points between which cubic or quintic interpolation keeps the limits.
 """
 
 from __future__ import annotations
@@ -45,14 +45,15 @@ from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 RATE = 1000.0
+"""Default rate, Hz."""
 ROWS = 100_000
-"""Default rate (Hz), and the number of rows beyond which it is divided by 10, 100, …."""
+"""Number of rows above which the default rate is divided by 10, 100 and so on."""
 LARGEST_RATE = 100_000.0
 """Largest rate of an export, Hz."""
 STATES = {"q": "", "qd": "_per_s", "qdd": "_per_s2", "qddd": "_per_s3"}
-"""Derivative → suffix of the unit in the column name."""
+"""Suffix of the unit in the column name, by derivative."""
 MOTORS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
-"""Motor quantity → unit in the column name."""
+"""Unit in the column name, by motor quantity."""
 COLUMNS = (*STATES, *MOTORS, "task")
 """Groups of columns that an export can select."""
 COUNTS = "counts"
@@ -62,10 +63,10 @@ DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
 def trajectory_table(
     trajectory: Trajectory, robot: Robot, rate: float = RATE, columns: Sequence[str] = DEFAULT
 ) -> tuple[list[str], Array]:
-    """Return the header and the rows of a trajectory at a fixed rate.
+    """Sample a trajectory at a fixed rate, and return a table with its header.
 
-    A row at a break holds the values just after it. The last row is the end of the motion at any
-    rate.
+    The table always ends with the last instant of the motion. Where an acceleration jumps, a row
+    contains the values just after the jump.
 
     Parameters
     ----------
@@ -89,10 +90,10 @@ def trajectory_table(
 def table(
     samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array
 ) -> tuple[list[str], Array]:
-    """Return the header and the rows of samples, see `trajectory_table`.
+    """Return the table of samples with its header, see `trajectory_table`.
 
-    at_end (n,) is nonzero for samples at the end of the motion. These rows hold the motor torques
-    just before the end.
+    `at_end` (n,) is nonzero for samples at the end of the motion. The rows of these samples contain
+    the motor torques just before the end.
     """
     header = ["time_s"]
     values = [samples.t]
@@ -126,10 +127,16 @@ def table(
 
 
 def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | None = None) -> Path:
-    """Write a trajectory to a CSV file with 12 significant digits and return its path.
+    """Write a trajectory to a CSV file with 12 significant digits, and return its path.
 
-    rate: Hz. The default is `RATE`, divided by 10 until the file has at most `ROWS` rows. robot:
-    see `trajectory_table`.
+    Parameters
+    ----------
+    path : Path
+    trajectory : Trajectory
+    robot : Robot
+    rate : float, optional
+        Rows per second, Hz. The default is `RATE`, divided by 10 until the file has at most `ROWS`
+        rows.
     """
     if rate is None:
         rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
@@ -205,7 +212,7 @@ def export_csv(
 def _rows(
     plan: Plan, certificate: Certificate, rate: float | None, columns: Sequence[str]
 ) -> tuple[list[str], Array, str]:
-    """Return the header, the rows, and a note that describes them."""
+    """Return the header and the rows of an export, and a note that describes them."""
     if rate is None:
         points = spline_points(plan, certificate, tick=None)
         default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
@@ -218,9 +225,9 @@ def _rows(
 def _write_counts(
     plan: Plan, folder: Path, suffix: str, rate: float, counts_per_turn: CountsPerTurn
 ) -> list[str]:
-    """Write the target positions of every driven joint in increments and return the notes.
+    """Write the positions of every driven joint in increments, and return notes on the files.
 
-    The last row holds the target.
+    The last row contains the target.
     """
     axes = axes_of(plan.robot, counts_per_turn)
     t = np.arange(int(np.ceil(plan.motion.duration * rate - 1e-9)) + 1) / rate
@@ -238,7 +245,7 @@ def _write_counts(
 
 
 def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
-    """Return a note on whether the written rows, interpolated by a controller, keep the limits."""
+    """Check the rows as a controller interpolates them, and return a note with the result."""
     if not with_positions:
         return []
     reading = read_csv(path, plan.robot)
@@ -269,14 +276,14 @@ def _write(path: Path, header: list[str], rows: Array, form: str | Sequence[str]
 
 SEPARATORS = (",", ";", "\t")
 LOOK = 1000
-"""Number of rows whose digits determine the rounding of the positions."""
+"""Number of rows from whose digits the rounding of the positions is determined."""
 FINEST_DIGIT = 400
-"""Largest negative power of ten that is read. No float has a finer digit."""
+"""Largest magnitude of a decimal exponent that is evaluated. No float has a finer digit."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Header line and separator of a table."""
+    """Position of the header of a table, its separator and the names of its columns."""
 
     header: int
     """Line of the header, counted from 0."""
@@ -285,14 +292,14 @@ class Layout:
 
 
 def read_csv(path: Path, robot: Robot) -> Reading:
-    """Read the trajectory in a CSV file.
+    """Read a trajectory from a CSV file whose header names joints and units, see `headings`.
 
-    The header names joints and units, see `headings`. Raises TrajectoryError with the file, the
-    line and the reason if the file is not a trajectory of this robot.
+    Raises TrajectoryError if the file is not a trajectory of this robot. The message states the
+    file, the line and the reason.
     """
     layout = layout_of(path)
     columns, ignored = headings(layout.names, robot, f"{path}:{layout.header + 1}")
-    # Keys sort as time, positions, velocities, accelerations.
+    # The sorted keys begin with the time. Positions, velocities and accelerations follow.
     selected = [columns[key] for key in sorted(columns)]
     rows = data_rows(path, layout, selected)
     q = rows.columns(0)
@@ -307,7 +314,7 @@ def read_csv(path: Path, robot: Robot) -> Reading:
 
 
 class _Rows:
-    """Rows of a table, kept in memory, or in a temporary file if there are more than `LONG`."""
+    """Rows of a table. More than `LONG` rows are kept in a temporary file."""
 
     def __init__(self) -> None:
         self.times: list[Array] = []
@@ -316,7 +323,7 @@ class _Rows:
         self.file: IO[bytes] | None = None
 
     def add(self, rows: Array) -> None:
-        """Append rows (m, 1 + k): time and the other columns."""
+        """Append rows (m, 1 + k). The first column is the time."""
         self.times.append(rows[:, 0].copy())
         self.blocks.append(rows[:, 1:])
         self.count += len(rows)
@@ -327,7 +334,7 @@ class _Rows:
             self.blocks = [rows[:0, 1:]]
 
     def columns(self, start: int, count: int = 4) -> Table:
-        """Return columns (n, count). `start` counts from the column after the time."""
+        """Return `count` columns (n, count). The column after the time has the index 0."""
         selected = slice(start, start + count)
         if self.file is None:
             return np.concatenate([block[:, selected] for block in self.blocks])
@@ -337,9 +344,9 @@ class _Rows:
 
 @record
 class _InFile:
-    """Columns of a table in a temporary file, read on demand.
+    """Columns of a table in a temporary file, which are read on demand.
 
-    The file is deleted when its last reader is.
+    The file is deleted together with its last reader.
     """
 
     file: IO[bytes]
@@ -357,7 +364,10 @@ class _InFile:
 
 
 def layout_of(path: Path) -> Layout:
-    """Return the layout of a file. Its header is the first line that is not empty or a comment."""
+    """Determine the layout of a file. The header is its first line with content.
+
+    Comments begin with "#". Raises TrajectoryError if there is no header.
+    """
     for k, line in _lines(path):
         text = line.strip().lstrip("\ufeff")
         if not text or text.startswith("#"):
@@ -378,12 +388,14 @@ def layout_of(path: Path) -> Layout:
 
 
 def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> _Rows:
-    """Read the selected columns of all rows in SI units."""
+    """Read the selected columns of all rows, and convert them to SI units.
+
+    Raises TrajectoryError if a row is invalid.
+    """
     columns = [heading.column for heading in selected]
     factors = [heading.factor for heading in selected]
-    all_columns = sorted(columns) == list(
-        range(len(layout.names))
-    )  # Only then can rows with extra columns be detected.
+    # Rows with extra columns can be detected only if all columns are read.
+    all_columns = sorted(columns) == list(range(len(layout.names)))
     rows = _Rows()
     block = None
     try:
@@ -425,7 +437,7 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> _Rows:
 
 
 def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
-    """Return the message for the first bad row, searched from row `start`."""
+    """Return the message for the first invalid row at or after the row `start`."""
     width = len(layout.names)
     for k, line in islice(_data_lines(path, layout), start, None):
         fields = [field.strip() for field in line.split(layout.separator)]
@@ -438,9 +450,9 @@ def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
 
 
 def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
-    """Return half a unit of the last written digit of each position (4,), rad or m.
+    """Return the largest rounding error of each position (4,), rad or m.
 
-    Only the first `LOOK` rows are read.
+    It is half a unit of the last digit. Only the first `LOOK` rows are evaluated.
     """
     exponents = np.full(4, 99)
     for _, line in islice(_data_lines(path, layout), LOOK):
@@ -452,7 +464,10 @@ def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
 
 
 def _last_digit(text: str) -> int:
-    """Return the power of ten of the last written digit, or 99 for a zero (no information)."""
+    """Return the power of ten of the last digit in a number, or 99 for a zero.
+
+    A zero contains no information about the rounding.
+    """
     mantissa, _, exponent = text.lower().partition("e")
     if not mantissa.strip("+-0."):
         return 99

@@ -1,7 +1,7 @@
-"""Write and read setpoint streams for maxon EPOS4 drives (CiA 402).
+"""Write and read streams of setpoints for maxon EPOS4 drives (CiA 402).
 
-The streams hold cyclic synchronous positions, velocities or torques, and come with setup objects.
-Position streams can be read back as a joint trajectory.
+The streams contain positions, velocities or torques for the cyclic synchronous modes. The export
+also writes the setup objects of the drives. Streams of positions can be read as a trajectory.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ LARGEST_PERIOD = 100
 """Largest interpolation period, ms (object 0x60C2)."""
 
 Stream = dict[str, Array]
-"""Integer values (n,) by column name."""
+"""Integer values (n,) by name of the column."""
 
 
 def export_epos4(
@@ -63,7 +63,7 @@ def export_epos4(
 ) -> JsonObject:
     """Write one stream per driven joint and objects.csv, and return the entries of the manifest.
 
-    In mode csp, every driven joint also has a `time,position` file.
+    In mode csp, every driven joint also gets a file with the columns `time` and `position`.
 
     Parameters
     ----------
@@ -144,12 +144,23 @@ def export_epos4(
 
 
 def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
-    """Return the times of the setpoints and the factor by which the motion is slower.
+    """Return the instants of the setpoints, and the factor by which the motion is slowed down.
 
-    A motion that does not end at rest must end at a setpoint. It is therefore slowed down so that
-    its duration grows by less than one period. The last setpoint is the target. period: ms. The
-    times
-    (n,) count in s from the start.
+    The last setpoint is the target. A motion that does not end at rest must end exactly at a
+    setpoint. Therefore, it is slowed down, which adds less than one period to its duration.
+
+    Parameters
+    ----------
+    plan : Plan
+    period : int
+        Interval between setpoints, ms.
+
+    Returns
+    -------
+    t : (n,)
+        Instants since the start, s.
+    stretch : float
+        New duration divided by the planned duration.
     """
     count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
     t = np.arange(count, dtype=float) * (period / 1000)
@@ -158,15 +169,16 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
 
 
 def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, Stream]:
-    """Return the streams of all driven joints as the export writes them, by joint.
+    """Return the streams that an export in the mode csp contains, by joint.
 
-    axes: axes by joint. period: ms. The streams have the positions of the mode csp.
+    `axes` contains the axes of the driven joints, and `period` is the interval between setpoints
+    in ms.
     """
     return _streams(axes, _motion(plan, *setpoint_times(plan, period)), "csp")
 
 
 def period_ms(rate: float) -> int:
-    """Return the interpolation period of a rate in Hz, in whole ms.
+    """Return the interpolation period for a rate in Hz, in whole ms.
 
     Raises ExportError if the period is not an integer from 1 to `LARGEST_PERIOD`.
     """
@@ -184,10 +196,22 @@ def period_ms(rate: float) -> int:
 
 
 def rounding_effects(counts: Array, q: Array, axis: Axis, period: float) -> dict[str, float]:
-    """Return the largest effects of rounding positions q (n,) to increments `counts` (n,).
+    """Return the largest errors that result from rounding positions to increments.
 
-    The result holds the errors of position, speed and acceleration of the joint (rad or m, s).
-    period: s.
+    Parameters
+    ----------
+    counts : (n,)
+        Rounded positions, increments.
+    q : (n,)
+        Exact joint positions, rad or m.
+    axis : Axis
+    period : float
+        Interval between the positions, s.
+
+    Returns
+    -------
+    dict[str, float]
+        Errors of the joint's position, speed and acceleration, rad or m and s.
     """
     error = counts / axis.increments_per_unit - q
     return {
@@ -213,9 +237,9 @@ def _moving_notes(plan: Plan) -> list[str]:
 
 
 def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
-    """Return q and the motors' speed and torque (n, 4) at times t after the start.
+    """Return q and the speeds and torques of the motors (n, 4) at instants t (n,) since the start.
 
-    Joints that end at rest hold their last position.
+    `stretch` is the factor on the duration. Joints that end at rest hold their last position.
     """
     samples = at_times(plan, plan.motion.breaks[0] + t, stretch)
     moving = np.abs(end_velocities(plan.motion)[1]) > REST
@@ -259,7 +283,8 @@ def _streams(axes: Mapping[str, Axis], motion: dict[str, Array], mode: str) -> d
 def write_table(path: Path, columns: Stream, forms: tuple[str, str] = ("%.3f", "%d")) -> None:
     """Write columns (n,) to a CSV file.
 
-    forms: printf format of the first column, which is the time, and of the other columns.
+    `forms` contains the printf format of the first column, which is the time, and the format of all
+    other columns.
     """
     rows = np.column_stack(list(columns.values()))
     formats = [forms[0], *(forms[1],) * (len(columns) - 1)]
@@ -366,10 +391,10 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
 def read_axes(
     folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot
 ) -> Iterator[tuple[Joint, Path, float | None]]:
-    """Yield every joint with its file and its increments per rad or m, None without a drive.
+    """Yield every joint with its file, and its increments per rad or m (None without a drive).
 
-    folder, manifest, listed, robot: see `read_epos4`. Raises TrajectoryError if the manifest does
-    not list a file for each joint of the robot.
+    The arguments are those of `read_epos4`. Raises TrajectoryError if the manifest does not list a
+    file for each joint of the robot.
     """
     axes = manifest.get("axes")
     if not isinstance(axes, dict) or set(axes) != {joint.name for joint in robot.joints}:

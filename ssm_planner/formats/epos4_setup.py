@@ -1,6 +1,7 @@
-"""Convert a joint's motion to the units of its drive and list the setup objects of an EPOS4.
+"""Convert the motion of a joint to the units of its drive, and list the setup objects of an EPOS4.
 
-Encoder increments, direction and rated torque define the units. Each setup object has a reason.
+The units depend on the encoder, the direction and the rated torque of the motor. Every setup object
+is listed with a reason.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ QUADRATURE = 4
 
 @dataclass(frozen=True)
 class Axis(ShortRepr):
-    """A driven joint with the units of its drive."""
+    """A driven joint and the units of its drive."""
 
     name: str
     joint: Joint
@@ -36,14 +37,14 @@ class Axis(ShortRepr):
     counts_per_turn: int
     """Increments per motor turn."""
     increments_per_unit: float
-    """Increments per rad or m of the joint, signed by the direction."""
+    """Increments per rad or m of the joint. The sign is that of the direction."""
     rated_torque: float
     """Rated torque, N·m (object 0x6076)."""
     encoder: str
-    """Source of the encoder counts."""
+    """Source of the encoder resolution."""
 
     def increments(self, q: Array) -> Array:
-        """Return the target positions (n,), rounded to integers, for joint positions q (n,)."""
+        """Convert joint positions q (n,) to target positions (n,), rounded to whole increments."""
         return np.round(q * self.increments_per_unit) + 0.0
 
     def to_dict(self) -> JsonObject:
@@ -58,11 +59,11 @@ class Axis(ShortRepr):
 
 
 CountsPerTurn = int | Mapping[str, int] | None
-"""Increments per motor turn of all joints or by joint, or None for those of the motor files."""
+"""Increments per motor turn, for all joints or by joint. None means those of the motor files."""
 
 
 def axes_of(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
-    """Return the axes of all joints with a drive, by joint.
+    """Return the axes of all joints with a drive, by name of the joint.
 
     Parameters
     ----------
@@ -116,14 +117,15 @@ def encoder_notes(axes: Mapping[str, Axis]) -> list[str]:
 
 
 def require_range(values: Array, bound: int, joint: str, quantity_name: str, unit: str) -> Array:
-    """Return integers (n,) after checking that an object of the drive can hold them.
+    """Check that an object of the drive can represent integers, and return them.
 
     Parameters
     ----------
     values : (n,)
+        Integers.
     bound : int
         Largest absolute value of the object.
-    joint, what, unit : str
+    joint, quantity_name, unit : str
         Joint, quantity and unit for the message.
 
     Raises
@@ -135,27 +137,22 @@ def require_range(values: Array, bound: int, joint: str, quantity_name: str, uni
     if not np.isfinite(values).all() or abs(values[k]) > bound:
         raise ExportError(
             f"joint {joint}: {quantity_name} of {values[k]:.6g} {unit} does not fit (allowed: "
-            f"−{bound} to "
-            f"{bound})"
+            f"−{bound} to {bound})"
         )
     return values + 0.0
 
 
 def following_error_window(axis: Axis, period: int) -> int:
-    """Return object 0x6065 in increments.
+    """Return the following error that trips the drive (object 0x6065), increments.
 
-    It is the travel in `LAG_PERIODS` periods (ms) at the joint's largest speed.
+    It is the travel of the joint in `LAG_PERIODS` periods at its largest speed. `period` is in ms.
     """
-    return max(
-        math.ceil(
-            axis.joint.velocity * LAG_PERIODS * period / 1000 * abs(axis.increments_per_unit)
-        ),
-        2,
-    )
+    travel = axis.joint.velocity * LAG_PERIODS * period / 1000
+    return max(math.ceil(travel * abs(axis.increments_per_unit)), 2)
 
 
 def _counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
-    """Increments per motor turn, and where they come from."""
+    """Return the increments per motor turn, and their source."""
     counts = (
         counts_per_turn.get(joint.name) if isinstance(counts_per_turn, Mapping) else counts_per_turn
     )
@@ -182,33 +179,35 @@ MODES = {"csp": 8, "csv": 9, "cst": 10}
 VELOCITY_UNIT = 0xFDB44700
 """Value of object 0x60A9 for velocities in 1e-3 rpm."""
 LAG_PERIODS = 10
+"""Number of periods of travel that determine the window of the following error."""
 SYNC = 0x80
 """COB-ID of the SYNC message."""
 CURRENT_POSITION = 37
-"""Homing method (object 0x6098) that makes the present position the home position."""
+"""Homing method (object 0x6098) that defines the present position as the home position."""
 BITS = {
     **dict.fromkeys(("0x6060:00", "0x6061:00"), 8),
     **dict.fromkeys(("0x607A:00", "0x60FF:00", "0x60B1:00"), 32),
 }
 BITS |= dict.fromkeys(("0x6064:00", "0x606C:00"), 32)
-"""Of the objects that are mapped; 16 where not named."""
+"""Number of bits of each mapped object. Other objects have 16 bits."""
 COMMANDS = ("0x6040:00", "0x6060:00")
 STREAMED = {
     "csp": (("0x607A:00", "0x60B1:00"), ("0x60B2:00",)),
     "csv": (("0x60FF:00", "0x60B2:00"),),
     "cst": (("0x6071:00",),),
 }
-"""Objects of the stream by mode and PDO. A PDO holds at most 64 bits."""
+"""Objects of the stream, by mode and PDO. A PDO has at most 64 bits."""
 RETURNED = (("0x6041:00", "0x6061:00"), ("0x6064:00", "0x606C:00"), ("0x6077:00",))
 AT_ONCE = 255
+"""Transmission type of commands and status: on every change."""
 AT_SYNC = 1
-"""Transmission types: on change (commands and status) and at each SYNC (all other objects)."""
+"""Transmission type of all other objects: at each SYNC."""
 QUOTED = "quoted"
 UNVERIFIED = "not verified"
 DOUBTFUL = {"0x60B1:00", "0x6080:00"}
-"""Objects whose meaning follows from CiA 402 alone.
+"""Objects whose meaning is known only from CiA 402.
 
-Public code of other authors quotes number, meaning and unit of all other objects.
+Public code of other authors states number, meaning and unit of all other objects.
 """
 NOT_VERIFIED = (
     "the export was not tested on a drive, and the firmware specification was not available: "
@@ -225,9 +224,10 @@ NOT_VERIFIED = (
 
 
 def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
-    """Return the PDOs of a stream: the objects that map each PDO, and its transmission type.
+    """Return the PDOs of a stream with their objects and transmission types.
 
-    Commands and status have separate PDOs, so the drive can be switched on before the first SYNC.
+    Commands and status have separate PDOs, so that the drive can be switched on before the first
+    SYNC.
     """
     return {
         "receive": [
@@ -261,7 +261,7 @@ def _pdo(mapping: int, communication: int, cob_id: int, objects: tuple[str, ...]
 
 
 def sync_setup(period: int) -> JsonObject:
-    """Return the SYNC message that the controller sends once per interpolation period in ms."""
+    """Describe the SYNC message that the controller sends once per interpolation period (ms)."""
     return {
         "cob_id": SYNC,
         "period_ms": period,
@@ -271,9 +271,9 @@ def sync_setup(period: int) -> JsonObject:
 
 
 def homing(axis: Axis, start: float) -> JsonObject:
-    """Return the objects that set the zero of the drive to the zero of the joint.
+    """Return the objects with which position 0 of the drive corresponds to position 0 of the joint.
 
-    start: increments of the first setpoint.
+    `start` is the first setpoint, in increments.
     """
     return {
         "convention": "0 increments are 0 rad or m of the joint",
@@ -292,13 +292,13 @@ def homing(axis: Axis, start: float) -> JsonObject:
 
 with Path(__file__).with_name("epos4_objects.csv").open(encoding="utf-8") as _table:
     OBJECTS = tuple(csv.reader(_table))[1:]
-"""Object, name, unit, largest value and reason."""
+"""Object, name, unit, largest value and reason of each setup object."""
 
 
 def setup_objects(
     axis: Axis, mode: str, period: int, effects: dict[str, float]
 ) -> list[dict[str, str]]:
-    """Return rows of setup objects for one axis.
+    """Return the table of the setup objects for one axis.
 
     Each row has the columns joint, object, name, value, unit, reason and known.
 
@@ -320,9 +320,8 @@ def setup_objects(
     joint = axis.joint
     motor = axis.joint.motor
     assert motor is not None
-    turns = (
-        60 * abs(axis.increments_per_unit) / axis.counts_per_turn
-    )  # Motor speed in rpm per unit/s of the joint.
+    # Motor speed in rpm at a joint speed of 1 rad/s or 1 m/s.
+    turns = 60 * abs(axis.increments_per_unit) / axis.counts_per_turn
     low, high = sorted(axis.increments_per_unit * position for position in joint.position)
     values = {
         "0x6060:00": MODES[mode],

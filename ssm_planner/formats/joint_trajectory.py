@@ -1,7 +1,7 @@
 """Convert, write and read JointTrajectory messages.
 
-YAML files hold a message as `ros2 topic pub` or an action goal takes it. A message that
-joint_trajectory_controller would reject is refused with the controller's reason.
+A YAML file contains a message in the form that `ros2 topic pub` or an action goal requires. A
+message that joint_trajectory_controller would reject raises an error with the controller's reason.
 """
 
 from __future__ import annotations
@@ -32,16 +32,17 @@ LARGEST_TREE = 7_000_000
 LONGEST = 10**9
 """Largest absolute number of seconds that is accepted."""
 REST = 1.2e-7
-"""Largest final velocity (rad/s, m/s) that joint_trajectory_controller accepts by default."""
+"""Largest final velocity that joint_trajectory_controller accepts by default, rad/s or m/s."""
 FIELDS = ("positions", "velocities", "accelerations", "effort")
-"""Lists of a trajectory point."""
+"""Names of the lists in a trajectory point."""
 
 
 @record
 class Message:
     """A JointTrajectory with n points.
 
-    Each point has a time and, for every quantity, one list with a value per joint or an empty list.
+    Each point has a time, and a list for every quantity. A list contains one value per joint, or it
+    is empty.
     """
 
     names: tuple[str, ...]
@@ -55,7 +56,7 @@ class Message:
 def trajectory_message(plan: Plan, points: SplinePoints, effort: bool) -> Message:
     """Build the JointTrajectory of spline points.
 
-    effort: include the rigid-body efforts at the joints, N·m and N.
+    If `effort` is true, the message contains the rigid-body efforts at the joints, N·m and N.
     """
     s = points.samples
     empty: list[Sequence[float]] = [[] for _ in s.t]
@@ -79,9 +80,16 @@ def split_time(t: float) -> tuple[int, int]:
 
 
 def write_yaml(path: Path, message: Message, comments: Sequence[str], under: str) -> None:
-    """Write a message to a YAML file after comment lines.
+    """Write a message to a YAML file.
 
-    under: key of the message in the file; an empty text writes the message at the top level.
+    Parameters
+    ----------
+    path : Path
+    message : Message
+    comments : Sequence[str]
+        Comment lines at the beginning of the file.
+    under : str
+        Key of the message in the file. If it is empty, the message is at the top level.
     """
     indent = "  " if under else ""
     lines = [f"# {comment}" for comment in comments]
@@ -127,10 +135,10 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
 
 
 def message_from(data: Any, location: str) -> Message:
-    """Build a message from plain dictionaries and lists.
+    """Build a message from dictionaries and lists.
 
-    where: beginning of error messages. Raises TrajectoryError if keys are missing or have wrong
-    types.
+    `location` is the beginning of error messages. Raises TrajectoryError if a key is missing or has
+    a wrong type.
     """
     if (
         not isinstance(data, dict)
@@ -154,7 +162,7 @@ def message_from(data: Any, location: str) -> Message:
 def read_message(
     message: Message, robot: Robot, location: str, notes: tuple[str, ...] = ()
 ) -> Reading:
-    """Return the trajectory that a controller runs for a message.
+    """Return the trajectory that a controller executes for a message.
 
     Parameters
     ----------
@@ -163,7 +171,7 @@ def read_message(
     location : str
         Beginning of error messages.
     notes : tuple[str, ...]
-        Notes to pass on with the trajectory.
+        Notes that are added to the result.
 
     Raises
     ------
@@ -193,10 +201,11 @@ def read_message(
 
 
 def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the faults and the remarks of a message.
+    """Find faults of a message, and remarks on it.
 
-    Faults are the reasons for which joint_trajectory_controller rejects the message. Remarks depend
-    on the configuration of the controller. joints: names of the robot's joints.
+    A fault is a reason for which joint_trajectory_controller rejects the message. A remark concerns
+    a behaviour that depends on the configuration of the controller. `joints` contains the names of
+    the robot's joints.
     """
     names = message.names
     time = message.time
@@ -222,14 +231,10 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
                 faults.append(f"point {k}: {len(values)} {field} for {len(names)} joints")
                 break
     remarks = []
-    final_speed = (
-        np.abs(np.array(message.velocities[-1], dtype=float))
-        if len(message.velocities[-1])
-        else np.zeros(1)
-    )
-    if final_speed.max(initial=0.0) > REST:
+    final_speed = max((abs(float(velocity)) for velocity in message.velocities[-1]), default=0.0)
+    if final_speed > REST:
         remarks.append(
-            f"the last velocity is {final_speed.max():.3g}, not zero: the controller rejects this "
+            f"the last velocity is {final_speed:.3g}, not zero: the controller rejects this "
             "unless allow_nonzero_velocity_at_trajectory_end is set"
         )
     if any(len(values) for values in message.effort):
@@ -245,7 +250,7 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
 
 
 def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
-    """Return the values (n, 4) and flags (n,) of the points with values. Missing values are 0."""
+    """Return the values (n, 4), with 0 for missing ones, and a mask (n,) of points with values."""
     has = np.array([len(row) > 0 for row in rows])
     table = np.array([row if len(row) else [0.0] * len(order) for row in rows], dtype=float)
     return table[:, order], has
@@ -261,8 +266,7 @@ def _time(point: Any, k: int, location: str) -> float:
             return float((sec * TICKS + nanosec) / TICKS)
     raise TrajectoryError(
         f"{location}: point {k}: time_from_start is {str(stamp)[:80]}, but it must have whole "
-        "numbers sec and "
-        f"nanosec, with nanosec from 0 to {TICKS - 1}"
+        f"numbers sec and nanosec, with nanosec from 0 to {TICKS - 1}"
     )
 
 

@@ -52,7 +52,7 @@ class Points:
     qd: Table | None = None
     qdd: Table | None = None
     has_qd: Mask | None = None
-    """True if the point has velocities, (n,). None if all points have them whenever qd is given."""
+    """Mask (n,) of the points with velocities. None if all points have them, or none has."""
     has_qdd: Mask | None = None
     resolution: Array | None = None
     """Largest rounding error of the positions, (4,). None if the rounding is unknown."""
@@ -62,7 +62,7 @@ class Points:
 
 @record
 class Reading:
-    """The trajectory of a file with the results of reading it."""
+    """A trajectory that was read from a file, with the other data of the file."""
 
     trajectory: Trajectory
     interpolation: str
@@ -70,18 +70,19 @@ class Reading:
     """Rounding error for `check`, (4,). None if every piece is smooth."""
     notes: tuple[str, ...] = ()
     checks: tuple[LimitCheck, ...] = ()
-    """Limit checks of the other data in the file."""
+    """Limit checks of data in the file that are not part of the trajectory."""
     start_rate: Mapping[str, float] = field(default_factory=dict)
-    """Rates of task coordinates that the file declares at the start, by name in `TASK`.
+    """Rates of task coordinates that the file declares at the start, rad/s or m/s.
 
-    The default is 0.
+    Coordinates without a rate are at rest.
     """
     end_rate: Mapping[str, float] = field(default_factory=dict)
+    """Rates of task coordinates that the file declares at the end, rad/s or m/s."""
 
     def ends_on(self, limits: TaskLimits) -> TaskLimits:
-        """Return the limits, completed by the end rates that the file declares.
+        """Add the start and end rates that the file declares to limits.
 
-        Rates that the limits already declare take precedence.
+        Rates that the limits already contain take precedence.
         """
         start = limits.start_rate if limits.start_rate != {} else self.start_rate
         end = limits.end_rate if limits.end_rate != {} else self.end_rate
@@ -117,9 +118,8 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
     pieces = PiecesOfPoints(points, cubic, quintic)
-    coefficients = (
-        cast("Array", pieces) if n > LONG else pieces[:]
-    )  # It has the part of an array's interface that Trajectory needs.
+    # The pieces have the part of an array's interface that Trajectory needs.
+    coefficients = cast("Array", pieces) if n > LONG else pieces[:]
     trajectory = Trajectory(points.t, coefficients, ())
     straight = not cubic.all()
     resolution = None
@@ -129,9 +129,10 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
 
 
 def describe(cubic: Mask, quintic: Mask) -> str:
-    """Describe the interpolation in words.
+    """Describe the interpolation between points in words.
 
-    cubic: flags of pieces that are at least cubic. quintic: flags of quintic pieces.
+    `cubic` is a mask (n,) of the pieces that are cubic or quintic, and `quintic` a mask (n,) of the
+    quintic pieces.
     """
     if quintic.all():
         return "quintic between points (positions, velocities and accelerations given)"
@@ -245,7 +246,7 @@ FACTORS = (
 def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], start: int) -> None:
     """Raise TrajectoryError if a position in q (n, 4) is too large for its kind of joint.
 
-    place: function that names a point. first: index of the first row.
+    `place` returns the name of a point for messages, and `start` is the index of the first row.
     """
     for i, joint in enumerate(robot.joints):
         k = int(np.argmax(np.abs(q[:, i])))
@@ -254,18 +255,27 @@ def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], start:
             unit = "millimetres" if joint.slides else "degrees"
             raise TrajectoryError(
                 f"{place(start + k)}: position of joint {joint.name} = {value:.6g} {joint.unit}: "
-                "this is "
-                f"too large for this kind of joint; are these {unit}, or are columns swapped?"
+                f"this is too large for this kind of joint; are these {unit}, or are columns "
+                "swapped?"
             )
 
 
 def check_derivatives(
     t: Array, value: Table, derivative: Table, robot: Robot, names: tuple[str, str]
 ) -> None:
-    """Raise TrajectoryError if a column `derivative` has another unit or belongs to another joint.
+    """Raise TrajectoryError if a derivative has another unit or belongs to another joint.
 
-    The mean derivative over each interval is compared with the slope of the values. Both tables
-    have the shape (n, 4). names: names of the values and of the derivatives in messages.
+    The mean derivative over each interval is compared with the slope of the values.
+
+    Parameters
+    ----------
+    t : (n,)
+        Instants, s.
+    value, derivative : (n, 4)
+        Values and their derivatives.
+    robot : Robot
+    names : (str, str)
+        Names of the values and of the derivatives for messages.
     """
     if len(t) <= FEW:
         return

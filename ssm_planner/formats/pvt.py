@@ -1,12 +1,12 @@
-"""Export PVT tables: rows of position, velocity and time for drives that interpolate with cubics.
+"""Export tables of position, velocity and time (PVT) for drives that interpolate with cubics.
 
 Elmo's PVT mode and the IPM mode of maxon EPOS2 and EPOS3 use such tables. Times are whole ms and
-positions are whole increments. Rows can therefore lie neither at the acceleration jumps of the plan
-nor exactly on the plan, and cubics through samples of the plan would exceed its limits.
+positions are whole increments, so the rows cannot lie exactly at the acceleration jumps of the plan
+or exactly on the plan. Cubics through rounded samples of the plan would exceed its limits.
 
-The rows are fitted joint by joint. A linear program finds the rows nearest to a slightly slower
-plan for which the drive's cubics stay within the accelerations, velocities and positions that the
-plan has nearby. The motion that the drives will run is then verified as a whole.
+Therefore, the rows of each joint are fitted. A linear program finds the rows nearest to a slightly
+slower plan for which the cubics stay within the accelerations, velocities and positions that the
+plan has nearby. The motion that the drives will execute is then verified.
 """
 
 from __future__ import annotations
@@ -182,10 +182,10 @@ def export_pvt(
 
 
 def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
-    """Read the cubics that drives run between the rows of an exported table.
+    """Read the motion that drives execute for exported tables: cubics between their rows.
 
-    folder, manifest, listed, robot: see `read_epos4`. Raises TrajectoryError if a table is damaged
-    or does not belong to the robot.
+    The arguments are those of `read_epos4`. Raises TrajectoryError if a table is damaged or does
+    not belong to the robot.
     """
     q = []
     qd = []
@@ -216,7 +216,8 @@ def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
 def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table:
     """Return the first table whose cubics keep every limit.
 
-    If the plan itself does not pass, return the first table. Raises ExportError if no table passes.
+    If the plan itself violates a limit, the first table is returned. Raises ExportError if no table
+    keeps the limits.
     """
     certificates = []
     for table in _trials(plan, axes, STRETCHES if certificate.passed else (0.0,)):
@@ -263,9 +264,9 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
 
 
 def _at_ends(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
-    """Replace the end rates of the limits by those of the rounded rows q, qd (n, 4).
+    """Replace the start and end rates in limits by those of the rounded rows q, qd (n, 4).
 
-    Ends without a declared rate remain unchanged.
+    An end without a declared rate remains unchanged.
     """
     rates = task_rates(Mechanism.from_geometry(robot.geometry), q[[0, -1]], qd[[0, -1]]).tolist()
     start, end = (dict(zip(TASK, rate, strict=True)) for rate in rates)
@@ -284,16 +285,16 @@ def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array
 class _Fit:
     """Linear program for the rows of one joint.
 
-    Positions are in increments and velocities in increments per τ, the mean time between rows. The
-    unknowns are the deviations d of the n positions and w of the n velocities, bounds e ≥ |d|, and
-    the excess ε ≥ 0. The program minimises Σ e + EXCESS ε so that on every interval, with the
-    fraction
-    ε of the acceleration limit as tolerance,
+    Positions are in increments, and velocities in increments per τ, the mean time between rows. The
+    unknowns are the deviations d of the n positions and w of the n velocities from the plan, their
+    bounds e ≥ |d|, and an excess ε ≥ 0. The program minimises Σ e + EXCESS ε subject to these
+    conditions on every interval:
 
         low ≤ acceleration at its start and end ≤ high        (it is linear in between)
         low ≤ Bernstein coefficients of velocity and position ≤ high
 
-    low and high are the extremes of the plan on this interval and on its two neighbours.
+    The bounds low and high are the extremes of the plan on this interval and on its two neighbours.
+    Accelerations may exceed their bounds by ε times the acceleration limit.
     """
 
     def __init__(self, plan: Plan, i: int, t: Array, stretch: float, unit: float) -> None:
@@ -346,9 +347,9 @@ class _Fit:
         )
 
     def rows(self, is_complete: bool) -> tuple[Array, Array]:
-        """Return positions (n,) and the best velocities (n,), in increments/s.
+        """Return the positions (n,), increments, and the best velocities (n,), increments/s.
 
-        whole: round both to integers.
+        If `is_complete` is true, both are rounded to integers.
         """
         free = np.pad(np.ones(len(self.positions) - 2), 1)
         if not is_complete:
@@ -361,9 +362,10 @@ class _Fit:
         return position, np.round((self.velocities + w) * self.rate)
 
     def _solve(self, d: Array, free: Array) -> tuple[Array, Array]:
-        """Return the deviations (d, w), or zeros if there is no solution.
+        """Solve the linear program, and return the deviations d and w (n,).
 
-        Deviations of positions whose `free` (n,) is zero are fixed to d (n,). The others are free.
+        Positions with `free` (n,) equal to 0 have the deviation `d` (n,). The deviations of all
+        other positions are unknown. Without a solution, all deviations are 0.
         """
         from scipy import sparse
         from scipy.optimize import Bounds, LinearConstraint, milp

@@ -22,7 +22,7 @@ ACCEPTED = (
     "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or an export folder"
 )
 READERS = {"epos4": read_epos4, "pvt": read_pvt}
-"""Readers of exports that hold one file per axis, by the `kind` in the manifest."""
+"""Readers of exports that contain one file per axis, by the `kind` in the manifest."""
 LARGEST_MANIFEST = 20_000_000
 """Largest size of a manifest, bytes."""
 LARGEST_RATE = 1e3
@@ -118,10 +118,19 @@ def read_manifest(folder: Path) -> JsonObject:
 def _check_hashes(
     folder: Path, manifest: JsonObject | None = None, below: str = ""
 ) -> frozenset[str]:
-    """Return the names of the files in the manifest after comparing their SHA-256 values.
+    """Check that the files of an export are unchanged, and return the names in its manifest.
 
-    below: name of a subfolder; only its files are compared. A folder without a manifest has nothing
-    to compare. Raises TrajectoryError if a file is missing or was modified.
+    The SHA-256 of each file is compared with the manifest. Raises TrajectoryError if a file is
+    missing or was modified.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the export.
+    manifest : JsonObject, optional
+        Its manifest. If it is not given, the file is read if it exists.
+    below : str
+        Name of a subfolder. If it is given, only the files in this subfolder are compared.
     """
     path = folder / MANIFEST
     if manifest is None:

@@ -1,7 +1,7 @@
-"""Export a plan to ROS 2 and read rosbags.
+"""Export a plan to ROS 2, and read rosbags.
 
-An export holds a JointTrajectory as YAML, an action goal, and a rosbag2 (MCAP) that shows the
-motion: the trajectory, joint states, the description of the robot and its transforms.
+An export contains a JointTrajectory as YAML, an action goal, and a rosbag2 (MCAP). The bag contains
+the trajectory, joint states, the description of the robot, and transforms.
 """
 
 from __future__ import annotations
@@ -131,10 +131,10 @@ def export_ros2(
 
 
 def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
-    """Write a rosbag2 folder whose times start at 0.
+    """Write a rosbag2 folder whose times begin at 0.
 
-    rate: joint states and transforms per second, Hz. Raises ExportError if rosbags is not
-    installed.
+    `rate` is the rate of joint states and transforms, Hz. Raises ExportError if the package rosbags
+    is not installed.
     """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
@@ -172,16 +172,16 @@ def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
 
 
 def state_times(duration: float, rate: float) -> Array:
-    """Instants (n,), s, at a rate in Hz from 0, and the end."""
+    """Return instants (n,) at a rate in Hz, from 0 to the end of the motion, s."""
     t = np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate
     return t if duration - t[-1] < 1e-9 else np.append(t, duration)
 
 
 def link_poses(robot: Robot, q: Array) -> list[tuple[str, str, Array, Array]]:
-    """Return (parent, child, rotation, translation) of every link and of the tool at joints q (4,).
+    """Return the pose of every link and of the tool in the frame of its parent, at joints q (4,).
 
-    The pose is that of the child in the frame of its parent, with rotation (3, 3) and translation
-    (3,) in m.
+    Each entry contains the name of the parent, the name of the child, the rotation matrix (3, 3)
+    and the translation (3,) in m.
     """
     geometry = robot.geometry
     parent = "base"

@@ -1,9 +1,9 @@
-"""Choose points of a plan through which a controller's spline keeps the limits.
+"""Choose points of a plan so that a controller's spline through them keeps the limits.
 
-The points are the breaks of the plan's pieces, where its acceleration may jump, and intermediate
-points if these do not suffice. The spline that the controller will run is built through the points
-and verified like any trajectory. A cubic differs slightly from the plan's quintic. If that causes a
-small excess, the whole motion is slowed down until the excess disappears.
+The first choice are the breaks of the plan's pieces, where its acceleration may jump. If they do
+not suffice, intermediate points are added. The spline that the controller will execute is then
+verified like any trajectory. Its cubics differ slightly from the quintics of the plan. If they
+exceed a limit slightly, the motion is slowed down until it keeps the limit.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ ROUNDED = 1e-9
 
 @record
 class SplinePoints:
-    """Points of a plan and the certificate of the controller's spline through them."""
+    """Points of a plan, and the certificate of the controller's spline through them."""
 
     samples: Samples
     with_acceleration: bool
-    """True if the controller must join the points by quintics, False for cubics."""
+    """True if the controller must join the points by quintics, and False for cubics."""
     stretch: float
-    """Duration divided by the plan's duration."""
+    """Duration of the spline divided by the duration of the plan."""
     certificate: Certificate
     """Certificate of the spline through the points."""
 
@@ -101,9 +101,10 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
 
 
 def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
-    """Sample the plan, slowed down by a factor, at times t (n,) of the slower motion.
+    """Sample a plan that is slowed down, at instants t (n,) of the slower motion, s.
 
-    The joints rest after the end. A time within `ROUNDED` of the end counts as the end.
+    `stretch` is the factor on the duration. The joints rest after the end. An instant that differs
+    from the end by less than `ROUNDED` counts as the end.
     """
     start = plan.motion.breaks[0]
     end = plan.motion.breaks[-1]
@@ -146,10 +147,10 @@ def _acceleration_jump(plan: Plan) -> float:
 
 
 def _slower(plan: Plan, violation: LimitCheck) -> float:
-    """Return the factor by which the motion must be slower to keep a limit.
+    """Return the factor on the duration with which the motion keeps a violated limit.
 
-    The result is infinite if slower motion does not help. A quantity that depends on the nth
-    derivative falls at least with the nth power of the speed if the motion is slowed down a little.
+    If a motion is slowed down a little, a quantity that depends on the nth derivative decreases at
+    least with the nth power of the speed. The result is infinite if a slower motion does not help.
     """
     for limit in plan.problem.all_limits:
         if (

@@ -55,7 +55,10 @@ ABSENT = (
 
 
 def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> JsonObject:
-    """Write robot.urdf and controllers.yaml into a folder and return the manifest entries."""
+    """Write robot.urdf and controllers.yaml, and return the entries of the manifest.
+
+    `suffix` marks unverified files and precedes the extension of their names.
+    """
     path = folder / f"robot{suffix}.urdf"
     mark = "" if not suffix else "UNVERIFIED: the exported plan has no passed certificate."
     path.write_text(urdf(plan.robot, mark), encoding="utf-8")
@@ -79,7 +82,7 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
 def urdf(robot: Robot, mark: str = "") -> str:
     """Return the robot as URDF text with a base, four links and the frame of the tool tip.
 
-    mark: a warning for the comment at the beginning.
+    `mark` is a warning that is added to the comment at the beginning.
     """
     return render_template(
         _templates(escape=True),
@@ -98,7 +101,7 @@ def urdf(robot: Robot, mark: str = "") -> str:
 
 
 def _links(robot: Robot) -> Iterator[dict[str, Any]]:
-    """Yield every link with its joint, both in the frame of the previous link."""
+    """Yield the values of the template for every link and its joint."""
     parent = "base"
     frame = np.eye(3)
     geometry = robot.geometry
@@ -120,9 +123,9 @@ def _links(robot: Robot) -> Iterator[dict[str, Any]]:
 
 
 def rpy(rotation: Array) -> Array:
-    """Return roll, pitch and yaw (3,) in rad of R = Rz(yaw) Ry(pitch) Rx(roll), (3, 3).
+    """Return roll, pitch and yaw (3,) of a rotation R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3), rad.
 
-    The angles are accurate at a pitch of ±90° too.
+    The angles are also accurate at a pitch of ±90°.
     """
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     if math.hypot(rotation[0, 0], rotation[1, 0]) < 1e-12:
