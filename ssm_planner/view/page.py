@@ -113,6 +113,8 @@ class Study:
         }
         content["geometry"] = {**content["geometry"], **geometry}
         content["geometry"].pop("beta", None)
+        changed = f"α {math.degrees(mechanism.alpha):.6g}°, β {math.degrees(mechanism.beta):.6g}°"
+        content["name"] = f"{content.get('name', 'robot')} with {changed}"
         return content
 
     def robot(self, original: Robot, request: Mapping[str, Any]) -> Robot:
@@ -128,7 +130,7 @@ class Study:
             for body, other in zip(original.bodies, turned.bodies, strict=True)
         )
         bodies = first, second, third, fourth
-        return replace(original, geometry=turned.geometry, bodies=bodies)
+        return replace(original, name=turned.name, geometry=turned.geometry, bodies=bodies)
 
     def start(self) -> dict[str, Any]:
         """Return the initial values of the page, such as angles, ranges and joints."""

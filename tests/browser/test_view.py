@@ -217,6 +217,9 @@ def test_a_verdict_holds_for_its_settings_only(visit: Open, server: ViewServer) 
     opened.wait("document.querySelector('.outcome')?.textContent.includes('check')", seconds=60)
     assert not page.is_visible("#stale")
     assert page.is_visible("#result iframe")
+    page.evaluate("document.getElementById('result').scrollIntoView()")
+    scene, result = (page.locator(name).bounding_box() for name in (".stage", "#result"))
+    assert scene["y"] + scene["height"] <= result["y"], "the scene covers the report"
     draw = random.Random(4)
     for field in ("alpha", "beta", "tilt", "depth", "roll", "low"):
         before = page.input_value(f"#{field}-number")
