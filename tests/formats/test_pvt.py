@@ -17,7 +17,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4_setup import axes_of
 from ssm_planner.formats.export import export
-from ssm_planner.formats.pvt import EXCESS, INT24, LARGEST_TIME, _Fit, _trials
+from ssm_planner.formats.pvt import EXCESS, INT24, LARGEST_TIME, STRETCHES, _Fit, _trials
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
@@ -434,3 +434,12 @@ def test_a_table_needs_a_millisecond_for_each_of_its_two_intervals(plan: Plan) -
         assert len(table.t) == count
         assert table.t[-1] == duration
         assert table.stretch == pytest.approx(1.0)
+
+
+def test_only_tables_of_verified_plans_are_slower_than_rounding_asks(
+    plan: Plan, bad_plan: Plan, tmp_path: Path
+) -> None:
+    _, manifest = export(plan, "pvt", tmp_path / "a", counts_per_turn=COUNTS)
+    assert manifest["stretch"] - 1 >= min(STRETCHES) * (1 - 1e-9)
+    _, manifest = export(bad_plan, "pvt", tmp_path / "b", counts_per_turn=COUNTS, force=True)
+    assert 0 <= manifest["stretch"] - 1 < 1e-3 / bad_plan.motion.duration

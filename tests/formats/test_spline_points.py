@@ -149,3 +149,26 @@ def test_a_motion_that_ends_at_speed_keeps_it_to_the_end_and_stops_there(
 def test_smooth_plans_need_no_more_points_than_breaks(smooth_plan: Plan) -> None:
     points = spline_points(smooth_plan, smooth_plan.certificate)
     assert len(points.samples.t) == len(smooth_plan.motion.breaks)
+
+
+def test_quintics_through_the_breaks_are_slowed_down_as_they_are(smooth_plan: Plan) -> None:
+    """If a limit is a little tighter than the motion, and a jerk limit rules cubics out."""
+    worst = max(limit.worst for limit in smooth_plan.certificate.limits if limit.name == "velocity")
+    (joint,) = (
+        limit.joint
+        for limit in smooth_plan.certificate.limits
+        if limit.name == "velocity" and limit.worst == worst
+    )
+    joints = tuple(
+        replace(
+            item, jerk=1e4, velocity=worst * (1 - 2e-4) if item.name == joint else item.velocity
+        )
+        for item in smooth_plan.robot.joints
+    )
+    robot = replace(smooth_plan.robot, joints=joints)
+    tight = replace(smooth_plan, problem=replace(smooth_plan.problem, robot=robot))
+    points = spline_points(tight, smooth_plan.certificate)
+    assert points.certificate.passed
+    assert points.with_acceleration
+    assert len(points.samples.t) == len(smooth_plan.motion.breaks)
+    assert 1 + 2e-4 < points.stretch < 1 + 3e-4
