@@ -169,10 +169,13 @@ def test_extreme_sets_ask_for_the_largest_torques_and_heat(
     """In either direction, and in the mean square; however many sets are evaluated together."""
     monkeypatch.setattr(cases, "BLOCK", block)
     masses = [0.0, 0.05]
-    whole = cases._Motion(motion(), robot, masses)
+    coefficients = np.zeros((1, 6, 4))
+    coefficients[0, 0], way = [0.3, 1.15, 0.1, -0.01], np.array([0.5, -0.3, 0.2, 4e-3])
+    coefficients[0, 2], coefficients[0, 3] = way, -way  # there and back
+    whole = cases._Motion(Trajectory(np.array([0.0, 1.0]), coefficients, ()), robot, masses)
     sets = {"mu": np.array([0.06, 0.15, 0.09, 0.12, 0.07])}
     instants = np.arange(len(whole.qd))
-    for i in (0, 3):
+    for i in (0, 1, 3):
         drive = robot.joints[i].drive
         assert drive is not None
         for load in range(len(masses)):
