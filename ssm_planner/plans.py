@@ -117,6 +117,8 @@ class PhaseSummary(ShortRepr):
 
     The shorter motion is used.
     """
+    confirmation_residual: float | None = None
+    """Largest violation of the optimality conditions (KKT residual) when Ipopt confirmed."""
     reversal_multiplier: float | None = None
     """Largest remaining multiplier of a joint's direction, as a share of the duration.
 

@@ -6,9 +6,8 @@ Every change is planned, so every reported change works.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -32,7 +31,6 @@ from ssm_planner.units import display_unit
 
 GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 """Factors on the smallest possible change, tried in turn until there is a motion."""
-HALVINGS = 2
 SHARP = 0.9
 """Share of a reported change that gives no motion by itself, as far as the effort allows."""
 SHARES = (0.1, 1.0)
@@ -42,12 +40,8 @@ TOGETHER = 4
 PATIENCE, TRIAL = 4.0, 0.1
 """Effort after which no further change is tried, and effort of a trial in addition to its solves.
 """
-PACES = (2.5, 5.0)
-"""Factors on the duration that are tried for a motion whose motors get too warm."""
 PAUSES = (1.0, 1.5, 3.0)
-"""Factors on the pause that one motor needs to cool. Others may need more."""
-RATES = (1.0, 0.9, 0.7, 0.5, 0.25, 0.0)
-"""Factors on the feasible rate that are tried at an end."""
+"""Factors on the pause that one motor needs to cool, or on the duration. Others may need more."""
 OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
 """Limits that rates at the ends can exceed."""
 
@@ -95,6 +89,10 @@ class Pause(Relaxation):
 
     present = 0.0
 
+    def value(self, share: float) -> float:
+        """Return the duration, rounded up to three digits."""
+        return -_down(-share * self.needed)
+
     def problem(self, value: float) -> Problem:
         """Return the problem with a dwell at the end."""
         duration = None if self.base.duration is None else self.base.duration + value
@@ -113,6 +111,10 @@ class LessRate(Relaxation):
 
     end: Literal["start_rate", "end_rate"] = "start_rate"
     present = 1.0
+
+    def value(self, share: float) -> float:
+        """Return the factor, rounded down to three digits."""
+        return _down(1 - share)
 
     @property
     def rates(self) -> Mapping[str, float]:
@@ -233,7 +235,12 @@ def search(
         return None
     # These need few trials, whereas the search for the smallest change may take all remaining
     # effort.
-    alternatives = tuple(_alternatives(problem, reason, duration, try_problem, has_budget))
+    others = (
+        _smallest(*other, try_problem, has_budget)
+        for other in _other_relaxations(problem, reason, duration)
+        if has_budget()
+    )
+    alternatives = tuple(other for other in others if other.works)
     cure = (
         _one_by_one(problem, try_problem, has_budget)
         if relaxation is None
@@ -280,7 +287,7 @@ def _together(
     relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]
 ) -> Cure | None:
     """Return the smallest change of one limit, and of others if they then prevent the motion."""
-    initial = cure = _smallest(relaxation, attempt, has_budget)
+    initial = cure = _grown(relaxation, attempt, has_budget)
     descriptions: dict[tuple[Any, ...], str] = {}
     for _ in range(TOGETHER - 1):
         if cure is None or not isinstance(cure.outcome, Reason) or not has_budget():
@@ -288,7 +295,7 @@ def _together(
         limit = cure.relaxation.limit
         descriptions[limit.key, cure.value < limit.bound(cure.value)] = cure.description
         following = relaxation_for(cure.problem, cure.outcome)
-        cure = None if following is None else _smallest(following, attempt, has_budget)
+        cure = None if following is None else _grown(following, attempt, has_budget)
     if cure is None or not cure.works:
         return initial
     limit = cure.relaxation.limit
@@ -296,53 +303,66 @@ def _together(
     return replace(cure, combined=tuple(descriptions.values()))
 
 
-def _smallest(
-    relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]
-) -> Cure | None:
-    """Return the smallest value of one relaxation that gives a motion, within a few per cent."""
+def _grown(relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]) -> Cure | None:
+    """Return the smallest value near the needed one. None if the limit cannot have any."""
+    shares = [
+        share
+        for factor in GROWTH
+        if relaxation.limit.relaxed(relaxation.value(share := factor * (1 + SAME))) is not None
+    ]
+    if not shares:
+        return None
+    return _smallest(relaxation, shares, attempt, has_budget, stop_if=_is_enough)
 
-    def cure(growth: float) -> Cure:
-        value = relaxation.value(growth * (1 + SAME))
+
+def _smallest(
+    relaxation: Relaxation,
+    shares: Iterable[float],
+    attempt: Attempt,
+    has_budget: Callable[[], bool],
+    lower: float = 0.0,
+    *,
+    stop_if: Callable[[Cure], bool] = lambda _: False,
+) -> Cure:
+    """Return the smallest share of a relaxation that gives a motion, by bisection.
+
+    Parameters
+    ----------
+    relaxation : Relaxation
+        The change.
+    shares : iterable of float
+        Increasing shares of the change, tried in turn until one gives a motion.
+    attempt : callable
+        Plans a problem. Returns its duration or a reason.
+    has_budget : callable
+        False ends the search.
+    lower : float
+        A share that gives no motion. The bisection ends if it is at least SHARP of the other one.
+    stop_if : callable
+        True if larger shares cannot help either.
+
+    Returns
+    -------
+    Cure
+        The smallest change that gives a motion, or the last one that was tried.
+    """
+
+    def cure(share: float) -> Cure:
+        value = relaxation.value(share)
         return Cure(relaxation, value, attempt(relaxation.problem(value)))
 
-    limit = relaxation.limit
-    growths = [
-        factor
-        for factor in GROWTH
-        if limit.relaxed(relaxation.value(factor * (1 + SAME))) is not None
-    ]
-    if not growths:
-        return None
-    short = 0.0
-    for growth in growths:
-        result = cure(growth)
-        if result.works or not has_budget() or _is_enough(result):
+    for upper in shares:
+        result = cure(upper)
+        if result.works or not has_budget() or stop_if(result):
             break
-        short = growth
-    return _sharpened(cure, result, (short, growth), has_budget) if result.works else result
-
-
-def _sharpened(
-    cure: Callable[[float], Cure],
-    result: Cure,
-    bracket: tuple[float, float],
-    has_budget: Callable[[], bool],
-) -> Cure:
-    """Return a cure so small that a share SHARP of its change does not work.
-
-    `bracket` holds the shares of a change that does not work (0: the original problem) and of one
-    that does.
-    """
-    lower, upper = bracket
-    halvings = HALVINGS if lower else 0
-    middle = (lower + upper) / 2 if lower else SHARP * upper
-    while has_budget() and (halvings > 0 or lower < SHARP * upper):
+        lower = upper
+    while result.works and has_budget() and lower < SHARP * upper:
+        middle = (lower + upper) / 2 if lower else SHARP * upper
         trial = cure(middle)
         if trial.works:
             result, upper = trial, middle
         else:
             lower = middle
-        middle, halvings = (lower + upper) / 2, halvings - 1
     return result
 
 
@@ -359,75 +379,36 @@ def _is_enough(cure: Cure) -> bool:
 
 def _one_by_one(problem: Problem, attempt: Attempt, has_budget: Callable[[], bool]) -> Cure | None:
     """Return the relaxation by the smallest share, trying all limits one by one."""
-
-    def cure(relaxation: Relaxation, share: float) -> Cure:
-        value = relaxation.value(share)
-        return Cure(relaxation, value, attempt(relaxation.problem(value)))
-
     for short, share in pairwise((0.0, *SHARES)):
         for relaxation in all_relaxations(problem):
             if not has_budget():
                 return None
-            result = cure(relaxation, share)
+            result = _smallest(relaxation, [share], attempt, has_budget, short)
             if result.works:
-                return _sharpened(partial(cure, relaxation), result, (short, share), has_budget)
+                return result
     return None
-
-
-def _alternatives(
-    problem: Problem,
-    reason: Reason,
-    duration: float | None,
-    attempt: Attempt,
-    has_budget: Callable[[], bool],
-) -> Iterator[Cure]:
-    """Yield cures that change no limit, each with the first value that gives a motion."""
-
-    def cure(relaxation: Relaxation, target: float, share: float) -> Cure:
-        value = relaxation.present + share * (target - relaxation.present)
-        value = _up(value) if target > relaxation.present else _down(value)
-        return Cure(relaxation, value, attempt(relaxation.problem(value)))
-
-    for relaxation, values in _other_relaxations(problem, reason, duration):
-        short = 0.0
-        for value in values:
-            if not has_budget():
-                return
-            result = cure(relaxation, value, 1.0)
-            if result.works:
-                lower = short / (value - relaxation.present)
-                yield _sharpened(partial(cure, relaxation, value), result, (lower, 1.0), has_budget)
-                break
-            short = value - relaxation.present
 
 
 def _other_relaxations(
     problem: Problem, reason: Reason, duration: float | None
-) -> Iterator[tuple[Relaxation, tuple[float, ...]]]:
-    """Yield other relaxations with their values: more time, and smaller rates at the ends."""
+) -> Iterator[tuple[Relaxation, Sequence[float]]]:
+    """Yield relaxations that change no limit, with shares: more time, and smaller rates."""
     limit = reason.limit
     required = reason.required
     available = reason.available
     if limit is None or required is None or available is None:
         return
     if isinstance(limit, ContinuousTorque) and duration is not None:
-        pause = duration * ((required / available) ** 2 - 1)
         if not problem.end_rate:
-            yield Pause(problem, limit, pause), tuple(_up(factor * pause) for factor in PAUSES)
+            yield Pause(problem, limit, duration * ((required / available) ** 2 - 1)), PAUSES
         if any(entry.duration is None for entry in problem.motion):
-            slower = Relaxation(problem, Duration(duration), duration)
-            yield slower, tuple(_up(factor * duration) for factor in PACES)
+            yield Relaxation(problem, Duration(duration), 2 * duration), PAUSES
     if limit.name in OF_RATES:
         possible = min(available / required, 1.0) if required > available > 0 else 0.0
         for end in ("start_rate", "end_rate"):
-            relaxation = LessRate(problem, limit, possible, end)
+            relaxation = LessRate(problem, limit, 0.0, end)
             if relaxation.rates:
-                yield relaxation, tuple(dict.fromkeys(_down(factor * possible) for factor in RATES))
-
-
-def _up(value: float) -> float:
-    """Round up to three digits."""
-    return -_down(-value)
+                yield relaxation, sorted({1 - possible, 1.0})
 
 
 def _down(value: float) -> float:

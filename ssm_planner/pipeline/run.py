@@ -23,9 +23,9 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.loading.load import load_problem
-from ssm_planner.pipeline.branches import StopAt, on_any_branch
 from ssm_planner.pipeline.certified import Outcome, Progress, plan_and_check, silent
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
+from ssm_planner.pipeline.mission import StopAt, plan_mission
 from ssm_planner.pipeline.relaxation import search
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
 from ssm_planner.planning.cache import cache_scope
@@ -151,7 +151,7 @@ def _plan(
     def attempt(candidate: Problem) -> Outcome:
         return _attempt(candidate, progress, show, may_overheat=relaxations)
 
-    outcome, final_problem, stopped = on_any_branch(problem, attempt, progress, stoppable=stoppable)
+    outcome, final_problem, stopped = plan_mission(problem, attempt, progress, stoppable=stoppable)
     result = outcome.planned
     certificate = outcome.certificate
     reason = outcome.reason
@@ -160,9 +160,8 @@ def _plan(
     if reason is not None and relaxations:
         progress("looking for a relaxation")
         duration = None if result.trajectory is None else result.trajectory.duration
-        cure = search(
-            problem, reason, _duration_or_reason, duration, feasible=_any_duration_or_reason
-        )
+        feasible = partial(_duration_or_reason, any_suffices=True)
+        cure = search(problem, reason, _duration_or_reason, duration, feasible=feasible)
         if cure is not None:
             reason = replace(reason, relaxation=cure.text)
             if cure.works:
@@ -353,6 +352,7 @@ def _summary(phase_result: PlannedPhase, promise: WayKept | None) -> PhaseSummar
         solver=phase_result.motion.solver,
         confirmation_iterations=None if confirmation is None else confirmation.iterations,
         confirmation_difference=None if confirmation is None else confirmation.difference,
+        confirmation_residual=None if confirmation is None else confirmation.residual,
         reversal_multiplier=phase_result.motion.reversal_multiplier,
         corner_departure=promise.departure if promise and promise.way.distances else None,
         corner_reach=promise.reach if promise else None,
@@ -393,36 +393,21 @@ def _attempt(
     return ThermalSearch(problem, outcome, plan_cooler).run() or outcome
 
 
-def _duration_or_reason(problem: Problem) -> float | Reason:
-    """Return the duration of a plan without confirmation, or the reason of the failure."""
-    return _duration_over_joints(
-        quickly(problem), partial(_attempt, progress=silent, on_motion=silent), "nearest"
-    )
+def _duration_or_reason(problem: Problem, *, any_suffices: bool = False) -> float | Reason:
+    """Return the duration of a plan without confirmation, or the reason of the failure.
 
-
-def _any_duration_or_reason(problem: Problem) -> float | Reason:
-    """Return the duration of any motion, or the reason of the failure."""
-    timed = problem.duration is not None or any(
-        entry.duration is not None for entry in problem.motion
-    )
-    if problem.objective == "time then heat":
-        problem = unchecked(problem, objective="time")
-    # Reversals may make a motion short enough.
-    return _duration_over_joints(
-        quickly(problem),
-        partial(_attempt, progress=silent, on_motion=silent, may_reverse=timed),
-        "any",
-    )
-
-
-def _duration_over_joints(
-    problem: Problem, attempt: Callable[[Problem], Outcome], stop_at: StopAt
-) -> float | Reason:
-    """Return the duration of a motion over alternative joints, or the reason of the failure."""
-    outcome, _, _ = on_any_branch(problem, attempt, stop_at=stop_at)
-    if not outcome.passed:
-        return outcome.reason or Reason(None, None, None, None, "no motion found")
-    return outcome.duration
+    `any_suffices` returns the duration of any motion, which is found sooner.
+    """
+    attempt = partial(_attempt, progress=silent, on_motion=silent)
+    if any_suffices:
+        # Reversals may make a motion short enough.
+        durations = (problem.duration, *(entry.duration for entry in problem.motion))
+        attempt = partial(attempt, may_reverse=any(durations))
+        if problem.objective == "time then heat":
+            problem = unchecked(problem, objective="time")
+    stop_at: StopAt = "any" if any_suffices else "nearest"
+    outcome, _, _ = plan_mission(quickly(problem), attempt, stop_at=stop_at)
+    return outcome.duration if outcome.reason is None else outcome.reason
 
 
 def plan_to_folder(

@@ -86,7 +86,7 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
         if name == "depth":  # The rate of depth is already a limit of joint 4.
             continue
         k = TASK.index(name)
-        distance = float(np.diff(ends[:, TASK.index(name)])[0])
+        distance = float(np.diff(ends[:, k])[0])
         acceleration = angular_acceleration(robot, name, limits)
         speeds = (
             (None, None) if math.isinf(acceleration) else (float(rates[0, k]), float(rates[1, k]))

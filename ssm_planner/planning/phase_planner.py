@@ -124,7 +124,7 @@ class PhasePlanner(PhaseTask):
         """
         if not motion.solved:
             if self.estimate_only:
-                return Reason(None, None, None, None, motion.message)
+                return Reason(message=motion.message)
             return no_motion(self.problem, self.phase, path, motion.message)
         duration = self.phase.motion.duration
         if duration is not None and motion.duration > duration * (1 + SAME):

@@ -9,6 +9,8 @@ import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.cache import IdentityKey, cached
+from ssm_planner.planning.candidates.candidate import PhaseAttempt
+from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.feasibility import (
     duration_too_short,
@@ -25,7 +27,7 @@ from ssm_planner.planning.postprocess import cross_checked
 from ssm_planner.planning.prechecks import bounded_duration, feasible_phases
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath, StraightPath
-from ssm_planner.planning.search import SearchResult, find_fastest
+from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
@@ -122,7 +124,9 @@ def plan_motion(
     return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(attempts))
 
 
-def plan_phase(planner: PhasePlanner, cutoff: float = np.inf) -> SearchResult:
+def plan_phase(
+    planner: PhasePlanner, cutoff: float = np.inf
+) -> tuple[PlannedPhase | Reason, list[PhaseAttempt]]:
     """Return the fastest motion of a phase, or the reason of the failure, and its candidates.
 
     Motions that take `cutoff` seconds or longer are of no use.
@@ -134,7 +138,7 @@ def plan_phase(planner: PhasePlanner, cutoff: float = np.inf) -> SearchResult:
         standing = PhaseSolution("solved", "", 0, *motion)
         return PlannedPhase(phase, standing, duration, duration), []
     reason = motor_too_weak_to_brake(planner.problem, phase) if phase.path is None else None
-    return (reason, []) if reason is not None else find_fastest(planner, cutoff)
+    return (reason, []) if reason is not None else find_fastest(KINDS, planner, cutoff)
 
 
 def joined(phases: Sequence[PlannedPhase]) -> Trajectory:

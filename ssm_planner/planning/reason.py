@@ -17,13 +17,13 @@ from ssm_planner.representation import ShortRepr
 class Reason(ShortRepr):
     """The limit that prevents a motion, with the required and the available value in SI units."""
 
-    limit: Limit | None
+    limit: Limit | None = None
     """None if no single limit is to blame: the solver found no motion."""
-    where: str | None
+    where: str | None = None
     """Place on the motion. None if the reason concerns all of it."""
-    required: float | None
-    available: float | None
-    message: str
+    required: float | None = None
+    available: float | None = None
+    message: str = ""
     relaxation: str | None = None
 
     @property

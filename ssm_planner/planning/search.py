@@ -1,51 +1,59 @@
-"""Search for the fastest motion of a phase among its candidates."""
+"""Search for the fastest motion among candidates."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from heapq import heappop, heappush
 from itertools import count
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import Attempt
-from ssm_planner.planning.candidates.listed import KINDS
+from ssm_planner.planning.candidates.candidate import Attempt, Candidate, P, R
 from ssm_planner.planning.ocp.refinement import EFFORT
-from ssm_planner.planning.phase_planner import PhasePlanner
-from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP
 
-SearchResult = tuple[PlannedPhase | Reason, list[Attempt]]
-"""The fastest motion, or the reason of the failure, and all attempts."""
 
-
-def find_fastest(planner: PhasePlanner, cutoff: float = np.inf) -> SearchResult:
-    """Return the fastest motion of a phase among its candidates.
+def find_fastest(
+    kinds: Sequence[type[Candidate[P, R]]],
+    planner: P,
+    cutoff: float = np.inf,
+    *,
+    gap: float = GAP,
+    budget: float = np.inf,
+) -> tuple[R | Reason, list[Attempt[P, R]]]:
+    """Return the fastest motion among the candidates.
 
     The search advances the candidate with the smallest known duration: from its bound to its
     estimate, and from there to its solution. Each result may suggest other candidates. The search
-    ends when no candidate can be shorter than the best motion by a share of GAP.
+    ends when no candidate can be shorter than the best motion by a share of `gap`.
 
     Parameters
     ----------
-    planner : PhasePlanner
-        The phase, its problem and the solvers.
+    kinds : sequence of subclasses of Candidate
+        They suggest the candidates, in this order.
+    planner : P
+        The task and its solvers.
     cutoff : float
         Duration in s. Motions that take as long or longer are of no use.
+    gap : float
+        Relative difference of durations that counts. With 1, the first motion ends the search.
+    budget : float
+        Effort after which no faster motion is looked for, if there is a motion or a cutoff.
 
     Returns
     -------
-    result : PlannedPhase or Reason
+    result : R or Reason
         The fastest motion, or the reason of the first candidate that failed.
     attempts : list of Attempt
         All candidates with their bounds, estimates and results.
     """
-    attempts: list[Attempt] = []
-    queue: list[tuple[float, int, Attempt]] = []
-    order, solution = count(), None
+    attempts: list[Attempt[P, R]] = []
+    queue: list[tuple[float, int, Attempt[P, R]]] = []
+    order, solution, begin = count(), None, EFFORT.spent
 
-    def suggest(attempt: Attempt | None) -> None:
-        for kind in KINDS:
+    def suggest(attempt: Attempt[P, R] | None) -> None:
+        for kind in kinds:
             for candidate in kind.suggested(planner, attempt):
                 attempts.append(Attempt(candidate, candidate.bound))
                 heappush(queue, (attempts[-1].cost, next(order), attempts[-1]))
@@ -53,8 +61,11 @@ def find_fastest(planner: PhasePlanner, cutoff: float = np.inf) -> SearchResult:
     suggest(None)
     while queue:
         cost, _, attempt = heappop(queue)
-        limit = cutoff if solution is None else min(cutoff, (1 - GAP) * solution.duration)
+        limit = cutoff if solution is None else min(cutoff, (1 - gap) * solution.duration)
         if cost >= limit:
+            continue
+        if limit < np.inf and EFFORT.beyond(begin, budget):
+            attempt.result = Reason(message="not solved: the work budget is spent")
             continue
         spent = EFFORT.spent
         attempt.advance(limit)
@@ -65,5 +76,5 @@ def find_fastest(planner: PhasePlanner, cutoff: float = np.inf) -> SearchResult:
             solution = attempt.result
         suggest(attempt)
     reasons = [attempt.failed for attempt in attempts if attempt.failed is not None]
-    longer = Reason(None, None, None, None, "no motion is short enough")
+    longer = Reason(message="no motion is short enough")
     return solution or (reasons[0] if reasons else longer), attempts

@@ -12,7 +12,7 @@ import numpy as np
 
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.candidates import listed
-from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
 from ssm_planner.planning.ocp.nlp import Reversals
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
@@ -22,13 +22,15 @@ from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
 
 
-class Halfway(Candidate):
+class Halfway(PhaseCandidate):
     """A motion through the middle between both ends, where every joint may reverse."""
 
     kind: ClassVar[str] = "halfway"
 
     @classmethod
-    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+    def suggested(
+        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+    ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the direct motion was estimated or found."""
         direct = (
             attempt is not None and attempt.candidate.kind == "direct" and attempt.failed is None

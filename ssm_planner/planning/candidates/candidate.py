@@ -1,10 +1,10 @@
 """Base class of all candidates, and the record of an attempt at a candidate.
 
-A candidate is one way to move a phase. To add one, derive a class from `Candidate` in a new file
-and add it to `listed.KINDS`. The class says when it is worth trying (`suggested`), which duration
-it cannot beat (`bound`), how long it takes approximately (`estimate`) and which motion it gives
-(`solution`). The search calls these methods in this order and stops as soon as another candidate is
-known to be faster.
+A candidate is one way to move a phase, or the whole problem. To add one for phases, derive a class
+from `PhaseCandidate` in a new file and add it to `listed.KINDS`. The class says when it is worth
+trying (`suggested`), which duration it cannot beat (`bound`), how long it takes approximately
+(`estimate`) and which motion it gives (`solution`). The search calls these methods in this order
+and stops as soon as another candidate is known to be faster.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Generic, Protocol, TypeVar
 
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
@@ -20,19 +20,31 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.typing import record
 
 
-@record
-class Candidate(ABC):
-    """One way to move a phase."""
+class Timed(Protocol):
+    """A motion with a duration."""
 
-    planner: PhasePlanner
-    """The phase, its problem and the solvers."""
+    @property
+    def duration(self) -> float:
+        """Duration, s."""
+
+
+P = TypeVar("P")
+R = TypeVar("R", bound=Timed)
+
+
+@record
+class Candidate(ABC, Generic[P, R]):
+    """One way to move. P is the class of its planner, and R the class of its motions."""
+
+    planner: P
+    """The task and its solvers."""
 
     kind: ClassVar[str]
     """Name of the kind of candidate in reports and in plan.json."""
 
     @classmethod
     @abstractmethod
-    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+    def suggested(cls, planner: P, attempt: Attempt[P, R] | None) -> Iterator[Candidate[P, R]]:
         """Yield the candidates that an attempt suggests.
 
         The search calls this method once at the beginning, and again after each estimate and each
@@ -40,18 +52,18 @@ class Candidate(ABC):
 
         Parameters
         ----------
-        planner : PhasePlanner
-            The phase, its problem and the solvers.
+        planner : P
+            The task and its solvers.
         attempt : Attempt or None
             The latest attempt. None at the beginning.
         """
 
     @property
+    @abstractmethod
     def bound(self) -> float:
         """Duration that no motion of this candidate can beat, s."""
-        return self.planner.lower_bound
 
-    def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
+    def estimate(self, cutoff: float) -> R | Reason | None:
         """Return an approximate motion, or None if the solution would be as cheap.
 
         A motion that takes `cutoff` seconds or longer is of no use, so the solver may give up on
@@ -60,28 +72,28 @@ class Candidate(ABC):
         return None
 
     @abstractmethod
-    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+    def solution(self, cutoff: float, estimate: R | None) -> R | Reason:
         """Return the fastest motion of this candidate, or the reason why none was found.
 
         Parameters
         ----------
         cutoff : float
             Duration in s from which on a motion is of no use.
-        estimate : PlannedPhase or None
+        estimate : R or None
             The motion that `estimate` returned.
         """
 
 
 @dataclass(eq=False)
-class Attempt:
+class Attempt(Generic[P, R]):
     """A candidate, how far it was computed, and the result."""
 
-    candidate: Candidate
+    candidate: Candidate[P, R]
     bound: float
     """Lower bound of the duration, s."""
-    estimate: PlannedPhase | None = None
+    estimate: R | None = None
     """Approximate motion, if the candidate estimates it."""
-    result: PlannedPhase | Reason | None = None
+    result: R | Reason | None = None
     """Final result. None if another candidate is faster than the bound or the estimate of this one.
     """
     effort: float = 0.0
@@ -110,7 +122,7 @@ class Attempt:
         else:
             self.estimate = estimate
 
-    def described(self, solution: PlannedPhase | Reason) -> dict[str, str | float | None]:
+    def described(self, solution: R | Reason) -> dict[str, str | float | None]:
         """Return the entry of `candidates` in plan.json.
 
         `solution` is the result of the whole search.
@@ -121,9 +133,8 @@ class Attempt:
         elif isinstance(self.result, Reason):
             outcome = self.result.message
         else:
-            outcome, duration = "slower", self.result.duration
-            if not isinstance(solution, Reason) and solution.motion is self.result.motion:
-                outcome = "taken"
+            outcome = "taken" if solution is self.result else "slower"
+            duration = self.result.duration
         estimate = None if self.estimate is None else self.estimate.duration
         return {
             "kind": self.candidate.kind,
@@ -133,3 +144,15 @@ class Attempt:
             "duration": duration,
             "effort": self.effort,
         }
+
+
+class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
+    """One way to move a phase."""
+
+    @property
+    def bound(self) -> float:
+        """Duration that no motion between the ends of the phase can beat, s."""
+        return self.planner.lower_bound
+
+
+PhaseAttempt = Attempt[PhasePlanner, PlannedPhase]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
 from ssm_planner.planning.feasibility import nearest_to_eye
 from ssm_planner.planning.ocp.nlp import Reversals
 from ssm_planner.planning.phase_planner import PhasePlanner
@@ -25,7 +25,7 @@ The candidates try them in this order.
 
 
 @record
-class Detour(Candidate):
+class Detour(PhaseCandidate):
     """A free motion on which the joints reverse once, so that the tool passes retina or lens."""
 
     share: int
@@ -34,7 +34,9 @@ class Detour(Candidate):
     kind: ClassVar[str] = "detour"
 
     @classmethod
-    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+    def suggested(
+        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+    ) -> Iterator[PhaseCandidate]:
         """Yield the first detour if the eye blocks the direct motion, and the next if one fails."""
         if (
             attempt is None
@@ -64,14 +66,3 @@ class Detour(Candidate):
         depth = SHARES[self.share] * min(start[3], end[3], key=abs)
         over_eye = Reversals(np.stack([start, np.append(over[:3], depth), end]), (1,))
         return planner.free(over_eye)
-
-
-def direct_or_detour(planner: PhasePlanner) -> PlannedPhase | Reason:
-    """Return the direct motion between two points, or the first detour that succeeds."""
-    direct = planner.free()
-    if isinstance(direct, Reason) and isinstance(direct.limit, (RetinaClearance, LensClearance)):
-        for share in range(len(SHARES)):
-            motion = Detour(planner, share).solution(np.inf, None)
-            if not isinstance(motion, Reason):
-                return motion
-    return direct

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
-from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
@@ -14,13 +14,15 @@ from ssm_planner.typing import record
 
 
 @record
-class Direct(Candidate):
+class Direct(PhaseCandidate):
     """A motion along the given path, or a free motion whose joints reverse only where they must."""
 
     kind: ClassVar[str] = "direct"
 
     @classmethod
-    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+    def suggested(
+        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+    ) -> Iterator[PhaseCandidate]:
         """Yield the direct motion at the beginning of the search."""
         if attempt is None:
             yield cls(planner)

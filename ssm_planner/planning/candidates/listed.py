@@ -3,11 +3,11 @@
 The search asks them for suggestions in this order. A new kind of candidate is one more line here.
 """
 
-from ssm_planner.planning.candidates.candidate import Candidate
+from ssm_planner.planning.candidates.candidate import PhaseCandidate
 from ssm_planner.planning.candidates.detour import Detour
 from ssm_planner.planning.candidates.direct import Direct
 from ssm_planner.planning.candidates.reversing import Reversing
 from ssm_planner.planning.candidates.stop_first import StopFirst
 from ssm_planner.planning.candidates.task_line import TaskLine
 
-KINDS: list[type[Candidate]] = [Direct, StopFirst, Reversing, Detour, TaskLine]
+KINDS: list[type[PhaseCandidate]] = [Direct, StopFirst, Reversing, Detour, TaskLine]

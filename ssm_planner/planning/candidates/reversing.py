@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
 from ssm_planner.planning.ocp.free import ELEMENTS
 from ssm_planner.planning.ocp.nlp import PhaseSolution, Reversals
 from ssm_planner.planning.phase_planner import PhasePlanner
@@ -20,11 +20,11 @@ from ssm_planner.problem.limits import Duration
 from ssm_planner.problem.motion import Free
 from ssm_planner.typing import record
 
-NONE_PAYS = Reason(None, None, None, None, "no reversal saves time")
+NONE_PAYS = Reason(message="no reversal saves time")
 
 
 @record
-class Reversing(Candidate):
+class Reversing(PhaseCandidate):
     """A motion with reversals, found from the motion without them."""
 
     without: PhaseSolution | None
@@ -33,7 +33,9 @@ class Reversing(Candidate):
     kind: ClassVar[str] = "reversing"
 
     @classmethod
-    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+    def suggested(
+        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+    ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the direct motion exceeds its bound enough."""
         if attempt is None or attempt.candidate.kind != "direct" or not planner.may_reverse:
             return

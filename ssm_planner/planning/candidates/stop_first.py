@@ -8,12 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import Attempt, Candidate
-from ssm_planner.planning.candidates.detour import direct_or_detour
+from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
+from ssm_planner.planning.candidates.detour import Detour
+from ssm_planner.planning.candidates.direct import Direct
 from ssm_planner.planning.feasibility import infeasible_place
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.search import find_fastest
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import join
 from ssm_planner.typing import Array, record
@@ -23,13 +25,15 @@ ROOM = 1.1
 
 
 @record
-class StopFirst(Candidate):
+class StopFirst(PhaseCandidate):
     """A free motion that begins at speed, split into a stop and a motion from rest."""
 
     kind: ClassVar[str] = "stop first"
 
     @classmethod
-    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+    def suggested(
+        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+    ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if no direct motion was found."""
         if attempt is None or attempt.failed is None or attempt.candidate.kind != "direct":
             return
@@ -49,8 +53,9 @@ class StopFirst(Candidate):
         if reason is not None:
             return reason
         motions = []
+        kinds: list[type[PhaseCandidate]] = [Direct, Detour]
         for stage in (stopping, onward):
-            result = direct_or_detour(replace(planner, phase=stage))
+            result, _ = find_fastest(kinds, replace(planner, phase=stage))
             if isinstance(result, Reason):
                 return result
             motions.append(result.motion)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar
 
-from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
 from ssm_planner.planning.feasibility import straight_instead
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
@@ -16,7 +16,7 @@ from ssm_planner.typing import record
 
 
 @record
-class TaskLine(Candidate):
+class TaskLine(PhaseCandidate):
     """The straight motion to the target of a free motion."""
 
     line: Phase
@@ -24,7 +24,9 @@ class TaskLine(Candidate):
     kind: ClassVar[str] = "task line"
 
     @classmethod
-    def suggested(cls, planner: PhasePlanner, attempt: Attempt | None) -> Iterator[Candidate]:
+    def suggested(
+        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+    ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if no direct motion was found and all of the line is allowed."""
         if attempt is None or attempt.failed is None or attempt.candidate.kind != "direct":
             return

@@ -53,6 +53,7 @@ from ssm_planner.planning.ocp.nlp import (
 )
 from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest_descent
 from ssm_planner.planning.ocp.refinement import SHORTEST, OcpProblem, optimise
+from ssm_planner.planning.ocp.structured import SLOWER
 from ssm_planner.planning.ocp.turning import TurningGuess, braking, turning_guess
 from ssm_planner.planning.phases import reversal_ranges
 from ssm_planner.planning.retiming.paths import PolylinePath
@@ -75,8 +76,6 @@ MOVING_ELEMENTS = 80
 
 The mesh must be fine, because the initial acceleration has to end within one element.
 """
-STRETCHED = 1.2
-"""Factor by which a guess with one time is slowed down, so that it is away from its bounds."""
 SHORTEST_TURNING, SHORTEST_PASSING = 0.02, 0.01
 """Smallest time of a block, as a share of the guess's, with free borders, and through points.
 
@@ -198,7 +197,7 @@ def solve_free(
             ],
         )
     takes = None if duration is None else duration / ocp.time_scale
-    guess = ocp.guess.stretched(STRETCHED) if request.has_one_time else ocp.guess
+    guess = ocp.guess.stretched(SLOWER) if request.has_one_time else ocp.guess
     return ocp.result(
         optimise(
             ocp,

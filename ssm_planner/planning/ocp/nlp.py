@@ -245,6 +245,8 @@ class Confirmation:
     """Iterations of Ipopt, for the fastest motion and for that of least heat or effort."""
     difference: float
     """Ipopt's duration of the fastest motion divided by that of the structured solver, minus 1."""
+    residual: float
+    """Largest violation of the optimality conditions of the fastest motion, as Ipopt scales it."""
 
 
 @record
@@ -335,6 +337,8 @@ class NlpSolution:
     """Point for a warm start from this solution."""
     solver: Solver = "Ipopt"
     objective: float = np.nan
+    residual: float = np.nan
+    """KKT residual at Ipopt's last iterate."""
     multipliers: Multipliers | None = None
     confirmation: Confirmation | None = None
     continuation: Callable[[], NlpSolution] | None = None

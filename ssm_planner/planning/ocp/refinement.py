@@ -555,7 +555,7 @@ def _confirmed(refined: _Refined, aim: Aim) -> _Refined | None:
     solution = replace(
         ipopts if better else structured,
         iterations=structured.iterations + ipopts.iterations,
-        confirmation=Confirmation(ipopts.iterations, difference),
+        confirmation=Confirmation(ipopts.iterations, difference, ipopts.residual),
     )
     return replace(
         refined, solution=solution, state=replace(refined.state, elements=solution.elements)

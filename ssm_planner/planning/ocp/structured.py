@@ -41,7 +41,7 @@ PATIENT = 1.2, 1.1, 1.3
 One of them usually converges.
 """
 SLOWER = 1.2
-"""Factor by which a guess is slowed down, so that it violates fewer rows."""
+"""Factor by which a guess is slowed down, so that it violates fewer rows and bounds."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
 OFF_CENTRE = 1e-3
 """Relative deviation of slack times multiplier from the last barrier weight, if Ipopt starts there.

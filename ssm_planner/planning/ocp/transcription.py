@@ -226,7 +226,7 @@ class Transcription:
         start_kind: Start = (
             "confirming" if confirming else "cold" if start.multipliers is None else "warm"
         )
-        message, iterations, objective, point = _solved(self, start_kind, inputs)
+        message, iterations, residual, objective, point = _solved(self, start_kind, inputs)
         states = point.x[: 4 * m * n].reshape(n, 4 * m)
         times = point.x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
@@ -236,6 +236,7 @@ class Transcription:
             elements,
             times,
             iterations=iterations,
+            residual=residual,
             point=point,
             objective=objective,
             multipliers=self._multipliers(data, point),
@@ -388,8 +389,8 @@ def _solvers(
     )
 
 
-Solved = tuple[str, int, float, InitialPoint]
-"""Ipopt's message, iterations, objective and solution."""
+Solved = tuple[str, int, float, float, InitialPoint]
+"""Ipopt's message, iterations, KKT residual, objective and solution."""
 Inputs = tuple[tuple[str, bytes], ...]
 KEPT_SOLUTIONS = 64
 """Largest number of cached solutions of each program. They live as long as the program itself."""
@@ -415,8 +416,9 @@ def _solved(transcription: Transcription, start: Start, inputs: Inputs) -> Solve
     if len(solutions) == KEPT_SOLUTIONS:
         del solutions[next(iter(solutions))]
     message = str(stats["return_status"])
-    iterations = int(stats["iter_count"])
-    solutions[key] = message, iterations, float(result["f"]), InitialPoint(x, (lam_x, lam_g))
+    errors = (stats["iterations"][name][-1] for name in ("inf_pr", "inf_du"))
+    point = InitialPoint(x, (lam_x, lam_g))
+    solutions[key] = message, int(stats["iter_count"]), max(errors), float(result["f"]), point
     return solutions[key]
 
 

@@ -68,26 +68,24 @@ class BlendedPath(JointPath):
         return self.pieces[0].branch
 
     @cached_property
-    def _rates(self) -> Array:
-        """Rates k of all pieces with respect to s, (pieces,)."""
+    def _rates_and_breaks(self) -> tuple[Array, Array]:
+        """Rates of all pieces with respect to s, (pieces,), and s at the ends of the parts."""
+        behind = np.append(0.0, self.cuts[:, 1])
         rates = np.cumprod(np.append(1.0, self.cuts[:, 1] / self.cuts[:, 0]))
-        starts = np.append(0.0, self.cuts[:, 1])
-        ends = np.append(1 - self.cuts[:, 0], 1.0)
-        total = ((ends - starts) / rates).sum() + (2 * self.cuts[:, 0] / rates[:-1]).sum()
-        return np.asarray(rates * total)
-
-    @cached_property
-    def breaks(self) -> Array:
-        """Values of s at the ends of pieces and roundings, (2 pieces,)."""
-        rates = self._rates
-        starts = np.append(0.0, self.cuts[:, 1])
-        ends = np.append(1 - self.cuts[:, 0], 1.0)
         lengths = np.zeros(2 * len(rates) - 1)
-        lengths[::2] = (ends - starts) / rates
+        lengths[::2] = (np.append(1 - self.cuts[:, 0], 1.0) - behind) / rates
         lengths[1::2] = 2 * self.cuts[:, 0] / rates[:-1]
         breaks = np.append(0.0, np.cumsum(lengths))
-        breaks[-1] = 1.0
-        return breaks
+        return rates * breaks[-1], breaks / breaks[-1]
+
+    @property
+    def _rates(self) -> Array:
+        return self._rates_and_breaks[0]
+
+    @property
+    def breaks(self) -> Array:
+        """Values of s at the ends of pieces and roundings, (2 pieces,)."""
+        return self._rates_and_breaks[1]
 
     @cached_property
     def _roundings(self) -> Array:

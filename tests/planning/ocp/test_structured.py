@@ -200,6 +200,8 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
         assert 0 <= phase.confirmation_iterations <= 8
         assert phase.confirmation_difference is not None
         assert abs(phase.confirmation_difference) <= SAME
+        assert phase.confirmation_residual is not None
+        assert 0 <= phase.confirmation_residual <= SAME
         assert phase.iterations > phase.confirmation_iterations
     assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
     said = [line for line in verdicts(found) if line.startswith("cross-check")]

@@ -21,6 +21,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning import phase_planner
 from ssm_planner.planning.cache import cache_scope
 from ssm_planner.planning.planner import estimated_duration
+from ssm_planner.planning.tolerances import GAP
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip
@@ -97,6 +98,11 @@ def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> N
         for step in steps
     )
     assert made.lower_bound == pytest.approx(made.duration, rel=1e-5)
+    others = [each for each in made.candidates[0] if each["kind"] == "other joints"]
+    assert [each["outcome"] for each in others].count("taken") == 1
+    for each in others:
+        known = [each[name] for name in ("bound", "estimate", "duration") if each[name] is not None]
+        assert max(known) >= made.duration * (1 - GAP)
     assert "free: goes from branch -1 of the inverse kinematics to branch +1" in made.notes
     here = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     first, _ = ends(made)

@@ -1,0 +1,194 @@
+"""The fastest certified motion over all joints that reach the targets of free motions.
+
+The search treats one target after the other. `planning/candidates/other_joints` contains the
+candidates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import Literal
+
+from ssm_planner.atomic import first_interruption
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.pipeline.certified import Outcome
+from ssm_planner.pipeline.thermal import RESERVE, quickly
+from ssm_planner.planning.candidates.other_joints import (
+    JointsPlanner,
+    MissionMotion,
+    OtherJoints,
+)
+from ssm_planner.planning.ocp.refinement import EFFORT
+from ssm_planner.planning.phases import Phase, phases_from, start_configurations
+from ssm_planner.planning.prechecks import eye_forbids_target, feasible_phases
+from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.search import find_fastest
+from ssm_planner.planning.tolerances import GAP
+from ssm_planner.problem.motion import Free, Joints
+from ssm_planner.problem.problem import Problem
+
+StopAt = Literal["shortest", "nearest", "any"]
+SEARCH = 2.5
+"""Effort after which no faster motion is looked for, if there is a motion."""
+MAX_TARGETS = 8
+"""Largest number of targets with alternatives, since each changes the path of all that follows."""
+
+
+def plan_mission(
+    problem: Problem,
+    attempt: Callable[[Problem], Outcome],
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    stoppable: bool = False,
+    stop_at: StopAt = "shortest",
+) -> tuple[Outcome, Problem, bool]:
+    """Return the shortest certified motion over all joints that reach the targets.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    attempt : callable
+        Plans and checks a problem.
+    progress : callable
+        Called with a message for every alternative, which states the best duration so far.
+    stoppable : bool
+        With a certified motion at hand, the first Ctrl-C ends the search.
+    stop_at : str
+        "shortest" searches all alternatives. "nearest" ends with a motion of the planner's own
+        joints, and "any" with the first motion.
+
+    Returns
+    -------
+    outcome : Outcome
+        The best motion. Its attempts include the alternatives.
+    problem : Problem
+        The problem with the joints of that motion as targets.
+    stopped : bool
+        True if Ctrl-C ended the search.
+    """
+    search = _Search(
+        problem,
+        attempt,
+        progress,
+        any_suffices=stop_at == "any",
+        best=attempt(problem),
+        best_problem=problem,
+    )
+    if search.best.passed and stop_at != "shortest":
+        return search.best, problem, False
+    stoppable = stoppable and search.best.passed
+    search.hint = "; Ctrl-C takes it" if stoppable else ""
+    with first_interruption() if stoppable else nullcontext(lambda: False) as came:
+        try:
+            search.run()
+        except KeyboardInterrupt:
+            if not came():
+                raise
+        stopped = came()
+    if stopped:
+        progress("stopped: the best motion so far is taken")
+    return search.listed, search.best_problem, stopped
+
+
+@dataclass
+class _Search:
+    """Search over alternatives, one target after the other."""
+
+    problem: Problem
+    attempt: Callable[[Problem], Outcome]
+    progress: Callable[[str], None]
+    any_suffices: bool
+    best: Outcome
+    best_problem: Problem
+    hint: str = ""
+    described: dict[int, list[dict[str, str | float | None]]] = field(default_factory=dict)
+    """Alternatives by the index of their phase, as `Attempt.described` returns them."""
+
+    @property
+    def listed(self) -> Outcome:
+        """The best motion with all alternatives among its attempts."""
+        planned = self.best.planned
+        attempts = list(planned.attempts)
+        attempts += [()] * (max(self.described, default=-1) + 1 - len(attempts))
+        for k, alternatives in self.described.items():
+            attempts[k] += tuple(alternatives)
+        return replace(self.best, planned=replace(planned, attempts=tuple(attempts)))
+
+    def run(self) -> None:
+        """Search until no faster motion is expected, or until the effort is spent.
+
+        Alternatives are planned without Ipopt's confirmation. Ipopt confirms the best of them at
+        the end.
+        """
+        problem, begin = self.problem, EFFORT.spent
+        for target in [] if eye_forbids_target(problem) else targets(problem):
+            rescued, present = not self.best.passed, self.best_problem
+            self._search(present, target, begin)
+            if rescued and self.best.passed:
+                if self.any_suffices:
+                    return
+                self._search(present, target, begin)
+        if problem.planner == "optimal" and self.best_problem is not problem:
+            confirmed = self.attempt(self.best_problem)
+            if confirmed.duration < (1 + RESERVE) * self.best.duration:
+                self.best = confirmed
+
+    def _search(self, problem: Problem, target: tuple[int, int], begin: float) -> None:
+        """Search over the joints at one target of a problem."""
+        phases, best = _phases(problem), self.best
+        name, number = problem.motion[target[0]].name, count(1)
+
+        def report() -> None:
+            found = f", {self.best.duration:.4f} s so far{self.hint}" if self.best.passed else ""
+            self.progress(f"other joints for {name}, attempt {next(number)}{found}")
+
+        def plan(alternative: Problem) -> MissionMotion | Reason:
+            outcome = self.attempt(quickly(alternative))
+            if outcome.reason is not None:
+                return outcome.reason
+            if outcome.duration < self.best.duration * (1 - GAP):
+                self.best, self.best_problem = outcome, alternative
+            return MissionMotion(outcome.duration, outcome.planned.phases)
+
+        known = MissionMotion(best.duration, best.planned.phases) if best.passed else None
+        planner = JointsPlanner(problem, phases, target, known, plan=plan, report=report)
+        solution, attempts = find_fastest(
+            [OtherJoints],
+            planner,
+            best.duration * (1 - GAP),
+            gap=1.0 if self.any_suffices else GAP,
+            budget=SEARCH + begin - EFFORT.spent,
+        )
+        self.described.setdefault(phases.index(planner.phase), []).extend(
+            attempt.described(solution) for attempt in attempts
+        )
+
+
+def targets(problem: Problem) -> list[tuple[int, int]]:
+    """Return the targets with open joints, as index of the motion and index among its targets.
+
+    The list is empty if there are more than MAX_TARGETS.
+    """
+    result = [
+        (entry, index)
+        for entry, motion in enumerate(problem.motion)
+        if isinstance(motion, Free)
+        for index, target in enumerate((*motion.through, motion.to))
+        if not isinstance(target, Joints)
+    ]
+    return result if len(result) <= MAX_TARGETS else []
+
+
+def _phases(problem: Problem) -> tuple[Phase, ...]:
+    """Return the planned phases, or those of the first start configuration."""
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    phases, reason = feasible_phases(problem, mechanism)
+    return (
+        phases
+        if reason is None
+        else phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
+    )

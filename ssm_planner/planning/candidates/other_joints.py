@@ -1,0 +1,285 @@
+"""Other joints at a target of a free motion: the other branch, whole turns, and free spins.
+
+A target in task coordinates, or of the tip, leaves open which joints reach it. The planner takes
+the nearest joints on the present branch. The candidates have other joints there. Everything that
+follows the target is reached with the nearest joints again, so a candidate moves the whole problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.planning.cache import cached
+from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.phases import Phase, other_ends
+from ssm_planner.planning.planner import estimated_duration
+from ssm_planner.planning.prechecks import (
+    bounded_duration,
+    feasible_phases,
+    geometry_of,
+    least_duration,
+)
+from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
+from ssm_planner.problem.motion import Free, Joints, Motion
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.value import unchecked
+from ssm_planner.typing import Array, record
+
+RESCUES = 3
+"""Number of alternatives that are planned for a target if the planner's joints give no motion."""
+
+
+@record
+class MissionMotion:
+    """A motion of a whole problem. `phases` is empty if the duration, s, is only an estimate."""
+
+    duration: float
+    phases: tuple[PlannedPhase, ...] = ()
+
+
+@record
+class JointsPlanner:
+    """A target of a free motion whose joints are open, and the planner of the whole problem."""
+
+    problem: Problem
+    phases: tuple[Phase, ...]
+    """Phases of the problem with the nearest joints."""
+    target: tuple[int, int]
+    """Index of the motion, and index among its targets."""
+    best: MissionMotion | None
+    """Shortest certified motion so far."""
+    plan: Callable[[Problem], MissionMotion | Reason]
+    """Plans and checks a problem."""
+    report: Callable[[], None]
+    """Called before every candidate."""
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """Mechanism of the robot."""
+        return Mechanism.from_geometry(self.problem.robot.geometry)
+
+    @property
+    def motion(self) -> Free:
+        """The free motion to the target."""
+        motion = self.problem.motion[self.target[0]]
+        assert isinstance(motion, Free)
+        return motion
+
+    @cached_property
+    def phase(self) -> Phase:
+        """The phase of the free motion."""
+        return next(phase for phase in self.phases if phase.motion is self.motion)
+
+    @property
+    def cutoff(self) -> float:
+        """Duration of the shortest motion so far, s."""
+        return np.inf if self.best is None else self.best.duration
+
+    @property
+    def spin_free(self) -> bool:
+        """True if the target leaves the spin open."""
+        return self.motion.spin_free and self.target[1] == len(self.motion.through)
+
+    def phases_with(self, q: Array) -> tuple[tuple[Motion, ...], tuple[Phase, ...]]:
+        """Return the motions with joints q (4,) at the target, and their phases.
+
+        There are no phases if the problem is then infeasible.
+        """
+
+        def build() -> tuple[tuple[Motion, ...], tuple[Phase, ...]]:
+            start = Joints(tuple(self.phases[0].q_start.tolist()))
+            problem = _with_target(unchecked(self.problem, start=start), *self.target, q)
+            try:
+                return problem.motion, feasible_phases(problem, self.mechanism)[0]
+            except ProblemError:  # A straight motion after the target has no line from there.
+                return problem.motion, ()
+
+        return cached((*self.target, q.tobytes(), *geometry_of(self.problem)), build)
+
+    def known_duration(self, phase: Phase) -> float:
+        """Return the duration of a phase if the best motion contains it, else its bound, s."""
+        bound = bounded_duration(self.problem, self.mechanism, phase)
+        if self.best is None or phase.motion.duration is not None or phase.stands:
+            return bound
+        same = (
+            item.duration
+            for item in self.best.phases
+            if item.phase.motion is phase.motion and np.array_equal(item.phase.points, phase.points)
+        )
+        return next(same, bound)
+
+    def joints(self) -> list[Array]:
+        """Return other joints (4,) at the target."""
+        present = self.phase.points[-1]
+        ends = other_ends(self.problem, self.mechanism, self.phase, self.target[1])
+        if not self.spin_free:
+            return ends
+        ends = [self._least_spun(q) for q in [present, *ends]]
+        return [q for q in ends if not np.array_equal(q, present)]
+
+    def spins(self, q: Array) -> tuple[Array, Array]:
+        """Return joints (n, 4) that differ from q (4,) by a free spin, and bounds (n,), s.
+
+        The first three have joint 3 as in q, as at the start, and where it comes to a stop. The
+        others divide the turn about the start into steps of two degrees.
+        """
+        phase, problem = self.phase, self.problem
+        low, high = problem.robot.joints[2].position
+        start, speed = phase.q_start[2], phase.qd_start[2]
+        spin = task_from_joints(self.mechanism, q[None], near=phase.start)[0, 2]
+        ends = problem.ranges.get("spin", (-np.inf, np.inf))
+        if ends[1] - ends[0] < 2 * np.pi:
+            low = max(low, q[2] + ends[0] - spin)
+            high = min(high, q[2] + ends[1] - spin)
+        stop = start + speed * abs(speed) / (2 * problem.robot.joints[2].acceleration)
+        turn = start + np.radians(np.arange(-180, 181, 2))
+        values = np.clip([q[2], start, stop, *turn], low, high)
+        configurations = np.tile(q, (len(values), 1))
+        configurations[:, 2] = values
+        tasks = task_from_joints(self.mechanism, configurations, near=phase.start)
+        bounds = [
+            least_duration(
+                problem,
+                self.mechanism,
+                replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task),
+            )
+            for joints, task in zip(configurations, tasks, strict=True)
+        ]
+        return configurations, np.array(bounds)
+
+    def _least_spun(self, q: Array) -> Array:
+        """Return the joints (4,) with the spin nearest to q among those of the smallest bound."""
+        configurations, bounds = self.spins(q)
+        smallest = configurations[bounds <= bounds.min() * (1 + ROUNDING)]
+        return np.asarray(smallest[np.argmin(np.abs(smallest[:, 2] - q[2]))])
+
+
+@record
+class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
+    """The problem with other joints at a target."""
+
+    problem: Problem
+    q: Array
+    """The joints (4,)."""
+    least: float
+    """Lower bound of the duration, s."""
+    steps: tuple[float, ...] | None = None
+    """Distances of neighbouring spins that are worth a trial, rad. None: not sought by its spin."""
+
+    kind: ClassVar[str] = "other joints"
+
+    @property
+    def bound(self) -> float:
+        """Duration that no motion with these joints can beat, s."""
+        return self.least
+
+    @classmethod
+    def suggested(
+        cls, planner: JointsPlanner, attempt: Attempt[JointsPlanner, MissionMotion] | None
+    ) -> Iterator[OtherJoints]:
+        """Yield other branches and whole turns first, and spins beside every motion."""
+        if attempt is None:
+            options = [option for q in planner.joints() for option in cls._allowed(planner, q)]
+            options.sort(key=lambda option: option.bound)
+            if planner.best is not None:
+                yield from options
+                if planner.spin_free:
+                    yield from cls._spun(planner, planner.phase.points[-1], planner.best)
+            else:  # Whole turns of joint 3 change no load.
+                postures: dict[tuple[float, ...], OtherJoints] = {}
+                for option in options:
+                    postures.setdefault(tuple(option.q[:2].round(6)), option)
+                if not planner.spin_free:
+                    postures.pop(tuple(planner.phase.points[-1, :2].round(6)), None)
+                yield from list(postures.values())[:RESCUES]
+        elif planner.spin_free and isinstance(attempt.result, MissionMotion):
+            solved = attempt.candidate
+            assert isinstance(solved, OtherJoints)
+            if solved.steps is None:
+                yield from cls._spun(planner, solved.q, attempt.result)
+            elif solved.steps:
+                yield from cls._beside(planner, solved.q, solved.steps)
+
+    @classmethod
+    def _allowed(
+        cls, planner: JointsPlanner, q: Array, steps: tuple[float, ...] | None = None
+    ) -> Iterator[OtherJoints]:
+        """Yield the candidate with joints q (4,) if it is feasible and may be shorter.
+
+        Phases that are already planned count with their duration.
+        """
+        motion, phases = planner.phases_with(q)
+        problem = unchecked(planner.problem, motion=motion)
+        requested = problem.duration or 0.0
+        bound = max(sum(map(planner.known_duration, phases)), requested)
+        in_time = not requested or bound <= requested * (1 + SAME)
+        if phases and in_time and bound < planner.cutoff:
+            yield cls(planner, problem, q, bound, steps)
+
+    @classmethod
+    def _spun(
+        cls, planner: JointsPlanner, q: Array, motion: MissionMotion
+    ) -> Iterator[OtherJoints]:
+        """Yield spins between which the motion to joints q (4,) may become faster.
+
+        Durations of the other joints depend on joint 3 only through their load, so a coarse search
+        suffices.
+        """
+        durations = (
+            item.duration for item in motion.phases if np.array_equal(item.phase.points[-1], q)
+        )
+        configurations, bounds = planner.spins(q)
+        spins = configurations[bounds < next(durations, 0.0) * (1 - GAP), 2]
+        if planner.motion.duration is None and spins.size:
+            low, quarter = spins.min(), np.ptp(spins) / 4
+            for k in (1, 2, 3):
+                beside = np.array([*q[:2], low + k * quarter, q[3]])
+                yield from cls._allowed(planner, beside, (quarter / 2, quarter / 4))
+            yield from cls._beside(planner, q, (quarter / 2, quarter / 4))
+
+    @classmethod
+    def _beside(
+        cls, planner: JointsPlanner, q: Array, steps: tuple[float, ...]
+    ) -> Iterator[OtherJoints]:
+        """Yield the spins at a step before and after joints q (4,)."""
+        for step in (-steps[0], steps[0]):
+            yield from cls._allowed(planner, q + np.array([0.0, 0.0, step, 0.0]), steps[1:])
+
+    def estimate(self, cutoff: float) -> MissionMotion | Reason | None:
+        """Return the duration by the structured solver alone, without reversals."""
+        self.planner.report()
+        nominal = unchecked(self.problem, friction=None, payload=None)
+        duration = estimated_duration(nominal, cutoff)
+        if duration < cutoff:
+            return MissionMotion(duration)
+        return Reason(message="no shorter motion is expected")
+
+    def solution(self, cutoff: float, estimate: MissionMotion | None) -> MissionMotion | Reason:
+        """Return the certified motion."""
+        return self.planner.plan(self.problem)
+
+
+def _with_target(problem: Problem, entry: int, index: int, q: Array) -> Problem:
+    """Return the problem whose free motion `entry` has joints q (4,) as its target `index`."""
+    motion = problem.motion[entry]
+    assert isinstance(motion, Free)
+    a, b, c, d = q.tolist()
+    targets = [*motion.through, motion.to]
+    targets[index] = Joints((a, b, c, d), targets[index].line)
+    spin_free = motion.spin_free and index < len(motion.through)
+    changed: Motion = unchecked(
+        motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free
+    )
+    return unchecked(
+        problem, motion=(*problem.motion[:entry], changed, *problem.motion[entry + 1 :])
+    )
