@@ -133,6 +133,13 @@ def test_a_value_to_be_kept_may_be_off_by_its_tolerance_either_way(sign: float) 
     assert not promises._farthest_off(limit, 3e-7, way(), t, values).passed
 
 
+def test_a_value_that_is_kept_exactly_has_the_whole_margin() -> None:
+    t, values = np.array([1.0, 2.0]), np.full(2, promises.RetinaDistance(2e-3).largest)
+    found = promises._farthest_off(promises.RetinaDistance(2e-3), 1e-6, way(), t, values)
+    assert (found.margin, found.worst, found.time) == (1.0, values[0], 1.0)
+    assert found.limit == values[0] + 1e-6
+
+
 def test_a_constant_speed_holds_from_its_first_to_its_last_instant() -> None:
     t = np.linspace(1.0, 2.0, 21)
     ramp = np.minimum(np.minimum(t - 1.0, 2.0 - t) / 0.2, 1.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
@@ -53,3 +55,31 @@ def test_polynomials_of_four_joints_are_evaluated_together(degree: int) -> None:
     for n in range(6):
         for i in range(4):
             assert values[n, i] == pytest.approx(Polynomial(coefficients[:, i, n])(t[n]))
+
+
+@pytest.mark.parametrize("varying", [(), (0,), (1,), (0, 3), (0, 1, 3)])
+def test_torques_have_rows_unless_friction_depends_on_the_speed(
+    robot: Robot, motion: Trajectory, varying: tuple[int, ...]
+) -> None:
+    """Four rows for accelerations, two for driving and two for braking with each other motor."""
+    joints = list(robot.joints)
+    for i in varying:
+        drive = joints[i].drive
+        assert drive is not None
+        assert drive.friction is not None
+        friction = replace(
+            drive.friction,
+            law="stribeck_exponential",
+            mu_stribeck=0.05,
+            stribeck_speed=20.0,
+            mu_static=drive.friction.mu + 0.05,
+        )
+        joints[i] = replace(joints[i], drive=replace(drive, friction=friction))
+    changed = replace(robot, joints=tuple(joints))
+    path = module._Path.from_motion(motion, changed, np.zeros(0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bounds = module._Bounds.from_path(path, changed)
+    others = 3 - len(varying)
+    assert bounds.varying == varying
+    assert bounds.alone == 4 + 2 * others
+    assert bounds.terms.shape == (3, 4 + 4 * others, 3 * (len(path.s) - 1))
