@@ -1,7 +1,7 @@
-"""Assess one motor on one joint.
+"""Assess whether one motor suffices for one joint.
 
-The assessment runs every check that the data of the motor, drive and controller permit. It names
-the binding check and gives a verdict: adequate, not adequate, or not known.
+The assessment runs every check for which the files of motor, drive and controller contain the data.
+It names the check with the smallest margin. The verdict is adequate, not adequate, or not known.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class MotorVerdict(ShortRepr):
     """The assessment of one motor on one joint, in SI units."""
 
     load: JointLoad
-    """Load of the joint. Its drive contains the rotor of the assessed motor."""
+    """Load of the joint. The input inertia of its drive includes the rotor of this motor."""
     motor: Motor
     requirement: MotorRequirement
     band: Band
@@ -67,7 +67,7 @@ class MotorVerdict(ShortRepr):
     gear: tuple[Check, ...]
     """Checks of the gear or screw."""
     probability: float | None
-    """Probability that the motor keeps all its limits at once. None if it could not be computed."""
+    """Probability that the motor keeps all its limits at once. None if it is not known."""
     heat: Heat | None
     """Winding temperatures. None if the motor file lacks thermal data."""
     regions: dict[str, float] | None
@@ -83,9 +83,7 @@ class MotorVerdict(ShortRepr):
     def adequate(self) -> bool | None:
         """True if every check of the motor passes and no check of its gear fails.
 
-        None if not known.
-
-        True is claimed at the confidence that `Conditions` states.
+        None if this is not known. The answer True has the confidence that `Conditions` states.
         """
         gear_fails = any(check.passed is False for check in self.gear)
         return False if gear_fails else all_of(check.passed for check in self.checks)
@@ -125,9 +123,16 @@ class MotorVerdict(ShortRepr):
 
 
 def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdict:
-    """Assess a motor on a joint.
+    """Assess a motor on a joint for a motion that repeats forever.
 
-    The motion in `load` repeats forever, with the pause of the conditions.
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    motor
+        The assessed motor.
+    conditions
+        Operating conditions, which contain the pause after each repetition.
     """
     drive, inertia, rotors = with_rotor(load, motor)
     load = replace(load, drive=drive, motor=motor)
@@ -166,20 +171,30 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
 
 
 def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
-    """Return the range of the demands by Monte Carlo (if draws are requested) or linearised."""
+    """Compute the range of the demands.
+
+    The computation is a Monte Carlo simulation if the conditions request draws. Otherwise, it is
+    linearised.
+    """
     if conditions.draws:
         return monte_carlo(load, spread, conditions.draws)
     return linear_band(load, spread)
 
 
 def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tuple[str, ...]]:
-    """Replace the rotor in the joint's drive by the rotor of `motor`.
+    """Replace the original motor's rotor by the rotor of `motor` in the drive of a joint.
 
-    `input_inertia` of a drive includes the rotor of the joint's original motor. If both rotor
-    inertias are stated, the result is the drive with its new input inertia, None and an empty
-    tuple. If both motors have the same rotor, the drive stays as it is. Otherwise, the result is
-    the drive with the largest possible input inertia, the range of the input inertia (kg·m²), and
-    the names of the unknown values.
+    The `input_inertia` of a drive includes the rotor of the joint's original motor.
+
+    Returns
+    -------
+    drive
+        Drive with the new input inertia. If a rotor inertia is not stated, it has the largest
+        possible value.
+    inertia
+        Range of the input inertia, kg·m². None if it is certain.
+    rotors
+        Names of the rotor inertias that are not stated.
     """
     low, high = shaft_inertia(load, motor)
     original = load.motor
@@ -220,9 +235,16 @@ Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
 def limits_of(
     motor: Motor, conditions: Conditions, share: float, heat: Heat | None
 ) -> dict[str, Limit]:
-    """Return the limits of a motor by the names of their checks.
+    """Return the limits of a motor by name of the check.
 
-    `share` is the RMS torque over motion and pause divided by the RMS torque over the motion alone.
+    Parameters
+    ----------
+    motor, conditions
+        The motor and its operating conditions.
+    share
+        RMS torque over motion and pause, divided by the RMS torque over the motion.
+    heat
+        Thermal steady state, or None if the motor file lacks thermal data.
     """
     torque, torque_needs = _peak_limit(motor, conditions)
     continuous = continuous_torque(motor, conditions.ambient)
@@ -268,7 +290,7 @@ def _check(case: Case, name: str, limit: Limit) -> Check:
 def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
     """Check that the motor keeps all its limits at once with the required confidence.
 
-    `worst` of the result is the probability.
+    The probability of this is the value `worst` of the result.
     """
     required = case.conditions.confidence
     if not case.spread.is_stated:

@@ -1,7 +1,7 @@
-"""Checks of limits with margins, their combination, and the checks of a gear or screw.
+"""Check limits, compute their margins, and combine the answers.
 
-A combined answer is True, False or None (not known). A gear is checked against its rated speed,
-load and duty and for self-locking. A screw is also checked for whirling and buckling.
+An answer is True, False or None (not known). The module also contains the checks of gears: rated
+speed, load, duty and self-locking. Screws are also checked for whirling and buckling.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Check(ShortRepr):
-    """The result of comparing one demand with its limit, in SI units.
+    """The comparison of one demand with its limit, in SI units.
 
     The margin is (limit − worst)/limit, where `worst` is the demand at the required confidence. For
-    a lower limit it is (worst − limit)/limit. The margin is None if data are missing. Then `needs`
-    names these data. `needs` also says which data would decide an open check.
+    a lower limit, it is (worst − limit)/limit. The margin is None if data are missing. In this
+    case, or if the check is undecided, `needs` names the data that would decide it.
     """
 
     name: str
@@ -99,7 +99,7 @@ class Case:
     def below(
         self, name: str, demand: DemandName, limit: float, unit: str, factor: float = 1.0
     ) -> Check:
-        """Check an upper limit on `factor` times an uncertain demand."""
+        """Compare `factor` times an uncertain demand with its upper limit."""
         band = self.band
         confidence = self.conditions.confidence
         demand_high = factor * band.high(demand, confidence)
@@ -151,7 +151,10 @@ class Case:
 
 
 def binding(checks: Iterable[Check]) -> Check | None:
-    """Return the check with the smallest margin. Prefers failing checks. None without margins."""
+    """Return the check with the smallest margin. Failed checks precede all others.
+
+    The result is None if no check has a margin.
+    """
     evaluated = [check for check in checks if check.margin is not None]
     if evaluated:
         return min(evaluated, key=lambda check: (check.passed is not False, check.margin or 0.0))
@@ -159,7 +162,7 @@ def binding(checks: Iterable[Check]) -> Check | None:
 
 
 def all_of(answers: Iterable[bool | None]) -> bool | None:
-    """Combine answers: False if any is False, else None if any is None, else True."""
+    """Combine answers: False if one is False, otherwise None if one is None, otherwise True."""
     answers = list(answers)
     if any(answer is False for answer in answers):
         return False
@@ -167,15 +170,16 @@ def all_of(answers: Iterable[bool | None]) -> bool | None:
 
 
 YOUNG = 193e9
-DENSITY = 8000.0
-"""Young's modulus (Pa) and density (kg/m³) of stainless steel.
+"""Young's modulus of stainless steel, Pa.
 
-Among the usual screw materials it gives the lowest critical speed and buckling load.
+Of the usual screw materials, stainless steel has the lowest critical speed and buckling load.
 """
+DENSITY = 8000.0
+"""Density of stainless steel, kg/m³."""
 OF_CRITICAL_SPEED = 0.8
-"""Share of the critical speed that a screw may reach."""
+"""Largest permitted speed of a screw as a share of its critical speed."""
 OF_BUCKLING_LOAD = 0.5
-"""Share of Euler's buckling load that a screw may carry."""
+"""Largest permitted load of a screw as a share of Euler's buckling load."""
 BENDING: dict[ScrewEnds, float] = {
     "fixed-free": 1.8751040687,
     "supported-supported": math.pi,
@@ -193,7 +197,7 @@ COLUMN: dict[ScrewEnds, float] = {
 
 
 def gear_checks(case: Case) -> tuple[Check, ...]:
-    """Run every check of a joint's gear or screw. A check without data says what it needs."""
+    """Run every check of a joint's gear or screw. A check that lacks data names them in `needs`."""
     load = case.load
     drive = case.load.drive
     ratings = drive.ratings or Ratings()
@@ -232,11 +236,10 @@ def _output(case: Case, ratings: Ratings) -> Iterator[Check]:
     )
     for name, demand, key in pairs:
         limit = getattr(ratings, key)
-        yield (
-            unchecked(name, f"ratings.{key}")
-            if limit is None
-            else case.below(name, demand, limit, unit)
-        )
+        if limit is None:
+            yield unchecked(name, f"ratings.{key}")
+        else:
+            yield case.below(name, demand, limit, unit)
 
 
 def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
@@ -247,9 +250,10 @@ def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
 
 
 def _locking(case: Case) -> Check:
-    """Check μ > cos θ_n·tan λ, the condition of self-locking, at the lowest plausible friction.
+    """Check the condition of self-locking, μ > cos θ_n·tan λ, at the lowest plausible friction.
 
-    If no lowest friction is known, the check gives only the nominal μ and says which data it needs.
+    If the lowest friction is not known, the check contains only the nominal μ and names the data
+    that it needs.
     """
     drive = case.load.drive
     spread = case.spread

@@ -38,9 +38,12 @@ DEMANDS: tuple[DemandName, ...] = (
 ELECTRICAL = ("torque_constant", "terminal_resistance", "max_winding_temperature")
 """Data that the voltage check needs from a motor file."""
 SHARE = 500
-"""Number of evenly spaced instants in a Monte Carlo. Jumps and peaks of the torque are added."""
+"""Number of evenly spaced instants in a Monte Carlo simulation.
+
+Instants at which the torque jumps or peaks are added.
+"""
 BLOCK = 120_000
-"""Number of torques that are evaluated at once, so that the arrays stay in the cache."""
+"""Number of torques that are evaluated at once. Smaller arrays fit into the processor's cache."""
 
 
 @record
@@ -62,7 +65,7 @@ class Demands(ShortRepr):
 
     @classmethod
     def from_table(cls, table: Array) -> Demands:
-        """Build the demands from a table (draws, 5) with a column for each entry of DEMANDS."""
+        """Build the demands from a table (draws, 5) whose columns have the order of DEMANDS."""
         return cls(*(table[:, i] for i in range(len(DEMANDS))))
 
     of = Renamed("from_table")
@@ -70,9 +73,10 @@ class Demands(ShortRepr):
 
 @record
 class Band(ShortRepr):
-    """Demands at the stated friction, and their samples at the corners of the stated ranges.
+    """Demands at the stated friction, and their range if the friction is uncertain.
 
-    `worst` and `best` hold one entry per draw, each at the worst or the best corner.
+    `worst` and `best` contain one entry per draw of the friction. Parameters with a stated range
+    have their least or most favourable value.
     """
 
     nominal: Demands
@@ -102,9 +106,9 @@ class Band(ShortRepr):
 
 
 def demands(load: JointLoad) -> Demands:
-    """Return the demands of one motion on the drive and motor of the joint.
+    """Compute the demands of one motion on the drive and the motor of a joint.
 
-    The friction of the drive may hold columns (draws, 1), which evaluates many draws at once.
+    If friction parameters of the drive are columns (draws, 1), all draws are evaluated at once.
     """
     torque = np.atleast_2d(load.torque())
     effort = np.atleast_2d(np.abs(load.effort()))
@@ -122,9 +126,9 @@ def demands(load: JointLoad) -> Demands:
 
 
 def _voltage(torque: Array, load: JointLoad) -> Array:
-    """Return the larger voltage requirement (V) of the cold and of the hot motor.
+    """Return the largest voltage that the cold or the hot motor needs, V.
 
-    The cold motor has more back-EMF. The hot motor has more resistance and needs more current.
+    The cold motor has a larger back-EMF. The hot motor has more resistance and needs more current.
     """
     motor = load.motor
     speed = load.speed()
@@ -139,10 +143,10 @@ def _voltage(torque: Array, load: JointLoad) -> Array:
 
 
 def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
-    """Return the range of the demands, linearised about the corners of the stated ranges.
+    """Compute the range of the demands by linearisation about the corners of the stated ranges.
 
     The slopes are secants over ±1 σ of every uncertain parameter. If the friction has a posterior,
-    its samples are few enough for the exact law, so each of them is evaluated instead.
+    all its samples are evaluated exactly instead, because there are few of them.
     """
     if spread.posterior is not None:
         return monte_carlo(load, spread, len(spread.posterior.draws))
@@ -157,7 +161,7 @@ def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
 
 
 def _load_with(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
-    """Return the load of the drive with other friction parameters, see `drawn`."""
+    """Return the load with other friction parameters of the drive, see `drive_with`."""
     return replace(load, drive=drive_with(load.drive, values))
 
 
@@ -169,10 +173,10 @@ def _at_corners(load: JointLoad, spread: FrictionSpread) -> Array:
 
 
 def _lowest(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
-    """Lower the demands (draws, 5) of the best corner to a bound for all possible inertias.
+    """Reduce the demands (draws, 5) of the best corner to a lower bound for all possible inertias.
 
-    Peaks and RMS are convex in the inertia J. Between the ends of its range they are at least their
-    mean minus (J₂ − J₁)/2 · |ẇ|.
+    Peak and RMS torque are convex in the inertia J. Between the ends J₁ and J₂ of its range, they
+    are at least their mean minus (J₂ − J₁)/2 · |ẇ|.
     """
     low, high = spread.inertia or (0.0, 0.0)
     wd = np.abs(load.acceleration())
@@ -182,7 +186,7 @@ def _lowest(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
 
 
 def volts_per_torque(motor: Motor | None) -> float:
-    """Return R/k of the hot motor, V/(N·m): the extra voltage per extra torque.
+    """Return the additional voltage per additional torque of the hot motor, R/k in V/(N·m).
 
     NaN if data are missing.
     """
@@ -193,7 +197,7 @@ def volts_per_torque(motor: Motor | None) -> float:
 
 
 def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
-    """Return d(demands)/d(parameters), (k, 5)."""
+    """Return the slopes of the demands over the uncertain parameters, (parameters, 5)."""
     slopes = np.zeros((len(spread.names), len(DEMANDS)))
     for i, (name, mean, sigma) in enumerate(
         zip(spread.names, spread.mean, spread.sigma, strict=True)
@@ -209,7 +213,7 @@ def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
 
 
 def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
-    """Return the range of the demands from `count` draws of the friction, each by the exact law."""
+    """Compute the range of the demands from `count` random draws of the friction."""
     nominal = demands(load)
     at_corners = _at_corners(load, spread)
     if not spread.names:
@@ -240,9 +244,10 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
 
 
 def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
-    """Add the torque ripple of the screw or worm to the peaks of demands (draws,).
+    """Add the torque ripple of the screw or worm to the peaks of the demands (draws,).
 
-    The ripple is that of the recordings. It grows in proportion if the torque exceeds theirs.
+    The ripple comes from recordings. If the torque is larger than in the recordings, the ripple is
+    increased in proportion.
     """
     posterior = friction_of(load.drive).posterior
     torque = load.torque()
@@ -282,11 +287,11 @@ def _drawn_demands(
 
 
 def thinned(load: JointLoad) -> JointLoad:
-    """Select the instants of a load that decide about motors.
+    """Select the instants of a load that determine its demands.
 
-    These are about SHARE evenly spaced instants, all jumps of the torque, all changes of direction,
-    the 20 largest peaks of the torque, the extremes of torque, effort and speed, and the last
-    instant.
+    The selection contains about SHARE evenly spaced instants, all jumps of the torque, all changes
+    of direction, the 20 largest peaks of the torque, the extremes of torque, effort and speed, and
+    the last instant.
     """
     torque = load.torque()
     size = np.abs(torque)

@@ -21,12 +21,10 @@ from ssm_planner.typing import Array, record
 
 
 def back_and_forth(stroke: Stroke) -> Trajectory:
-    """Build the trajectory from centre − reach to centre + reach and back.
+    """Build the trajectory that moves a joint from centre − reach to centre + reach and back.
 
-    All other joints are held.
-
-    Its phases are named "forth" and "back". Each has a trapezoidal velocity profile, or a
-    triangular one if the distance is too short to reach full speed.
+    All other joints are at rest. The phases are named "forth" and "back". Each has a trapezoidal
+    velocity profile, or a triangular profile if the distance is too short to reach full speed.
     """
     joint = JOINTS.index(stroke.joint)
     times = _timing(2 * stroke.reach, stroke.velocity, stroke.acceleration)
@@ -45,7 +43,10 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
 
 
 def _timing(distance: float, velocity: float, acceleration: float) -> Array:
-    """Return the durations (s) of accelerating, cruising (left out if zero) and decelerating."""
+    """Return the durations of the acceleration, the constant speed and the deceleration, s.
+
+    If the joint does not reach full speed, only acceleration and deceleration are returned.
+    """
     ramp = velocity / acceleration
     cruise = distance / velocity - ramp
     if cruise <= 0:
@@ -55,7 +56,7 @@ def _timing(distance: float, velocity: float, acceleration: float) -> Array:
 
 
 def _stroke(start: Array, joint: int, times: Array, acceleration: float) -> Array:
-    """Return the coefficients (pieces, 6, 4) of one stroke from rest to rest."""
+    """Return the polynomial coefficients (pieces, 6, 4) of one stroke from rest to rest."""
     signs = np.array([1.0, -1.0]) if len(times) == 2 else np.array([1.0, 0.0, -1.0])
     coefficients = np.zeros((len(times), DEGREE + 1, len(start)))
     coefficients[:, 0] = start
@@ -70,19 +71,20 @@ def _stroke(start: Array, joint: int, times: Array, acceleration: float) -> Arra
 
 
 ONCE = 1e6
-"""Pause (s) for a motion that is done once. After it the motors are at ambient temperature."""
+"""Pause after a motion that is performed only once, s. The motors cool down completely."""
 
 
 def pause_of(problem: Problem) -> float:
-    """Return the pause (s) that a problem's duty gives the motors."""
+    """Return the pause after each repetition of a problem's motion, s."""
     return ONCE if problem.duty is None else problem.duty
 
 
 @record
 class DutyCycle:
-    """Motions of one robot.
+    """Motions of one robot for which its motors are sized.
 
-    Each motion applies to one named joint, or to every joint with a drive (None).
+    Each entry of `runs` contains a motion and the name of the joint whose motor it sizes. None
+    means every joint with a drive.
     """
 
     name: str
@@ -91,7 +93,7 @@ class DutyCycle:
     notes: tuple[str, ...] = ()
     """Remarks on the motion for the reader of the result."""
     pause: float = 0.0
-    """Pause (s) between repetitions, as the source of the motion states it."""
+    """Pause between repetitions that the source of the motion states, s."""
 
     @classmethod
     def of_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> DutyCycle:
@@ -105,9 +107,9 @@ class DutyCycle:
         return cls(motorisation.name, motorisation.robot, runs)
 
     def loads(self, payload: float = 0.0, rate: float = RATE) -> tuple[JointLoad, ...]:
-        """Return the loads of the joints with a point mass `payload` (kg) at the tool tip.
+        """Compute the loads of all joints with a point mass `payload` (kg) at the tool tip.
 
-        Raises ProblemError if a joint has a motor but no drive, because nothing connects the two.
+        `rate` is the sampling rate, Hz. Raises ProblemError if a joint has a motor but no drive.
         """
         for joint in self.robot.joints:
             if joint.motor is not None and joint.drive is None:

@@ -1,6 +1,7 @@
-"""The thermal check of one motor.
+"""Check the temperatures of one motor.
 
-It finds the RMS torque that the motion may have forever, and the temperatures that result.
+The check finds the largest permitted RMS torque of a motion that repeats forever, and the
+temperatures of the winding.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from ssm_planner.sizing.thermal_network import (
 from ssm_planner.typing import JsonObject, record
 
 STEPS = 60
+"""Largest number of steps of the search."""
 CLOSE = 1e-3
-"""Tolerance (K) by which the temperature at the capacity may fall short of the limit."""
+"""Tolerance of the temperature at the capacity, K."""
 
 
 @record
@@ -33,22 +35,22 @@ class Heat(ShortRepr):
     """Thermal steady state of the repeated motion, in K, N·m and s."""
 
     capacity: float
-    """RMS torque over motion and pause at which the winding just reaches its limit."""
+    """RMS torque over motion and pause with which the winding just reaches its limit."""
     limit: float
     """Largest permitted winding temperature."""
     nominal_winding: float | None
     """Peak winding temperature at the stated friction. None if there is no steady state."""
     winding: float | None
-    """Peak winding temperature at the RMS torque of the required confidence. None as above."""
+    """Peak winding temperature at the RMS torque with the required confidence, or None."""
     model: ThermalModel
     cycle: Cycle
-    """The motion, scaled to that RMS torque."""
+    """The motion with its torque scaled to this RMS torque."""
 
     @cached_property
     def time_until_limit(self) -> float | None:
-        """Time (s) from cold until the winding reaches its limit at that torque.
+        """Time until the winding of the cold motor reaches its limit at this torque, s.
 
-        None if it never does.
+        None if it never reaches the limit.
         """
         return time_until(self.model, self.cycle, self.limit)
 
@@ -64,10 +66,23 @@ class Heat(ShortRepr):
 
 
 def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: float) -> Heat | None:
-    """Compute the thermal steady state of a repeated motion at an RMS torque `worst_rms` (N·m).
+    """Compute the thermal steady state of a repeated motion.
 
-    The RMS is taken over motion and pause. The result is None if the motor file lacks data that
-    `thermal_network.FIGURES` names.
+    Parameters
+    ----------
+    load
+        Motion and load of the joint.
+    motor
+        The motor.
+    conditions
+        Operating conditions with the ambient temperature and the pause.
+    worst_rms
+        RMS torque over motion and pause at the required confidence, N·m.
+
+    Returns
+    -------
+    Heat or None
+        None if the motor file lacks data of `thermal_network.FIGURES`.
     """
     if missing(motor, *FIGURES):
         return None
@@ -99,12 +114,13 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
 
 
 def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
-    """Return the factor on the torque at which the steady winding temperature peaks at `limit`.
+    """Return the factor on the torque with which the winding temperature peaks at `limit` (K).
 
-    It is 0 if the ambient temperature reaches the limit. The temperature rise is a convex function
-    of the factor squared. The chord therefore undershoots and moves only the lower end of the
-    bracket. The search is regula falsi. From the second undershoot in a row it halves the excess at
-    the upper end (Illinois method). It bisects if the upper end has no steady state.
+    The factor is 0 if the ambient temperature reaches the limit. The search is regula falsi over
+    the square of the factor. The temperature rise is a convex function of it, so the chord moves
+    only the lower end of the bracket. Therefore, the excess at the upper end is halved from the
+    second such step on (Illinois method). The search bisects while the upper end has no steady
+    state.
     """
     allowed = limit - model.ambient
     if allowed <= 0:

@@ -1,4 +1,4 @@
-"""The load of each joint's drive over a motion: speed, acceleration and effort."""
+"""Compute the load of each joint's drive over a motion: speed, acceleration and effort."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices, Mask, record
 
 RATE = 2000.0
+"""Default sampling rate, Hz."""
 INSTANTS = 40_000
+"""Approximate largest number of instants of a motion."""
 STRETCH = (40, 1000)
-"""Largest number of instants of a motion, and limits of the number per monotone piece.
+"""Smallest and largest number of instants to which the number per piece is limited.
 
-They make the cost depend on the number of pieces and not on the duration.
+The cost therefore depends on the number of pieces and not on the duration.
 """
 
 
@@ -31,8 +33,8 @@ They make the cost depend on the number of pieces and not on the duration.
 class JointLoad(ShortRepr):
     """Motion and load of one driven joint at n instants. All arrays are (n,), in SI units.
 
-    The instants cover pieces of constant direction and include both ends of each. A start from rest
-    is a separate instant of zero duration with static friction.
+    The motion is divided wherever a joint reverses, and both ends of each part are instants. A
+    start from rest with static friction is an additional instant of zero duration.
     """
 
     joint: str
@@ -50,7 +52,7 @@ class JointLoad(ShortRepr):
     gravity: Array
     """Effort of gravity, N·m or N."""
     direction: Array
-    """+1, −1, or 0 while the drive stands still."""
+    """Direction of motion: +1, −1, or 0 while the drive stands still."""
     breakaway: Array
     """1 at instants at which the joint starts from rest, else 0."""
     weight: Array
@@ -81,11 +83,11 @@ class JointLoad(ShortRepr):
         return self.drive.ratio * self.qdd
 
     def effort(self) -> Array:
-        """Return the effort F in the mesh (N·m or N), (n,) or (draws, n) for drawn friction."""
+        """Return the effort F in the mesh, N·m or N, (n,) or (draws, n) for random friction."""
         return output_effort(self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
 
     def torque(self) -> Array:
-        """Return the exact motor torque (N·m), (n,) or (draws, n) for columns of friction."""
+        """Return the exact motor torque, N·m, (n,) or (draws, n) for random friction."""
         return motor_torque(
             self.drive,
             self.effort(),
@@ -112,7 +114,7 @@ class JointLoad(ShortRepr):
         return np.sqrt(np.square(value) @ self.weight)
 
     def stretched(self, factor: float) -> JointLoad:
-        """Return the same motion slowed down to `factor` times its duration."""
+        """Return the load of the same motion with `factor` times its duration."""
         return replace(
             self,
             t=self.t[0] + factor * (self.t - self.t[0]),
@@ -124,9 +126,9 @@ class JointLoad(ShortRepr):
         )
 
     def plus(self, load: JointLoad, share: float) -> JointLoad:
-        """Return the same motion with `share` times the additional load of `load`.
+        """Interpolate linearly between this load (share 0) and another one (share 1).
 
-        The loads are linear in the masses, so this interpolates between two payloads exactly.
+        Loads are linear in the masses, so the interpolation between two payloads is exact.
         """
         names = ("inertia", "velocity", "gravity")
         return replace(
@@ -188,9 +190,10 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
 def _instants(
     trajectory: Trajectory, robot: Robot, rate: float
 ) -> tuple[Indices, Array, Mask, Mask]:
-    """Return the pieces and local times of the instants, and flags of the ends of each stretch.
+    """Return the pieces and the local times of all instants, and masks of first and last instants.
 
-    No joint turns within a stretch.
+    The pieces are divided wherever a joint reverses. The masks select the first and the last
+    instant of each part.
     """
     index, start, end = _stretches(trajectory, robot, rate)
     counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, _max_instants(trajectory)) + 2
@@ -203,15 +206,15 @@ def _instants(
 
 
 def _max_instants(trajectory: Trajectory) -> int:
-    """Return the largest number of instants of a piece."""
+    """Return the largest number of instants per piece."""
     return int(np.clip(INSTANTS // len(trajectory.breaks), *STRETCH))
 
 
 def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indices, Array, Array]:
-    """Split the pieces of a trajectory wherever a joint reverses.
+    """Divide the pieces of a trajectory wherever a joint reverses.
 
-    Reversals are found between samples at `rate`, Hz. Returns the index of the piece and the local
-    start and end of every interval, s.
+    Reversals are detected between samples at `rate` (Hz). Returns the index of the piece, and the
+    local start and end (s), of every part.
     """
     lengths = np.diff(trajectory.breaks)
     counts = np.clip(np.ceil(lengths * rate).astype(int), 4, _max_instants(trajectory)) + 1
@@ -244,7 +247,7 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
 def _turns(
     trajectory: Trajectory, index: Indices, low: Array, high: Array, joint: Indices
 ) -> Array:
-    """Return the local times between `low` and `high` at which joints turn, by bisection."""
+    """Return the local times (n,) from `low` to `high` at which joints reverse, by bisection."""
     coefficients = trajectory.pieces(index)[np.arange(len(index)), 1:, joint] * np.arange(
         1, DEGREE + 1
     )

@@ -1,8 +1,8 @@
-"""Limits of a motor: speed–torque line, current limit, continuous and short-term region.
+"""Compute the limits of a motor: speed–torque line, current limit, continuous torque.
 
-The electrical model is the steady balance U = R·I + k·w with torque k·I. It omits the inductance.
-It also omits the motor's own losses, because the friction of the drive was identified with the
-motor attached.
+The electrical model is the steady balance U = R·I + k·w with the torque k·I. It omits the
+inductance, and the losses of the motor. The friction of the drive includes these losses, because it
+was identified together with the motor.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from ssm_planner.problem.value import Bound
 from ssm_planner.typing import Array, Range
 
 REFERENCE_TEMPERATURE = 298.15
-"""Temperature (K) to which datasheets refer resistance, torque constant and nominal torque."""
+"""Temperature at which datasheets state resistance, torque constant and nominal torque, K."""
 COPPER = 0.00393
 """Relative increase of the resistance of copper, 1/K."""
 MAGNET = -0.0012
-"""Relative change of the torque constant, 1/K, if the motor file gives none.
+"""Relative change of the torque constant if the motor file does not state it, 1/K.
 
-It is the unfavourable end of the range for neodymium.
+It is the least favourable value for neodymium magnets.
 """
 
 
@@ -70,12 +70,12 @@ CONDITIONS = {
 
 
 def missing(motor: Motor, *names: str) -> tuple[str, ...]:
-    """Return those of the names for which the motor file gives no value."""
+    """Return the names of the values that the motor file does not state."""
     return tuple(name for name in names if getattr(motor, name) is None)
 
 
 def require_value(motor: Motor, name: str) -> float:
-    """Return a value of the motor file. Raises ProblemError if the file does not give it."""
+    """Return a value of the motor file. Raises ProblemError if the file does not state it."""
     value = getattr(motor, name)
     if value is None:
         raise ProblemError("missing: this value is needed", file=motor.file, key=name)
@@ -92,8 +92,8 @@ SLOWEST_START = 2e4
 def rotor_range(motor: Motor) -> Range:
     """Return the range of the rotor inertia, kg·m².
 
-    If the inertia is not stated, the range extends from 0 to a bound for motors of this nominal
-    torque.
+    If the motor file does not state the inertia, the range extends from 0 to the largest plausible
+    inertia for this nominal torque.
     """
     inertia = motor.rotor_inertia
     return (0.0, motor.nominal_torque / SLOWEST_START) if inertia is None else (inertia, inertia)
@@ -121,12 +121,20 @@ def magnet_drift(motor: Motor) -> float:
 def available_torque(
     motor: Motor, conditions: Conditions, speed: Array, temperature: float | None = None
 ) -> Array:
-    """Return the largest motor torque (N·m) in the direction of motion at speeds ≥ 0 (rad/s).
+    """Return the largest motor torque in the direction of motion, N·m.
 
-    It is the least of the largest torque of the file, the torque at the current limit, and the
-    speed–torque line at the supply voltage. Limits without data are left out. The torque is 0
-    beyond the largest speed. The result has the shape of `speed`. `temperature` (K) is that of
-    winding and magnets.
+    It is the smallest of three limits: the largest torque in the motor file, the torque at the
+    current limit, and the speed–torque line at the supply voltage. Limits without data are ignored.
+    The torque is 0 above the largest speed.
+
+    Parameters
+    ----------
+    motor, conditions
+        The motor and its operating conditions.
+    speed
+        Motor speeds ≥ 0 of any shape, rad/s. The result has the same shape.
+    temperature
+        Temperature of winding and magnets, K. The default is 25 °C.
     """
     temperature = REFERENCE_TEMPERATURE if temperature is None else temperature
     speed = np.asarray(speed, dtype=float)
@@ -142,10 +150,11 @@ def available_torque(
 
 
 def continuous_torque(motor: Motor, ambient: float) -> float | None:
-    """Return the torque (N·m) that the motor can give forever at an ambient temperature (K).
+    """Return the torque that the motor can sustain at an ambient temperature (K), N·m.
 
-    It is the nominal torque. Above 25 °C it is multiplied by √(ΔT / ΔT at 25 °C), where ΔT is the
-    permitted rise of the winding temperature. It is None if that needs a missing value.
+    Up to 25 °C, it is the nominal torque. Above, it is the nominal torque times √(ΔT / ΔT at
+    25 °C), where ΔT is the permitted rise of the winding temperature. The result is None if the
+    motor file lacks the largest winding temperature.
     """
     if ambient <= REFERENCE_TEMPERATURE:
         return motor.nominal_torque
@@ -160,10 +169,24 @@ def continuous_torque(motor: Motor, ambient: float) -> float | None:
 def operating_shares(
     motor: Motor, conditions: Conditions, speed: Array, torque: Array, weight: Array
 ) -> dict[str, float] | None:
-    """Return the shares of the time in the continuous and short-term regions and beyond both.
+    """Return the shares of the time in the operating regions of a motor.
 
-    The weights (n,) of the instants have sum 1. The motor has its largest permitted temperature if
-    the file states one. The result is None if the continuous torque is not known.
+    The regions are continuous, short_term and beyond. The motor is assumed to have its largest
+    permitted temperature.
+
+    Parameters
+    ----------
+    motor, conditions
+        The motor and its operating conditions.
+    speed, torque : (n,)
+        Motor speed, rad/s, and motor torque, N·m.
+    weight : (n,)
+        Share of the time that each instant represents.
+
+    Returns
+    -------
+    dict[str, float] or None
+        Shares by region. None if the continuous torque is not known.
     """
     steady = continuous_torque(motor, conditions.ambient)
     if steady is None:

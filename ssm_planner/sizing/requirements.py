@@ -1,7 +1,7 @@
-"""Requirements of a motion for each motor: torque and its parts, speed, power and energy.
+"""Compute what a motion requires of each motor: torque and its components, speed, power and energy.
 
-Without friction the torque law of dynamics/transmission.py is linear in load and acceleration, so
-the torque divides into parts. Friction is the remainder:
+Without friction, the torque law of dynamics/transmission.py is linear in load and acceleration.
+Therefore, the torque is a sum of components, of which friction is the remainder:
 
     tau = tau_lossless(inertia) + tau_lossless(load) + bearings
           + (mesh with friction − mesh without)
@@ -28,7 +28,7 @@ from ssm_planner.typing import Array, JsonObject, record
 
 @record
 class MotorRequirement(ShortRepr):
-    """Requirements of one motion for the motor of one joint. Arrays are (n,), in SI units."""
+    """What one motion requires of the motor of one joint. Arrays are (n,), in SI units."""
 
     joint: str
     motor: Motor | None
@@ -74,16 +74,16 @@ class MotorRequirement(ShortRepr):
 def motor_requirements(
     trajectory: Trajectory, robot: Robot, rate: float = RATE
 ) -> tuple[MotorRequirement, ...]:
-    """Return the requirements of every driven joint by the exact friction law.
+    """Compute the requirements on the motor of every driven joint, with the exact friction law.
 
-    The motion is sampled at `rate` (Hz) and on both sides of every break and turn, so that jumps of
-    the torque count at their instants.
+    The motion is sampled at `rate` (Hz), and on both sides of every instant at which a torque may
+    jump.
     """
     return tuple(motor_requirement(load) for load in joint_loads(trajectory, robot, rate))
 
 
 def motor_requirement(load: JointLoad) -> MotorRequirement:
-    """Return the requirements for the motor of one joint with the drive and motor of the robot."""
+    """Compute the requirements on the motor of one joint from its load."""
     torque = load.torque()
     speed = load.speed()
     acceleration = load.acceleration()
@@ -121,7 +121,7 @@ def joule_power(motor: Motor | None, rms_torque: float) -> float | None:
 
 @record
 class TorqueBreakdown(ShortRepr):
-    """Parts of the motor torque (n,), N·m. Their sum is the torque."""
+    """Components of the motor torque (n,), N·m. Their sum is the torque."""
 
     input_inertia: Array
     """Torque that accelerates the motor shaft and all parts that turn with it."""
@@ -130,21 +130,22 @@ class TorqueBreakdown(ShortRepr):
     load: Array
     """Torque for gravity, Coriolis and centrifugal effort."""
     mesh_friction: Array
-    """Torque with sliding friction in the mesh minus torque without. At rest it holds the load."""
+    """Torque with sliding friction in the mesh minus torque without it. At rest, it holds the load.
+    """
     bearing_friction: Array
     """Torque for the bearings of the input side and, through the mesh, of the output side."""
     at_peak: dict[str, float]
-    """Parts at the instant of the largest torque, N·m."""
+    """Components at the instant of the largest torque, N·m."""
     rms: dict[str, float]
-    """RMS of each part over the motion, N·m."""
+    """RMS of each component over the motion, N·m."""
 
     def components(self) -> Iterator[tuple[str, Array]]:
-        """Yield the name and values (n,) of every part, N·m."""
+        """Yield the name and the values (n,) of every component, N·m."""
         for name in PARTS:
             yield name, getattr(self, name)
 
     def to_dict(self) -> dict[str, dict[str, float]]:
-        """Return the value at the largest torque and the RMS of every part, N·m."""
+        """Return the value at the largest torque, and the RMS, of every component, N·m."""
         return {name: {"at_peak": self.at_peak[name], "rms": self.rms[name]} for name in PARTS}
 
     parts = Renamed("components")
@@ -168,7 +169,7 @@ PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_fr
 
 
 def torque_split(load: JointLoad) -> TorqueBreakdown:
-    """Divide the motor torque of a joint into parts."""
+    """Divide the motor torque of a joint into its components."""
     drive = load.drive
     moving = load.direction != 0
     zero = np.zeros_like(load.t)
@@ -215,7 +216,7 @@ def _without_friction(drive: Drive) -> Drive:
 
 
 def _with_bearings_only(drive: Drive, **bearings: float) -> Drive:
-    """Return the drive without losses in the mesh. Efficiencies are removed by γ = 1/ratio."""
+    """Return the drive without losses in the mesh. Without losses, γ = 1/ratio."""
     friction = unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings)
     return unchecked(
         drive, friction=friction, gamma=drive.gamma if drive.threaded else 1.0 / drive.ratio

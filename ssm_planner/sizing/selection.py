@@ -1,9 +1,8 @@
-"""Assess every motor with every gear of a catalogue on every joint, in one pass over arrays.
+"""Assess every motor with every gear of a catalogue on every joint, by operations on arrays.
 
 The answers equal those of `assess` for each pair. A rotor only adds J·ẇ to the motor torque, so the
-torque of a gear is evaluated once, and the motors are rows of a matrix. Two bounds on the winding
-temperature decide most pairs. `assess` decides the other pairs and all pairs that need draws of the
-friction.
+torque of a gear is evaluated once for all motors. Two bounds on the winding temperature decide most
+pairs. The function `assess` decides the other pairs, and all pairs whose friction is random.
 """
 
 from __future__ import annotations
@@ -49,10 +48,10 @@ from ssm_planner.typing import Array, JsonObject, record
 Rank = Literal["mass", "length", "torque", "margin"]
 RANKS: tuple[Rank, ...] = ("mass", "length", "torque", "margin")
 Answers = NDArray[np.int8]
-"""(gears, motors): 1 for passed, 0 for not known, −1 for failed."""
+"""Answers (gears, motors): 1 means passed, 0 not known, and −1 failed."""
 MARGINS = ("torque", "speed", "continuous_torque", "voltage")
 NEAR = 0.01
-"""Margin of the temperature bounds, K. `assess` decides pairs closer to the limit."""
+"""Margin of the temperature bounds, K. Pairs that are closer to the limit are left to `assess`."""
 RISES = 50
 """Number of temperatures at which thermal runaway is checked."""
 INSTANTS = 200
@@ -68,12 +67,12 @@ class JointSelection:
     motors: Sequence[Part[Motor]]
     gears: Sequence[Part[Drive]]
     answers: Mapping[str, Answers]
-    """Answers by the name of the check.
+    """Answers by name of the check.
 
-    Heat is 0 if it was not evaluated because another check fails.
+    The answer for heat is 0 if it was not evaluated because another check fails.
     """
     margins: Mapping[str, Array]
-    """Margins (gears, motors) by the name of the check. NaN if data are missing."""
+    """Margins (gears, motors) by name of the check. NaN if data are missing."""
     of_gear: Sequence[tuple[Check, ...]]
     """Checks of each gear."""
     load_inertia: float
@@ -94,9 +93,10 @@ class JointSelection:
         return motor + [check.name for check in self.of_gear[g] if check.passed is False]
 
     def ranked(self, by: Rank = "mass") -> list[tuple[int, int]]:
-        """Return the pairs (g, m) that no check rules out, adequate pairs first, then by rank.
+        """Return the pairs (gear, motor) that no check rules out.
 
-        Pairs without a stated value of the rank come last.
+        Adequate pairs precede the others, and both groups are sorted by rank. Pairs for which the
+        quantity of the rank is not stated are last.
         """
         adequate = self.adequate
         key = self._key(by)
@@ -120,15 +120,15 @@ class JointSelection:
         return motor + gear[:, None]
 
     def verdict(self, g: int, m: int) -> MotorVerdict:
-        """Assess one pair by `assess`, with every margin and the temperatures."""
+        """Assess one pair by `assess`, which computes all margins and the temperatures."""
         return assess(
             replace(self.load, drive=self.gears[g].of), self.motors[m].of, self.conditions
         )
 
     def reasons(self) -> dict[str, int]:
-        """Count the pairs that each check rules out, in falling order.
+        """Return the number of pairs that each check rules out, in descending order.
 
-        A pair may count several times.
+        A pair counts for each of its failed checks.
         """
         shape = (len(self.gears), len(self.motors))
         counts = {name: int((answer < 0).sum()) for name, answer in self.answers.items()}
@@ -143,7 +143,7 @@ class JointSelection:
     def inertia_ratio(self, g: int, m: int) -> float | None:
         """Return the inertia of load and gear at the motor shaft divided by that of the rotor.
 
-        It is None if the inertia of the rotor is not stated.
+        None if the inertia of the rotor is not stated.
         """
         motor = self.motors[m].of
         drive = self.gears[g].of
@@ -157,7 +157,7 @@ class JointSelection:
     def to_dict(self, rank: Rank, count: int) -> JsonObject:
         """Return an entry of `selection` in the output of `size --json`, in SI units.
 
-        `best` describes the first `count` pairs in full.
+        The entry `best` contains the full description of the first `count` pairs.
         """
         adequate = self.adequate
         as_json = {1: True, 0: None, -1: False}
@@ -240,9 +240,10 @@ def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
 
 
 def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
-    """Return the energy (J) that the braking motor returns to its supply in one motion at 25 °C.
+    """Return the energy that the braking motor returns to its supply in one motion at 25 °C, J.
 
-    It is ∫ max(−(R·I² + τ·w), 0) dt, or None if torque constant or resistance is not stated.
+    The energy is ∫ max(−(R·I² + τ·w), 0) dt. The result is None if the motor file does not state
+    the torque constant or the resistance.
     """
     if missing(motor, "torque_constant", "terminal_resistance"):
         return None
@@ -289,7 +290,7 @@ def select_joint(
 
 
 class _Fleet:
-    """Data of all motors (m) that the checks need, as columns (m, 1) or rows (m,)."""
+    """Data of all motors (m) that the checks need, as arrays (m,)."""
 
     def __init__(self, motors: Sequence[Motor], conditions: Conditions, period: float) -> None:
         self.motors = motors
@@ -312,13 +313,14 @@ class _Fleet:
 
 
 def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
-    """Return the RMS torques (N·m) below which heat surely passes and above which it surely fails.
+    """Return two RMS torques: below the first, heat certainly passes; above the second, it fails.
 
-    They hold for a motion that repeats with `period` (s), and are NaN if thermal data are missing.
-    The winding answers to power by two decaying modes, both positive. The losses grow with its
-    temperature. Power at the limit's resistance, all of it at one instant of each period, gives the
-    highest temperature. The lower bound combines the smallest response to a mean power, at the
-    coldest instant, with the loss at that temperature, which is the smallest mean loss.
+    They apply to any motion that repeats with `period` (s), in N·m, and are NaN if thermal data are
+    missing. The winding temperature responds to power by two positive decaying modes, and the loss
+    grows with the temperature. The temperature is highest if all power of a period occurs at one
+    instant, at the resistance of the hottest permitted winding. This gives the first torque. The
+    second torque follows from the smallest response to a mean power, at the coldest instant, and
+    from the loss at this temperature, which is the smallest possible loss.
     """
     if missing(motor, *FIGURES):
         return np.nan, np.nan
@@ -471,9 +473,10 @@ def _heat(
     band: tuple[Array, Array],
     fails: NDArray[np.bool_],
 ) -> NDArray[np.int8]:
-    """Return the answers (m,) to the worst and best RMS torque over motion and pause.
+    """Return the answers (m,) of the thermal check.
 
-    An answer is 0 if the temperature bounds decide nothing and the motor `fails` another check.
+    `band` contains the largest and the smallest RMS torque over motion and pause. An answer is 0 if
+    the temperature bounds do not decide it and the motor `fails` another check.
     """
     highest, lowest = band
     answers = np.where(highest <= fleet.cool, 1, np.where(lowest > fleet.hot, -1, 0)).astype(

@@ -1,7 +1,7 @@
 """Size the motors and gears of a robot for a motion.
 
-The module assesses candidates on every joint and names the smallest adequate one. It also finds the
-largest payload at the tip and the shortest duration of the motion that pass every check.
+The module assesses candidates for every joint, and selects the smallest adequate motor. It also
+finds the largest payload and the shortest duration with which every check passes.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from ssm_planner.typing import JsonObject, record
 
 @record
 class JointSizing(ShortRepr):
-    """The requirements, gear checks and assessed candidates of one joint.
+    """The requirements on one joint, the checks of its gear, and its assessed candidates.
 
-    The candidates are in the order of their nominal torque.
+    The candidates are sorted by nominal torque.
     """
 
     load: JointLoad
@@ -40,19 +40,16 @@ class JointSizing(ShortRepr):
     gear: tuple[Check, ...]
     candidates: tuple[MotorVerdict, ...]
     alternatives: tuple[MotorVerdict, ...] = ()
-    """Assessments of the joint's alternative motors. They do not affect the answer."""
+    """Assessments of the joint's alternative motors. They do not affect the verdict."""
 
     @property
     def smallest(self) -> MotorVerdict | None:
-        """The candidate with the smallest nominal torque that is adequate.
-
-        None if there is none.
-        """
+        """The adequate candidate with the smallest nominal torque, or None."""
         return next((verdict for verdict in self.candidates if verdict.adequate is True), None)
 
     @property
     def adequate(self) -> bool | None:
-        """True if a motor is adequate, False if none can be, None if that is not known."""
+        """True if a candidate is adequate, False if no candidate is adequate, None if not known."""
         answers = [verdict.adequate for verdict in self.candidates]
         if True in answers:
             return True
@@ -140,7 +137,7 @@ def size(
     conditions: Conditions | None = None,
     payload: float = 0.0,
 ) -> Sizing:
-    """Assess motors for every joint that a duty cycle moves, repeated forever under the conditions.
+    """Assess motors for every joint that a duty cycle moves. The duty cycle repeats forever.
 
     Parameters
     ----------
@@ -183,9 +180,9 @@ def size(
 
 
 def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Sizing:
-    """Assess the motors of the robot for a motion that repeats after a pause (s) at 25 °C.
+    """Assess the motors of a robot for a motion that repeats after a pause (s), at 25 °C.
 
-    Joints without a drive are left out.
+    Joints without a drive are ignored.
     """
     conditions = Conditions(pause=pause)
     return Sizing(
@@ -218,20 +215,22 @@ def _joint(
 
 
 HEAVIEST = 50.0
-"""Largest payload (kg) in the search. A surgical tool is far below it."""
+"""Largest payload in the search, kg. Surgical tools are much lighter."""
 SLOWEST = 1e3
+"""Largest factor on the duration in the search."""
 FASTEST = 1e-3
-"""Largest and smallest factor on the duration in the search."""
+"""Smallest factor on the duration in the search."""
 HALVINGS = 16
+"""Number of bisections in the search."""
 
 
 @dataclass(frozen=True)
 class WhatIf:
     """The result of a search for the largest payload or the shortest duration.
 
-    `status` is "found", "never" (the motors are not adequate for any value) or "unlimited" (no
-    check binds). `value` is in kg or a factor on the duration, and None unless the status is
-    "found". `joint` and `binds` name the first limit that a further change would exceed.
+    `status` is "found", "never" (the checks fail for every value) or "unlimited" (the checks pass
+    for every value). `value` is a payload in kg or a factor on the duration. It is None unless the
+    status is "found". `joint` and `binds` name the check that fails first beyond this value.
     """
 
     status: str
@@ -256,7 +255,8 @@ def largest_payload(
 ) -> WhatIf:
     """Find the largest additional point mass at the tip with which every evaluated check passes.
 
-    `payload` (kg) is a mass that the tip carries in any case.
+    The additional mass is added to `payload` (kg). `motors` contains motors by joint, which replace
+    those of the robot.
     """
     empty = duty.loads(payload)
     loaded = duty.loads(payload + 1.0)
@@ -274,7 +274,7 @@ def shortest_duration(
 ) -> WhatIf:
     """Find the smallest factor on the duration with which every evaluated check passes.
 
-    The whole motion is sped up uniformly. The speed and acceleration limits of the joints are
+    The factor applies to the whole motion. The speed and acceleration limits of the joints are
     ignored.
     """
 
@@ -298,7 +298,7 @@ class _Judgement:
 def _judge(
     loads: Sequence[JointLoad], motors: Mapping[str, Motor], conditions: Conditions
 ) -> _Judgement:
-    """Return the smallest margin of all checks that have one."""
+    """Return the smallest margin of all checks, and the names of checks without a margin."""
     smallest: tuple[float, str | None, str | None] = (float("inf"), None, None)
     missing = []
     for load in loads:
@@ -318,11 +318,11 @@ def _judge(
 def _search_largest(
     judge: Callable[[float], _Judgement], start: float, upper: float, lower: float
 ) -> WhatIf:
-    """Return the largest value whose margins are not negative.
+    """Find the largest value with which no margin is negative.
 
-    Margins are assumed to fall as the value grows. The search doubles or halves the value from
-    `start` and then bisects. The result is "never" if `lower` has a negative margin, and
-    "unlimited" if `upper` has none.
+    The margins are assumed to decrease as the value increases. The search doubles or halves the
+    value from `start`, and then bisects. The status is "never" if a margin is negative at `lower`,
+    and "unlimited" if no margin is negative at `upper`.
     """
     judgement = judge(start)
     low = start

@@ -1,13 +1,13 @@
-"""Thermal model of a motor with two bodies, winding and housing.
+"""Compute the temperatures of a motor with a thermal model of two bodies, winding and housing.
 
     C_w dT_w/dt = P(t, T_w) − (T_w − T_h)/R_wh          P = R(T_w)·(tau/k(T_w))²
     C_h dT_h/dt = (T_w − T_h)/R_wh − (T_h − T_a)/R_ha
 
 The capacities follow from the time constants of datasheets: C_w = time_constant_winding / R_wh and
 C_h = time_constant_motor / R_ha. R grows by 0.393 %/K. The magnets are assumed to be as hot as the
-winding, which is the safe assumption. Only P(T_w) is nonlinear. Within one cycle the bodies are
-solved exactly in their two modes for a power that is piecewise linear in time. P is linearised
-about the temperatures of the previous pass.
+winding, which is the safe assumption. Only P(T_w) is nonlinear, so P is linearised repeatedly about
+the temperatures of the previous pass. Each pass solves the equations exactly in their two modes,
+for a power that is piecewise linear in time.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ SMALL = 1e-4
 
 @record
 class Modes:
-    """The two independent modes of x' = A x + b P, where x = (winding, housing) is above ambient.
+    """The two independent modes of the thermal model x' = A x + b P.
 
-    Each mode follows z' = rate·z + input·P. `rates` (2,) are in 1/s and negative for a mode that
-    settles, `input` is (2,), and `shape` (2, 2) gives x = shape @ z.
+    The vector x contains the temperatures of winding and housing above ambient. Each mode z
+    satisfies z' = rate·z + input·P, with `rates` (2,) in 1/s and `input` (2,). A negative rate
+    means that the mode settles. The temperatures are x = shape @ z, with `shape` (2, 2).
     """
 
     rates: Array
@@ -72,7 +73,7 @@ class Modes:
         return bool(self.rates.max() >= 0.0)
 
     def decay(self, t: Array | float) -> Array:
-        """Return the remaining share of each mode after times t (n,), (2, n)."""
+        """Return the share of each mode that remains after times t (n,), (2, n)."""
         return np.exp(self.rates[:, None] * np.atleast_1d(t))
 
     def temperatures(self, states: Array) -> Array:
@@ -85,9 +86,9 @@ class Modes:
 
 
 def follow(modes: Modes, t: Array, power: Array) -> Array:
-    """Return the modes (2, n) at times t (n,) from zero, exactly, under a power (n,) in W.
+    """Compute the modes (2, n) at instants t (n,) exactly, beginning with zero.
 
-    The power is linear between the instants.
+    The power (n,), in W, is linear between the instants.
     """
     step = np.diff(t)
     x = modes.rates[:, None] * step
@@ -99,9 +100,9 @@ def follow(modes: Modes, t: Array, power: Array) -> Array:
 
 
 def _running(factor: Array, gained: Array) -> Array:
-    """Solve z_k = factor_k·z_(k−1) + gained_k for all k with z_0 = 0.
+    """Solve the recursion z_k = factor_k·z_(k−1) + gained_k with z_0 = 0 for all k.
 
-    The recursion is doubled: log2(n) steps on whole arrays.
+    Each step doubles the number of combined terms, so log2(n) operations on arrays suffice.
     """
     factor = factor.copy()
     result = gained.copy()
@@ -138,10 +139,11 @@ PASSES = 60
 HOTTEST = 1500.0
 """Temperature (K) above which a steady state is rejected."""
 PAUSE_INSTANTS = 300
+"""Number of instants in a pause."""
 PAUSE_RANGE = 1e4
-"""Number of instants in a pause, and ratio of its last interval to its first, minus 1."""
+"""Ratio of the last to the first interval of a pause, minus 1."""
 STEP = 2.0
-"""Permitted change (K) of the temperatures over cycles that are taken at once."""
+"""Largest change of the temperatures over the cycles that are computed at once, K."""
 
 
 @dataclass(frozen=True)
@@ -208,11 +210,11 @@ class Cycle(ShortRepr):
 
     @classmethod
     def from_torque(cls, t: Array, torque: Array, pause: float = 0.0) -> Cycle:
-        """Build a cycle from a motion, t (n,) and torque (n,), and a pause (s) without current."""
+        """Build a cycle from the instants t (n,) and torques (n,) of a motion, and a pause (s)."""
         t = t - t[0]
         square = np.square(torque)
         if pause > 0:
-            # The instants are densest at the start, where the winding cools fastest.
+            # The instants are densest at the start of the pause, where the winding cools fastest.
             share = np.expm1(np.linspace(0.0, np.log1p(PAUSE_RANGE), PAUSE_INSTANTS)) / PAUSE_RANGE
             t = np.append(t, t[-1] + pause * share)
             square = np.append(square, np.zeros(PAUSE_INSTANTS))
@@ -236,7 +238,8 @@ class Cycle(ShortRepr):
 class Temperatures:
     """Temperatures (n,) of winding and housing over one cycle, K.
 
-    `status` is "steady", "warming up", or "no steady state" (then the temperatures are infinite).
+    `status` is "steady", "warming up" or "no steady state". Without a steady state, the
+    temperatures are infinite.
     """
 
     winding: Array
@@ -255,11 +258,12 @@ class Temperatures:
 
 
 def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
-    """Return the temperatures that repeat with the cycle, without simulating the warm-up.
+    """Compute the temperatures that repeat with the cycle, without a simulation of the warm-up.
 
-    A Newton iteration finds the mean temperature. Then each pass solves the linear periodic problem
-    about the temperatures of the previous pass, until they change by less than 1e-6 K. The mean
-    feedback of the temperature on the loss is part of that linear problem.
+    A Newton iteration finds the mean temperature. Each following pass linearises the loss about the
+    temperatures of the previous pass and solves the periodic problem exactly, until the
+    temperatures change by less than 1e-6 K. The linear problem includes the mean effect of the
+    temperature on the loss.
     """
     mean = _mean_temperature(model, cycle)
     unsteady = Temperatures(
@@ -286,7 +290,10 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
 
 
 def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Modes, Array]:
-    """Return the modes with the mean slope of the loss included, and the remaining power."""
+    """Linearise the loss about winding temperatures (n,).
+
+    Returns the modes, which include the mean slope of the loss, and the remaining power (n,), W.
+    """
     power = model.power(cycle.square, winding)
     slope = model.slope(cycle.square, winding)
     mean = cycle.mean(slope)
@@ -297,7 +304,7 @@ def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Mode
 
 
 def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
-    """Return the smallest solution (K) of T = T_a + R·mean(tau²)·loss(T). None if there is none."""
+    """Return the smallest solution of T = T_a + R·mean(tau²)·loss(T), K, or None."""
     square = np.array([cycle.mean(cycle.square)])
     total = model.r_winding_housing + model.r_housing_ambient
     temperature = np.array([model.ambient])
@@ -315,7 +322,10 @@ def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
 
 
 def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Temperatures:
-    """Return the temperatures over one cycle that starts with (winding, housing) at `start`, K."""
+    """Compute the temperatures over one cycle from initial temperatures.
+
+    `start` contains the temperatures of winding and housing at the start of the cycle, K.
+    """
     winding = np.full(len(cycle.t), start[0])
     rise = np.array(start) - model.ambient
     for _ in range(PASSES):
@@ -330,12 +340,10 @@ def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Te
 
 
 def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
-    """Return the time (s) from cold until the winding first reaches `limit` (K).
+    """Return the time until the winding of a cold motor first reaches `limit` (K), s.
 
-    None if it never does.
-
-    While little changes from one cycle to the next, many cycles are taken at once: as many as warm
-    the motor by STEP.
+    The result is None if the winding never reaches the limit. If the temperatures change little
+    from one cycle to the next, many cycles are computed at once: as many as warm the motor by STEP.
     """
     steady = steady_state(model, cycle)
     if steady.steady and steady.peak < limit:
@@ -376,9 +384,10 @@ class _Start:
 def _later(
     model: ThermalModel, cycle: Cycle, temperatures: Temperatures, start: _Start, max_stride: int
 ) -> _Start:
-    """Return the start of a later repetition, at most `max_stride` repetitions later.
+    """Compute the temperatures at the start of a later repetition.
 
-    The loss is linearised about `temperatures`.
+    It is at most `max_stride` repetitions after `start`. The loss is linearised about
+    `temperatures`.
     """
     change = max(
         abs(temperatures.winding[-1] - start.winding),
