@@ -1,4 +1,4 @@
-"""Catalogues of motors and gears: CSV tables with units, or folders of YAML files."""
+"""Read catalogues of motors and gears, which are CSV tables with units or folders of YAML files."""
 
 from __future__ import annotations
 
@@ -51,7 +51,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Part(Generic[T]):
-    """Entry of a catalogue. mass (kg) and length (m) are None if they are not stated."""
+    """A motor or drive of a catalogue, with its mass (kg) and length (m).
+
+    Mass and length are None if the catalogue does not state them.
+    """
 
     label: str
     of: T
@@ -60,9 +63,10 @@ class Part(Generic[T]):
 
 
 def entries(path: Path, gear: bool = False) -> JsonObject:
-    """Return the entries of a catalogue by name, with the keys of motor or drive files.
+    """Read a catalogue, and return the content of every entry by name.
 
-    Raises ProblemError.
+    The contents have the keys of motor files, or those of drive files if `gear` is true. Raises
+    ProblemError if the catalogue is missing or invalid.
     """
     file = catalogue_file(path)
     if file.is_dir():
@@ -80,9 +84,9 @@ def entries(path: Path, gear: bool = False) -> JsonObject:
 
 
 def stated_beside(path: Path) -> dict[str, dict[str, float]]:
-    """Return the stated mass (kg) and length (m) of the entries of a CSV by name.
+    """Return the masses (kg) and lengths (m) that a CSV catalogue states, by name of the entry.
 
-    Raises ProblemError.
+    Raises ProblemError if the catalogue is invalid.
     """
     file = catalogue_file(path)
     values = (
@@ -100,7 +104,7 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
 
 
 def motors_of(path: Path) -> list[Part[Motor]]:
-    """Return the motors of a catalogue. Raises ProblemError."""
+    """Read the motors of a catalogue. Raises ProblemError if it is missing or invalid."""
     file = catalogue_file(path)
     if file.is_dir():
         motors = {
@@ -118,11 +122,12 @@ def motors_of(path: Path) -> list[Part[Motor]]:
 
 
 def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
-    """Return drives in which gears of a catalogue replace the gear of a joint's drive.
+    """Read the gears of a catalogue, and return a drive with each of them.
 
-    Only gears of the same kind are included. A row without friction or inertias keeps those of the
-    present drive, but not the ratings of its gear. A YAML file describes a complete drive. Raises
-    ProblemError.
+    A row of a CSV replaces the gear of the joint's present `drive`. If the row does not state
+    friction or inertias, those of the present drive remain. Its ratings do not remain. Rows with a
+    gear of another kind are left out. A YAML file describes a complete drive. Raises ProblemError
+    if the catalogue is missing or invalid.
     """
     file = catalogue_file(path)
     if file.is_dir():
@@ -153,7 +158,7 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
 
 
 def catalogue_file(path: Path) -> Path:
-    """Return the file or folder, or the shipped catalogue of this name. Raises ProblemError."""
+    """Find a catalogue by its path or by its shipped name. Raises ProblemError if there is none."""
     shipped = shipped_folder() / "catalogues" / path.name
     with suppress(OSError, ValueError):  # a name can be too long for a file
         if path.exists():
@@ -167,7 +172,10 @@ def catalogue_file(path: Path) -> Path:
 
 
 def rows_of(file: Path) -> list[Row]:
-    """Return the rows of a CSV by unique name or order number. Raises ProblemError."""
+    """Read the rows of a CSV catalogue. Each row has a unique name or order number.
+
+    Raises ProblemError if the table is invalid.
+    """
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -220,7 +228,7 @@ def _cells(reader: Any, file: Path) -> Iterator[list[str]]:
 
 
 def _value(text: str) -> str | float:
-    """Return a cell as a number if it is one, otherwise as text."""
+    """Convert a cell to a number if possible, and otherwise return its text."""
     try:
         return float(text)
     except ValueError:
@@ -228,13 +236,13 @@ def _value(text: str) -> str | float:
 
 
 def _heading(cell: str) -> tuple[str, str]:
-    """Return the name and unit of a column such as `rotor_inertia [g*cm^2]`."""
+    """Split the heading of a column, such as `rotor_inertia [g*cm^2]`, into name and unit."""
     name, _, unit = cell.strip().partition("[")
     return name.strip(), unit.rstrip("] ")
 
 
 def _motor(row: Row, file: str) -> JsonObject:
-    """Return the motor file that a row describes, without keys that motor files do not have."""
+    """Convert a row to the content of a motor file. Columns that are no such keys are left out."""
     cells = dict(row.cells)
     source = cells.pop("source", f"{file}, {row.label}")
     name = str(cells.pop("name", ""))
@@ -265,7 +273,7 @@ def _value_beside(file: Path, row: Row, name: str) -> float | None:
 
 
 def _geared(file: Path, row: Row, drive: Drive) -> Drive:
-    """Return the present drive with the gear of a row."""
+    """Replace the gear of a drive by the gear in a row."""
     friction = friction_of(drive)
     slides = drive.slides
     effort, inertia = ("N", "kg") if slides else ("N*m", "kg*m^2")

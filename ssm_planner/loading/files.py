@@ -1,4 +1,4 @@
-"""Access to the user's files: search by path or shipped name, reading, and references."""
+"""Find files by path or shipped name, read them, and follow the references between them."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ def shipped_folder() -> Path:
 
 
 def shipped_names(folder: Folder) -> dict[str, Path]:
-    """Return the shipped files of one kind by name, such as tilt_insert for problems."""
+    """Return the paths of the shipped files of one kind by name, such as "tilt_insert"."""
     directory = shipped_folder() if folder == "problems" else shipped_folder() / folder
     return {file.stem: file for file in sorted(directory.glob("*.yaml"))}
 
 
 def find(name: str | Path, folder: Folder) -> Path:
-    """Return the file of this path, or the shipped file of this name.
+    """Find a file by its path or, if there is none, by its shipped name.
 
-    Raises ProblemError if there is neither.
+    `folder` is the folder of the shipped files of this kind. Raises ProblemError if there is no
+    such file.
     """
     path = Path(name)
     names = shipped_names(folder)
@@ -52,21 +53,24 @@ def find(name: str | Path, folder: Folder) -> Path:
 
 
 def read(path: str | Path) -> Section:
-    """Return the YAML mapping in a file. Raises ProblemError for any other content."""
+    """Read a YAML file. Raises ProblemError if its content is not a mapping."""
     file = Path(path)
     return _section(file, parse(file, text_of(file)))
 
 
 def of_text(text: str) -> Section:
-    """Return the YAML mapping in a text.
+    """Parse a YAML text whose file names are relative to the working directory.
 
-    File names in it are relative to the working directory. Raises ProblemError.
+    Raises ProblemError if its content is not a mapping.
     """
     return _section(None, parse(None, text))
 
 
 def of_data(data: Mapping[str, Any]) -> Section:
-    """Return data from Python as the content of a file without lines. Raises ProblemError."""
+    """Convert a mapping from Python to a section, which has no file and no line numbers.
+
+    Raises ProblemError if the data are nested too deeply.
+    """
     return _section(None, plain_node(data))
 
 
@@ -82,10 +86,21 @@ def _section(file: Path | None, root: Node) -> Section:
 
 
 def follow(section: Section, *path: str | int, file_kind: str | None = None) -> Section:
-    """Return the mapping under a key, or the one in the file that the key names.
+    """Return the mapping under a key, or the mapping in the file that the key names.
 
-    The file is relative to the file that names it, or shipped. file_kind is robot, drive or
-    motor, by default the name of the key.
+    Parameters
+    ----------
+    section : Section
+        Section that contains the key.
+    *path : str or int
+        Keys and list positions that lead to the entry.
+    file_kind : str, optional
+        Kind of the file: robot, drive, motor or problem. The default is the name of the key.
+
+    Returns
+    -------
+    Section
+        The mapping. A file name is relative to the file that contains it, or it is a shipped name.
     """
     reference = section.sub(*path)
     if isinstance(reference.value, dict):
@@ -112,7 +127,7 @@ def follow(section: Section, *path: str | int, file_kind: str | None = None) -> 
 
 
 def text_of(file: Path) -> str:
-    """Return the content of a text file. Raises ProblemError if it is unreadable."""
+    """Return the content of a text file. Raises ProblemError if the file cannot be read."""
 
     def refused(reason: str, allowed: str | None = None, line: int | None = None) -> ProblemError:
         return ProblemError(reason, file=file, line=line, allowed=allowed)

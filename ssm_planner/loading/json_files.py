@@ -1,6 +1,7 @@
-"""Reader of JSON files.
+"""Read JSON files safely.
 
-Any content gives either data with finite numbers or one message that names the file.
+For any content of a file, the result is either data with finite numbers or an error that names the
+file and the fault.
 """
 
 from __future__ import annotations
@@ -36,19 +37,39 @@ LONGEST_INTEGER = 18
 
 
 def read_json(path: Path, max_size: int) -> Any:
-    """Return the content of a JSON file of at most `max_size` bytes.
+    """Read a JSON file of at most `max_size` bytes.
 
-    Raises TrajectoryError with file and fault.
+    Raises TrajectoryError, which names the file and the fault, if the file is invalid.
     """
     return parse_json(path, read_bytes(path, max_size))
 
 
 def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> tuple[Any, str]:
-    """Return the content of a JSON file and its SHA-256.
+    """Read a JSON file that may contain a long list of numbers, and compute its SHA-256.
 
-    In a large file, the list under the keys `long_key` becomes an array. Its numbers never become
-    Python objects, which need four times the memory of an array in addition to the text. Raises
-    TrajectoryError with file and fault.
+    The list of a large file is converted to an array in parts. Python objects for all its numbers
+    would need four times the memory of the array.
+
+    Parameters
+    ----------
+    path : Path
+        File to read.
+    max_size : int
+        Largest permitted size, bytes.
+    long_key : tuple[str, ...]
+        Keys that lead to the long list.
+
+    Returns
+    -------
+    content
+        Content of the file.
+    sha256 : str
+        Hash of the file.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file is invalid. The message names the file and the fault.
     """
     if not path.is_file() or path.stat().st_size <= IN_PARTS:
         data = read_bytes(path, max_size)
@@ -87,9 +108,9 @@ class _Stream:
         self.decoded = codecs.getincrementaldecoder("utf-8-sig")()
 
     def read_more(self) -> bool:
-        """Double the buffered text, so that long values are rarely parsed twice.
+        """Read more text into the buffer. Returns False at the end of the file.
 
-        Return False at the end.
+        The size of the buffer doubles, so that long values are rarely parsed twice.
         """
         data = self.file.read(max(CHUNK, len(self.text) - self.at))
         self.digest.update(data)
@@ -106,7 +127,7 @@ class _Stream:
                 return self.text[self.at : self.at + 1]
 
     def take(self, allowed: str) -> str:
-        """Consume and return the next character, which must be one of these."""
+        """Consume and return the next character. It must be one of the allowed characters."""
         character = self.peek()
         if not character or character not in allowed:
             self.refuse(
@@ -137,7 +158,7 @@ class _Stream:
         return value
 
     def mapping(self, long_key: tuple[str, ...]) -> JsonObject:
-        """Consume the next mapping, and convert the list under the keys `long_key` to an array."""
+        """Consume and return the next mapping, in which the long list becomes an array."""
         self.take("{")
         mapping: JsonObject = {}
         while self.peek() != "}" or mapping:
@@ -158,7 +179,10 @@ class _Stream:
         return mapping
 
     def array(self) -> Any:
-        """Consume the next list of numbers or of lists of equal shape as an array."""
+        """Consume the next list and return it as an array.
+
+        The list contains numbers, or lists of equal shape.
+        """
         self.take("[")
         batches: list[Array] = []
         entries: list[Any] = []
@@ -187,7 +211,10 @@ class _Stream:
 
 
 def read_bytes(path: Path, max_size: int) -> bytes:
-    """Return the content of a regular file of at most `max_size` bytes. Raises TrajectoryError."""
+    """Return the content of a regular file of at most `max_size` bytes.
+
+    Raises TrajectoryError if the file is missing, too large or unreadable.
+    """
     try:
         if path.is_dir():
             raise TrajectoryError(f"{path}: is a folder, not a file")
@@ -205,7 +232,10 @@ def read_bytes(path: Path, max_size: int) -> bytes:
 
 
 def parse_json(path: Path, data: bytes) -> Any:
-    """Return the value in JSON bytes. path is named in messages. Raises TrajectoryError."""
+    """Parse the content of a JSON file.
+
+    Raises TrajectoryError, which names the file `path`, if the content is invalid.
+    """
 
     decoder = _decoder(path)
     try:
@@ -240,7 +270,10 @@ def _decoder(path: Path) -> json.JSONDecoder:
 
 
 def _check(path: Path, value: Any, depth: int) -> None:
-    """Raise TrajectoryError for deep nesting, infinite numbers (1e999) or invalid text."""
+    """Raise TrajectoryError if a value is nested too deeply, not finite, or contains invalid text.
+
+    A number such as 1e999 is not finite.
+    """
     if isinstance(value, float):
         if not math.isfinite(value):
             raise TrajectoryError(

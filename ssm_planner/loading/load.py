@@ -1,4 +1,4 @@
-"""Readers of problem, robot, drive, motor, controller and motorisation files."""
+"""Load problem, robot, drive, motor, controller and motorisation files."""
 
 from __future__ import annotations
 
@@ -39,17 +39,18 @@ from ssm_planner.problem.robot import Robot
 
 @checked
 def load_problem(name: str | Path) -> Problem:
-    """Return the problem in a YAML file or the shipped problem of this name.
+    """Load a problem from a YAML file or by its shipped name.
 
-    Every point is within its limits. Raises ProblemError.
+    The points of the motion are checked against the limits. Raises ProblemError, which names the
+    file, the line and the key, if a value is invalid.
     """
     return problem_from(read(find(name, "problems")))
 
 
 def problem_from_dict(data: Mapping[str, Any]) -> Problem:
-    """Return the problem that a mapping with the keys of a problem file describes.
+    """Build a problem from a mapping with the keys of a problem file.
 
-    Raises ProblemError with the key.
+    Raises ProblemError, which names the key, if a value is invalid.
     """
     return problem_from(of_data(data))
 
@@ -64,25 +65,29 @@ Problem.from_yaml = _from_yaml
 
 @checked
 def load_robot(name: str | Path) -> Robot:
-    """Return the robot in a YAML file or the shipped robot of this name, with drives and motors.
+    """Load a robot with its drives and motors from a YAML file or by its shipped name.
 
-    Raises ProblemError.
+    Raises ProblemError, which names the file, the line and the key, if a value is invalid.
     """
     return robot_from(read(find(name, "robots")))
 
 
 @checked
 def load_drive(name: str | Path) -> Drive:
-    """Return the drive in a YAML file or the shipped drive of this name.
+    """Load a drive from a YAML file or by its shipped name.
 
-    Its friction is None if it must still be identified. Raises ProblemError.
+    The friction is None if the file does not contain it, because it is still to be identified.
+    Raises ProblemError if a value is invalid.
     """
     return drive_from(read(find(name, "drives")))
 
 
 @checked
 def load_motor(name: str | Path) -> Motor:
-    """Return the motor in a YAML file or the shipped motor of this name. Raises ProblemError."""
+    """Load a motor from a YAML file or by its shipped name.
+
+    Raises ProblemError if a value is invalid.
+    """
     return motor_from(read(find(name, "motors")))
 
 
@@ -106,9 +111,9 @@ ControllerModel = model_of(
 
 @checked
 def load_controller(name: str | Path) -> Controller:
-    """Return the controller in a YAML file or the shipped controller of this name.
+    """Load a motor controller from a YAML file or by its shipped name.
 
-    Raises ProblemError.
+    Raises ProblemError if a value is invalid.
     """
     section = read(find(name, "controllers"))
     fields = dict(validated(section, ControllerModel))
@@ -145,9 +150,10 @@ class MotorisationModel(Model):
 
 
 def load_motorisation(name: str | Path) -> Motorisation:
-    """Return the motorisation runs in a YAML file or the shipped ones of this name.
+    """Load a motorisation and its robot from a YAML file or by its shipped name.
 
-    Their robot is loaded as well. Raises ProblemError.
+    A motorisation contains back-and-forth strokes of single joints. Raises ProblemError if a value
+    is invalid.
     """
     section = read(find(name, "motorisation"))
     if section.has_key("motion") and not section.has_key("back_and_forth"):
@@ -195,5 +201,5 @@ def json_schema(file_kind: Kind) -> dict[str, Any]:
 
 
 def file_keys(file_kind: Kind) -> tuple[Key, ...]:
-    """Return every key of a kind of file with unit, allowed values, default and meaning."""
+    """Return every key of a kind of file with its unit, allowed values, default and meaning."""
     return tuple(dict.fromkeys(key for model in _models(file_kind) for key in keys(model)))

@@ -1,4 +1,4 @@
-"""Reader of motor files. It detects wrong units by comparing the figures with each other."""
+"""Read motor files, and detect wrong units by comparing the values with each other."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ssm_planner.units import rpm
 
 
 def _check(quantity_kind: str, description: str) -> Any:
-    """Return a figure that only serves to check others."""
+    """Return the type of a value that serves only to check other values."""
     hint = Annotated[Figure, sourced_field(quantity(quantity_kind, Bound(above=0.0)))]
     return hint | None, Field(None, description=description)
 
@@ -49,28 +49,34 @@ MotorModel = model_of(
 """Model of a motor file: the figures of a datasheet, each with its source."""
 
 TORQUE = (1e-6, 5.0)
-"""Plausible torques of a motor for a surgical tool, N·m. Larger figures have lost their milli."""
+"""Range of plausible torques of a motor for a surgical tool, N·m.
+
+Larger values are usually in mN·m.
+"""
 LARGEST_POWER = 2e3
 """Largest plausible product of nominal torque and largest speed, W."""
 ACCELERATION = (1e2, 1e7)
-"""Plausible ratio of nominal torque to rotor inertia, rad/s². Small motors have 1e4 to 2e5."""
+"""Range of plausible ratios of nominal torque to rotor inertia, rad/s².
+
+Small motors have 1e4 to 2e5.
+"""
 NO_LOAD_SPEED = (10.0, 2.5e4)
 """Plausible ratio of nominal voltage to torque constant, rad/s."""
 NOMINAL_RISE = (0.1, 4.0)
-"""Plausible temperature rise at nominal current relative to the allowed rise of the winding.
+"""Range of plausible ratios of the temperature rise at nominal current to the permitted rise.
 
-It is 1 in a consistent datasheet.
+The ratio is 1 in a consistent datasheet.
 """
 REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance and torque constant, K."""
 WINDING_TEMPERATURE = (330.0, 530.0)
 TORQUE_AGREEMENT = 0.35
-"""Tolerance between nominal torque and torque constant times nominal current.
+"""Tolerance between the nominal torque and the torque constant times the nominal current.
 
-The difference is due to losses, up to 25 % in small fast motors.
+Losses cause a difference of up to 25 % in small fast motors.
 """
 CONSTANT_AGREEMENT = 0.1
-"""Tolerance of torque constant times speed constant, which is 1 in SI units."""
+"""Tolerance of the product of torque constant and speed constant, which is 1 in SI units."""
 STALL_AGREEMENT = 0.1
 """Tolerance between stall torque and torque constant × voltage / resistance.
 
@@ -79,7 +85,7 @@ On 95 % of 641 product pages the difference is at most 0.5 %.
 
 
 def motor_from(section: Section) -> Motor:
-    """Return the motor that a section describes. Raises ProblemError."""
+    """Build the motor that a section describes. Raises ProblemError if a value is invalid."""
     model: Any = validated(section, MotorModel)
     sourced = model.sourced_figures()
     for name, entry in sourced.items():
@@ -135,7 +141,7 @@ def _check_torque(section: Section, values: Mapping[str, float]) -> None:
 
 
 def _check_constants(section: Section, values: Mapping[str, float]) -> None:
-    """Raise ProblemError if the torque constant contradicts the other electrical figures."""
+    """Raise ProblemError if the torque constant contradicts the other electrical values."""
     constant = values.get("torque_constant")
     nominal = values["nominal_torque"]
     if constant is None:
@@ -184,7 +190,10 @@ def _contradicts(
 
 
 def _check_heat(section: Section, values: Mapping[str, float]) -> None:
-    """Raise ProblemError if the winding temperature is implausible, also at nominal current."""
+    """Raise ProblemError if the winding temperature is implausible.
+
+    The temperature at nominal current is checked as well.
+    """
     limit = values.get("max_winding_temperature")
     if limit is None:
         return

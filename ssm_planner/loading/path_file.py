@@ -33,9 +33,21 @@ FORMS = (
 
 
 def path_from(section: Section, name: str, line: int | None) -> Follow:
-    """Return the path in the table that a key names, relative to the file that names it.
+    """Read the path in the table that a key names.
 
-    Raises ProblemError.
+    Parameters
+    ----------
+    section : Section
+        Section that names the table. The file name is relative to its file.
+    name : str
+        Name of the motion.
+    line : int or None
+        Line of the motion for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the table is missing or invalid.
     """
     file = Path(section.value) if section.file is None else section.file.parent / section.value
     if not file.is_file():
@@ -68,8 +80,9 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
 
 
 def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
-    """Return the column and the factor to SI of every coordinate of one form, in the form's
-    order.
+    """Return the index of the column and the factor to SI units for every coordinate.
+
+    The coordinates are those of one form (joints, task coordinates, or tip and spin), in its order.
     """
 
     def refused(reason: str, key: str | None = None, allowed: str = FORMS) -> ProblemError:
@@ -115,7 +128,7 @@ def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
 def _numbers(
     cells: list[str], columns: Mapping[str, tuple[int, float]], location: tuple[Path, int]
 ) -> Mapping[str, float]:
-    """Return the SI values of one row."""
+    """Convert one row to values in SI units."""
     values: dict[str, float] = {}
     for name, (column, factor) in columns.items():
         cell = cells[column] if column < len(cells) else ""

@@ -1,6 +1,6 @@
-"""Reader of robot files with drives and motors.
+"""Read robot files with their drives and motors.
 
-Axes may be vectors or angles, and inertias may have either sign convention.
+A file may state the axes as vectors or as angles, and inertias in either sign convention.
 """
 
 from __future__ import annotations
@@ -279,7 +279,7 @@ LARGEST_GYRATION = 1.0
 
 
 def robot_from(section: Section) -> Robot:
-    """Return the robot that a section describes. Raises ProblemError."""
+    """Build the robot that a section describes. Raises ProblemError if a value is invalid."""
     model: Any = validated(section, RobotModel)
     omegas = _axes(section.sub("geometry"), model.geometry)
     frames: list[Array] = []
@@ -307,7 +307,7 @@ def robot_from(section: Section) -> Robot:
 
 
 def ranges_from(model: Any) -> tuple[TaskRange, ...]:
-    """Return the stated ranges of task coordinates."""
+    """Return the ranges of task coordinates that a file states."""
     ranges = ((name, getattr(model, name)) for name in TASK)
     return tuple(TaskRange(name, *ends) for name, ends in ranges if ends is not None)
 
@@ -328,9 +328,10 @@ def _joint(section: Section, name: str, model: Any) -> Joint:
 def _frame(
     section: Section, chain: tuple[tuple[str, float | str], ...], geometry: GeometryModel
 ) -> Array:
-    """Return the rotation (3, 3) of a chain that may name angles of the geometry.
+    """Return the rotation matrix (3, 3) of a chain of rotations.
 
-    Raises ProblemError.
+    The chain may contain names of the geometry's angles. Raises ProblemError if the file does not
+    state such an angle.
     """
     angles = []
     for axis, angle in chain:
@@ -348,9 +349,10 @@ def _frame(
 
 
 def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
-    """Return the product (3, 3) of elementary rotations (axis letter, angle).
+    """Return the product (3, 3) of elementary rotations.
 
-    Each rotation is about the axes of the frame that the previous ones have turned.
+    Each rotation is given by the letter of its axis and an angle in rad. Its axis belongs to the
+    frame that the previous rotations have turned.
     """
     result = np.eye(3)
     for axis, angle in chain:
@@ -385,7 +387,10 @@ def _axes(section: Section, model: GeometryModel) -> list[Array]:
 def _geometry(
     section: Section, model: GeometryModel, omegas: Sequence[Array], last_frame: Array
 ) -> Geometry:
-    """Return the geometry. last_frame is the rotation base ← last body at q = 0, (3, 3)."""
+    """Build the geometry of the robot.
+
+    `last_frame` is the rotation (3, 3) from the frame of the last body to the base at q = 0.
+    """
     locations: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
     if model.axes is None:
         locations = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
@@ -418,9 +423,9 @@ def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
 
 
 def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float) -> float:
-    """Return the stated home_roll (default 0), or the one that beta requires if they disagree.
+    """Return the roll at q = 0 that the file states, or the roll that the angle beta requires.
 
-    cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h.
+    The default is 0. The angles satisfy cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h.
     """
 
     def angle(cosine: float) -> float:
@@ -445,9 +450,9 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
 
 @record
 class _Setting:
-    """Position of a body in the chain.
+    """The index of a body in the chain, with data of the complete chain.
 
-    It contains all frames base ← body at q = 0 (3, 3), the axes and the joints.
+    These are the rotations (3, 3) from all bodies to the base at q = 0, the axes and the joints.
     """
 
     place: int
@@ -460,9 +465,10 @@ class _Setting:
         return self.frames[self.place]
 
     def axis(self, beyond: int) -> Array:
-        """Return an axis in the body's frame, (3,).
+        """Return the axis of a joint in the frame of the body, (3,).
 
-        It is the axis of the joint that moves the body, or of the joint `beyond` it.
+        If `beyond` is 0, it is the joint that moves the body. Otherwise, it is the joint that
+        follows after this number of joints.
         """
         return self.frame.T @ self.geometry.axes[self.place + beyond]
 
@@ -520,7 +526,7 @@ def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
 
 
 def _solid(section: Section, model: Any, setting: _Setting) -> shapes.Moments:
-    """Return a part in the body's frame."""
+    """Return the mass moments of a part in the frame of the body."""
     is_last = setting.place == len(setting.frames) - 1
     if isinstance(model, ArcModel):
         if setting.place > 1:
@@ -573,9 +579,9 @@ def _mass_of(section: Section, model: Any, joints: Sequence[Joint]) -> float:
 
 
 def _inertia(section: Section, model: Any) -> Array:
-    """Return the tensor about the frame's origin (3, 3) with products −∫xy dm.
+    """Return the inertia tensor (3, 3) about the origin of the frame, kg·m².
 
-    The sign in the file may be different.
+    Its products of inertia are −∫xy dm, whereas the file may state them with the opposite sign.
     """
     inertia = model.inertia
     convention = model.products_of_inertia

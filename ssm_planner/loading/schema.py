@@ -1,8 +1,8 @@
-"""Strict pydantic models of files, built from the values that the files describe.
+"""Build strict pydantic models of files from the classes of the values that the files describe.
 
-Every fault of a file becomes one ProblemError. A field of a value that is a key of a file carries
-its kind of quantity (`value.Quantity`), its bounds and its default, and `model_of` reads them. Keys
-with another form are declared next to their readers.
+If a field of a value is a key of a file, its type states the kind of quantity (`value.Quantity`),
+the bounds and the default. The function `model_of` reads them. Keys of another form are declared
+next to their readers. The faults of a file become one ProblemError.
 """
 
 from __future__ import annotations
@@ -53,7 +53,10 @@ class Figure(NamedTuple):
 
 
 class Model(BaseModel):
-    """Frozen model. Unknown keys are errors that suggest known ones."""
+    """Base class of all models, which are immutable. An unknown key raises an error.
+
+    The error suggests the most similar known key.
+    """
 
     # models are built on first use because one command needs few of them
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
@@ -122,9 +125,16 @@ def check_keys(data: dict[Any, Any], allowed: list[str]) -> None:
 
 
 def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> PydanticCustomError:
-    """Return an error that the loader turns into a ProblemError.
+    """Build an error for a wrong value, which the loader converts to a ProblemError.
 
-    key is a key below the value being validated.
+    Parameters
+    ----------
+    reason : str
+        Reason why the value is wrong.
+    allowed : str, optional
+        Description of the allowed values.
+    key : str, optional
+        Key of the wrong entry within the value that is validated.
     """
     return PydanticCustomError(
         "problem", "see the context", {"reason": reason, "allowed": allowed, "key": key}
@@ -133,7 +143,7 @@ def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> Py
 
 @record
 class Field:
-    """Metadata of an Annotated type: reader, JSON schema and description of a value."""
+    """Metadata of an annotated type: the reader, the JSON schema and the description of a value."""
 
     read: Callable[[Any], Any]
     json_schema: JsonObject
@@ -166,7 +176,7 @@ class Field:
 
 @record
 class Part:
-    """Metadata of an Annotated type whose model is built at run time."""
+    """Metadata of an annotated type whose model is built at run time."""
 
     model: Any
 
@@ -181,9 +191,9 @@ def nested(model: Any) -> Any:
 
 
 def quantity(unit_kind: str, bound: Bound = UNBOUND, integer: bool = False) -> Field:
-    """Return the type of one quantity of a kind in units.KINDS, in SI.
+    """Return the type of a quantity, which is converted to SI units.
 
-    whole requires an integer.
+    `unit_kind` is a key of units.KINDS. If `integer` is true, the value must be an integer.
     """
 
     def read(value: object) -> float:
@@ -214,7 +224,10 @@ def interval(unit_kind: str) -> Field:
 
 
 def vector(*kinds: str) -> Field:
-    """Return the type of `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`, with one kind per component."""
+    """Return the type of a vector such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
+
+    `kinds` contains the kind of quantity of each component.
+    """
     items = {
         "type": "array",
         "items": _json_schema(kinds[0]),
@@ -228,7 +241,10 @@ def vector(*kinds: str) -> Field:
 
 
 def sourced_field(field: Field) -> Field:
-    """Return the type of a Figure: a quantity, or a mapping with value, source and placeholder."""
+    """Return the type of a quantity that may have a source.
+
+    The file contains the quantity, or a mapping with the keys value, source and placeholder.
+    """
 
     def read(value: object) -> Figure:
         if not isinstance(value, dict):
@@ -265,9 +281,18 @@ def sourced_field(field: Field) -> Field:
 
 
 def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) -> Any:
-    """Return the type that reads a field of a value, or None if its annotation does not define it.
+    """Return the type that reads a field of a value, or None if its annotation defines no type.
 
-    slides selects the units of a prismatic joint. figures allows a source for the quantity.
+    Parameters
+    ----------
+    cls : type
+        Class of the value.
+    name : str
+        Name of the field.
+    slides : bool
+        Use the units of a prismatic joint.
+    sourced : bool
+        Allow a source for the quantity.
     """
     hint_type, marks = strip_annotations(hints(cls)[name])
     if get_origin(hint_type) is Literal:
@@ -293,13 +318,16 @@ def model_of(
     without: tuple[str, ...] = (),
     base: type[Model] = Model,
 ) -> Any:
-    """Build the model of a value. Kinds, bounds and defaults are those of its fields.
+    """Build the model of a value from its class.
+
+    The kinds, bounds and defaults of the keys are those of the fields.
 
     Parameters
     ----------
     cls : type
+        Class of the value.
     extra_keys : Mapping, optional
-        Further or different keys, as pydantic's (type, default).
+        Additional keys, or keys that replace a field, each as a pair of type and default.
     slides : bool
         Use the units of a prismatic joint.
     sourced : bool
@@ -332,9 +360,10 @@ def model_of(
 def model_from(
     fields: Mapping[str, Any], base: type[Model] = Model, value_types: tuple[Any, ...] = ()
 ) -> Any:
-    """Build the model with these keys, each given as pydantic's (type, default).
+    """Build a model from keys, each as a pair of type and default.
 
-    of contains values whose fields document the keys. If several do, the last one applies.
+    `of` contains the classes whose fields document the keys. If several classes document a key, the
+    last one applies.
     """
     created: Any = create_model
     model = created("KeysModel", __base__=base, **fields)
@@ -343,19 +372,20 @@ def model_from(
 
 
 def required(hint: Any, description: str) -> Any:
-    """Return a key that must be given."""
+    """Return the type and default of a key that a file must contain."""
     return hint, PydanticField(description=description)
 
 
 def optional(hint: Any, description: str = "") -> Any:
-    """Return a key that may be missing."""
+    """Return the type and default of a key that may be missing."""
     return hint | None, PydanticField(None, description=description)
 
 
 def by_joint(turning: Any, sliding: Any, every: bool = False) -> Any:
-    """Return the model of a mapping from joints to a type for revolute or prismatic joints.
+    """Return the model of a mapping from joints to values.
 
-    every requires an entry for every joint.
+    Revolute joints have the type `turning`, and the prismatic joint has the type `sliding`. If
+    `every` is true, the mapping must contain every joint.
     """
     fields: dict[str, Any] = {}
     for i, name in enumerate(JOINTS, 1):
@@ -445,7 +475,7 @@ class Key(NamedTuple):
 
 
 def keys(model: Any, path: str = "") -> Iterator[Key]:
-    """Return every key of a model, followed by the keys of its parts."""
+    """Yield every key of a model. The keys of nested models follow their own key."""
     texts = model.key_descriptions()
     for name, info in model.model_fields.items():
         hints = list(_nested_hints((info.annotation, *info.metadata)))
@@ -492,9 +522,9 @@ def _nested_hints(hint: Any) -> Iterator[Any]:
 
 
 def validated(section: Section, model: type[M]) -> M:
-    """Return the section's value as an instance of the model.
+    """Validate the value of a section, and return it as an instance of the model.
 
-    Raises ProblemError with the first fault, which lists the others.
+    Raises ProblemError for the first fault. Its message also lists the other faults.
     """
     try:
         return model.model_validate(section.value)
@@ -510,9 +540,9 @@ def validated(section: Section, model: type[M]) -> M:
 def located(
     section: Section, locations: Mapping[str, tuple[str | int, ...]] | None = None
 ) -> Iterator[None]:
-    """Add file and line to errors of values that the block builds.
+    """Add file and line to errors that values raise within a `with` block.
 
-    places maps fields to keys if their names differ in the file.
+    `places` contains the key of each field whose name differs from its key in the file.
     """
     try:
         yield

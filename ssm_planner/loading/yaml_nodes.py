@@ -1,4 +1,4 @@
-"""YAML parser that records the line of every value and key, and sections of the resulting tree."""
+"""Parse YAML with the line of every key and value, and access parts of the result as sections."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _STRING_TAGS = (
 
 @dataclass(frozen=True)
 class Node:
-    """Value of a file: plain data, its line, and the nodes and key lines below it."""
+    """A value of a file, with its line, the nodes below it, and the lines of their keys."""
 
     value: Any
     line: int | None
@@ -53,7 +53,7 @@ def parse(
     trailing: bool = False,
     tree: bool = True,
 ) -> Node:
-    """Return the single document in a YAML text.
+    """Parse a YAML text that contains a single document.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def parse(
 
 
 class _Builder:
-    """Builder of the tree from YAML events, which limits depth, size and aliases."""
+    """Builder of a tree from the events of a YAML parser. It limits depth, size and aliases."""
 
     def __init__(
         self, file: Path | None, events: Iterator[Any], max_nodes: int, tree: bool
@@ -185,9 +185,9 @@ class _Builder:
 
 
 def _scalar(event: Any) -> object:
-    """Return a number or word as YAML 1.2 reads it.
+    """Convert a scalar to the value that YAML 1.2 defines.
 
-    1e-5 is a number. yes, no, on, off and 1:30 are text.
+    For example, `1e-5` is a number, and `yes`, `no`, `on`, `off` and `1:30` are text.
     """
     text: str = event.value
     if event.style or event.tag == "tag:yaml.org,2002:str":
@@ -207,7 +207,7 @@ def _line(event: Any) -> int:
 
 @dataclass(frozen=True)
 class Section:
-    """Part of a file at a path of keys and list positions."""
+    """A part of a file, at a path of keys and list positions."""
 
     file: Path | None
     """File, or None for data from Python."""
@@ -229,7 +229,7 @@ class Section:
         return self._locate(())[1].value
 
     def sub(self, *path: str | int) -> Section:
-        """Return the part below.
+        """Return the part of this section at a path.
 
         If the path does not exist, messages refer to its deepest existing part.
         """
@@ -241,14 +241,15 @@ class Section:
         return complete and key in node.children
 
     def line(self, *path: str | int) -> int | None:
-        """Return the line of a key, or of the value itself in a list, counted from 1."""
+        """Return the line of a key or, in a list, the line of an entry. Lines count from 1."""
         return self._locate(path)[0]
 
     def error(
         self, reason: str, *path: str | int, allowed: str | None = None, show: bool = True
     ) -> ProblemError:
-        """Return a ProblemError with file, line and key path, and with the value if show is
-        True.
+        """Build a ProblemError with the file, the line and the path of the key.
+
+        If `show` is true, the message also contains the value.
         """
         line, node, complete = self._locate(path)
         value = _original_text(node.value) if complete and show else None
@@ -269,7 +270,7 @@ class Section:
 
 
 def key_text(path: tuple[str | int, ...]) -> str:
-    """Return the text for a path, such as `motion[2].tilt.to` for ("motion", 2, "tilt", "to").
+    """Format a path, for example ("motion", 2, "tilt", "to") as `motion[2].tilt.to`.
 
     List positions count from 0.
     """
@@ -280,9 +281,9 @@ def key_text(path: tuple[str | int, ...]) -> str:
 
 
 def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
-    """Return data from Python as a tree in which all values have the same line, or none.
+    """Convert data from Python to a tree in which all values have the same line, or none.
 
-    Raises ProblemError for deep nesting.
+    Raises ProblemError if the data are nested too deeply.
     """
     if depth > DEEPEST:
         raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
@@ -303,9 +304,9 @@ def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
 
 
 def _original_text(value: object) -> str | None:
-    """Return a value as the user wrote it.
+    """Return a value as the user wrote it, or None for a mapping.
 
-    A mapping gives None unless it is a figure with a value.
+    For a mapping with a value and its source, the result is this value.
     """
     if isinstance(value, dict):
         return _original_text(value["value"]) if "value" in value else None
