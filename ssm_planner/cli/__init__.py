@@ -144,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         gc.set_threshold(OBJECTS)
     _prepare_streams()
-    words = [_shielded(word) for word in (sys.argv[1:] if arguments is None else arguments)]
+    words = [_shield(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     signals = _Signals(for_good=arguments is None)
     try:
         with signals:
@@ -156,21 +156,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options = _parser(words).parse_args(words)
             status = int(options.run(options))
             sys.stdout.flush()
-        return status if signals.arrived is None else _interrupted(signals)
+        return status if signals.arrived is None else _report_interruption(signals)
     except SsmPlannerError as error:
-        return _refused(error, "--json" in words)
+        return _report_error(error, "--json" in words)
     except BrokenPipeError:  # the reader has closed the pipe
         _discard_output()
         return CLOSED_PIPE
     except OSError as error:
         if error.filename is not None or error.errno not in STREAM_FAULTS:
-            return _fault(error)
+            return _report_fault(error)
         _discard_output()
-        return _refused(SsmPlannerError(f"standard output: cannot be written: {error.strerror}"))
+        return _report_error(
+            SsmPlannerError(f"standard output: cannot be written: {error.strerror}")
+        )
     except KeyboardInterrupt:
-        return _interrupted(signals)
+        return _report_interruption(signals)
     except Exception as error:  # noqa: BLE001 the user gets one line and a separate status
-        return _interrupted(signals) if signals.arrived is not None else _fault(error)
+        return (
+            _report_interruption(signals) if signals.arrived is not None else _report_fault(error)
+        )
 
 
 def _fix_kernels() -> None:
@@ -195,7 +199,7 @@ def _fix_kernels() -> None:
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
-def _refused(error: SsmPlannerError, as_json: bool = False) -> int:
+def _report_error(error: SsmPlannerError, as_json: bool = False) -> int:
     """Print an error on stderr, and as JSON on stdout if requested. Return the exit status."""
     print(f"ssm-planner: {error}", file=sys.stderr)
     if as_json:
@@ -259,7 +263,7 @@ class _Signals:
             signal.pthread_kill(threading.main_thread().ident or 0, self.arrived or signal.SIGINT)
 
 
-def _interrupted(signals: _Signals) -> int:
+def _report_interruption(signals: _Signals) -> int:
     """Report which results were complete before an interruption, and return the exit status."""
     # CPython records an interruption, and would later end the process. exec() resets the record.
     exec("")
@@ -275,7 +279,7 @@ def _interrupted(signals: _Signals) -> int:
     return TERMINATED if term else INTERRUPTED
 
 
-def _fault(error: Exception) -> int:
+def _report_fault(error: Exception) -> int:
     """Report an internal fault in one line, and return the exit status."""
     if os.environ.get(DEBUG):
         import traceback
@@ -346,7 +350,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     return parser
 
 
-def _shielded(word: str) -> str:
+def _shield(word: str) -> str:
     """Prepend a space to a negative value such as `-140deg`.
 
     argparse treats a word that contains a space as a value and not as an option.

@@ -14,7 +14,7 @@ from ssm_planner.cli.shared import (
     rate_argument,
     show,
 )
-from ssm_planner.cli.terminal import shortened
+from ssm_planner.cli.terminal import shorten
 from ssm_planner.errors import ProblemError
 
 
@@ -92,7 +92,7 @@ def run_plan(options: argparse.Namespace) -> int:
         document,
         lambda: [
             *(explanation(result) if options.explain else ()),
-            *(text if options.verbose else shortened(text)),
+            *(text if options.verbose else shorten(text)),
         ],
     )
     return OK if result.passed else FAILED

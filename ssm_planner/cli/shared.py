@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.cli.terminal import printed
+from ssm_planner.cli.terminal import print_lines
 from ssm_planner.display import columns
 from ssm_planner.errors import ProblemError
 
@@ -188,7 +188,7 @@ def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> No
     if as_json:
         print(_json(document))
     else:
-        printed(lines())
+        print_lines(lines())
 
 
 def show_with_page(

@@ -64,7 +64,7 @@ def suggestion(word: str, vocabulary: Iterable[str]) -> str:
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
-def wrapped(line: str, width: int) -> list[str]:
+def wrap_line(line: str, width: int) -> list[str]:
     """Wrap a line into lines of at most `width` characters, without breaking words.
 
     Continuation lines are aligned with the text behind the label of the first line. A line that
@@ -80,18 +80,18 @@ def wrapped(line: str, width: int) -> list[str]:
     )
 
 
-def shortened(lines: Iterable[str]) -> list[str]:
+def shorten(lines: Iterable[str]) -> list[str]:
     """Wrap lines to the terminal, and replace the middle of a text that exceeds SHORT lines.
 
     The last LAST lines always remain, because they contain the verdict.
     """
-    screen = [part for line in lines for part in wrapped(line, columns())]
+    screen = [part for line in lines for part in wrap_line(line, columns())]
     if len(screen) <= SHORT:
         return screen
     return [*screen[: SHORT - LAST - 1], "… (-v prints all)", *screen[-LAST:]]
 
 
-def printed(lines: Iterable[str], stream: TextIO | None = None) -> None:
+def print_lines(lines: Iterable[str], stream: TextIO | None = None) -> None:
     """Print lines, wrapped to the terminal, and coloured if the terminal supports colours.
 
     `stream` is the destination. The default is stdout.
@@ -100,7 +100,7 @@ def printed(lines: Iterable[str], stream: TextIO | None = None) -> None:
     colour = stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for block in lines:
         for line in block.splitlines() or [""]:
-            for part in wrapped(line, columns()):
+            for part in wrap_line(line, columns()):
                 print(VERDICT.sub(_coloured, part) if colour else part, file=stream)
 
 

@@ -90,9 +90,9 @@ class Table:
             return [*upper.lines(limit), "", *lower.lines(limit)]
         rows = [self.header, ["-" * width for width in widths], *self.rows]
         return [
-            "  ".join(self._aligned(line, widths)).rstrip()
+            "  ".join(self._align(line, widths)).rstrip()
             for row in rows
-            for line in _wrapped(row, widths)
+            for line in _wrap_row(row, widths)
         ]
 
     def _select(self, indices: Sequence[int]) -> Table:
@@ -122,12 +122,12 @@ class Table:
             widths[priorities.index(first)] -= 1
         return widths
 
-    def _aligned(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
+    def _align(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
         for i, (cell, width) in enumerate(zip(row, widths, strict=True)):
             yield cell.rjust(width) if i in self.numbers else cell.ljust(width)
 
 
-def _wrapped(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:
+def _wrap_row(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:
     """Wrap each cell of a row to its column, and yield the row line by line."""
     cells = [
         wrap(cell, max(width, 1), break_on_hyphens=False) or [""]

@@ -17,9 +17,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.cli import COMMANDS, _parser, _shielded, main
+from ssm_planner.cli import COMMANDS, _parser, _shield, main
 from ssm_planner.cli.shared import output_file, progress_reporter
-from ssm_planner.cli.terminal import printed, shortened, wrapped
+from ssm_planner.cli.terminal import print_lines, shorten, wrap_line
 from ssm_planner.display import columns
 from ssm_planner.plans import load_plan
 from ssm_planner.reporting.text import BINDING, Table, answers, closest_limit, summary_lines
@@ -132,13 +132,13 @@ def test_every_help_fits(
         said = capsys.readouterr().out
         assert max(map(len, said.splitlines())) <= 100, name
         words = shlex.split(said.partition("Example: ssm-planner ")[2])
-        example = [_shielded(word) for word in words]
+        example = [_shield(word) for word in words]
         assert _parser(example).parse_args(example).run.__name__ == f"run_{name}"
 
 
 def test_a_path_with_spaces_is_never_broken() -> None:
     line = f"file     /{'a long folder/' * 12}report.html"
-    assert wrapped(line, 80) == [line]
+    assert wrap_line(line, 80) == [line]
 
 
 @pytest.mark.parametrize("problem", ["tilt_insert", "eye_approach"])
@@ -148,7 +148,7 @@ def test_a_plan_ends_with_its_answers_on_one_screen(
     monkeypatch.setenv("COLUMNS", "80")
     folder = ROOT / "results" / problem
     plan = load_plan(folder)
-    short = shortened(summary_lines(plan, folder))
+    short = shorten(summary_lines(plan, folder))
     assert len(short) <= 25
     assert max(map(len, short[:-1])) <= 80, "a path is one word"
     assert [line.split()[0] for line in short[-5:]] == [
@@ -172,21 +172,21 @@ def test_a_plan_ends_with_its_answers_on_one_screen(
 
 @given(st.lists(st.text("ab ", max_size=200), max_size=60))
 def test_a_short_text_keeps_its_end(lines: list[str]) -> None:
-    whole = [part for line in lines for part in wrapped(line, columns())]
-    short = shortened(lines)
+    whole = [part for line in lines for part in wrap_line(line, columns())]
+    short = shorten(lines)
     assert len(short) <= 25
     assert short[-6:] == whole[-6:]
     assert short == whole or "-v" in short[-7]
 
 
 def test_words_stay_whole_and_under_their_label() -> None:
-    assert wrapped("check        PASSED: 43 limits at 45668 instants", 30) == [
+    assert wrap_line("check        PASSED: 43 limits at 45668 instants", 30) == [
         "check        PASSED: 43 limits",
         "             at 45668 instants",
     ]
-    assert wrapped("note: one two three", 12) == ["note: one", "  two three"]
-    assert wrapped("file: " + "x" * 40, 20) == ["file:", "  " + "x" * 40], "a path is one word"
-    assert " ".join("".join(wrapped("a b  c d", 4)).split()) == "a b c d"
+    assert wrap_line("note: one two three", 12) == ["note: one", "  two three"]
+    assert wrap_line("file: " + "x" * 40, 20) == ["file:", "  " + "x" * 40], "a path is one word"
+    assert " ".join("".join(wrap_line("a b  c d", 4)).split()) == "a b c d"
 
 
 def test_a_table_gets_narrower_by_wrapping_text_never_numbers() -> None:
@@ -206,14 +206,14 @@ def test_colours_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
     plain, shown, refused = io.StringIO(), Terminal(), Terminal()
-    printed(["check: PASSED", "motor BEYOND", "nothing"], plain)
-    printed(["check: PASSED", "motor BEYOND", "nothing"], shown)
+    print_lines(["check: PASSED", "motor BEYOND", "nothing"], plain)
+    print_lines(["check: PASSED", "motor BEYOND", "nothing"], shown)
     assert plain.getvalue() == "check: PASSED\nmotor BEYOND\nnothing\n"
     assert (
         shown.getvalue() == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
     )
     monkeypatch.setenv("NO_COLOR", "1")
-    printed(["check: PASSED"], refused)
+    print_lines(["check: PASSED"], refused)
     assert refused.getvalue() == "check: PASSED\n"
 
 

@@ -23,7 +23,12 @@ from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
 from ssm_planner.publishing import publishing_results
 from ssm_planner.reporting.figures.plan import PLAN_FIGURES, WIDE, motion_figure, motors_figure
-from ssm_planner.reporting.figures.style import new_panels, rendered, save_figures, save_rendered
+from ssm_planner.reporting.figures.style import (
+    new_panels,
+    render_figure,
+    save_figures,
+    save_rendered,
+)
 
 if TYPE_CHECKING:
     from ssm_planner.plans import Plan
@@ -138,14 +143,14 @@ def serve() -> None:
     dummy, panels = new_panels(2.0, 2.0, rows=1, columns=1, edges=(0.5,) * 4, gaps=(0.0, 0.0))
     panels[0, 0].plot([0, 1], label="dummy")
     dummy.legend()
-    rendered(dummy, pdf=False)
+    render_figure(dummy, pdf=False)
     files: Files = {}
     while True:
         try:
             name, arguments = pickle.load(sys.stdin.buffer)
         except EOFError:
             break
-        files[name] = rendered(PLAN_FIGURES[name](*arguments), pdf=False)
+        files[name] = render_figure(PLAN_FIGURES[name](*arguments), pdf=False)
     pickle.dump(files, answer)
     answer.flush()
 
@@ -181,7 +186,7 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     files = {} if drawer is None else drawer.result()
     paths: dict[str, Path] = {}
     for name, values in arguments.items():
-        images = files.get(name) or rendered(PLAN_FIGURES[name](*values), pdf=False)
+        images = files.get(name) or render_figure(PLAN_FIGURES[name](*values), pdf=False)
         paths |= save_rendered(images, folder / name, f"plan {plan.sha256}")
     return paths
 

@@ -128,7 +128,7 @@ def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def rendered(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
+def render_figure(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
     """Render a figure, and return the content of its files by suffix, "png" and optionally "pdf".
 
     Equal figures give equal bytes. PDF files embed TrueType fonts, and `about` becomes their
@@ -157,7 +157,7 @@ def save_figure(
 
     Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
     """
-    return save_rendered(rendered(figure, pdf, about), path, about)
+    return save_rendered(render_figure(figure, pdf, about), path, about)
 
 
 def save_figures(
@@ -181,7 +181,7 @@ def save_rendered(
     Parameters
     ----------
     files : Mapping[str, bytes]
-        Result of `rendered`.
+        Result of `render_figure`.
     path : Path
         Path of the files without suffix.
     about : str, optional

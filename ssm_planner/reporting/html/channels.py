@@ -74,7 +74,7 @@ def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
     )
 
 
-def encoded(channels: dict[str, Array]) -> dict[str, str]:
+def encode(channels: dict[str, Array]) -> dict[str, str]:
     """Encode channels (n,) as base64 of little-endian doubles, which is exact and fast to read."""
     return {
         name: base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")

@@ -11,7 +11,7 @@ from typing import Any
 from ssm_planner.display import NOTHING, number, percent, signed
 from ssm_planner.plans import Plan
 from ssm_planner.reporting.figures.style import COLOURS
-from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
+from ssm_planner.reporting.html.channels import channels_of, encode, time_grid
 from ssm_planner.reporting.html.page import render, write_page
 from ssm_planner.reporting.html.panels import Panel, panels_of
 from ssm_planner.reporting.html.report import verdict
@@ -72,9 +72,9 @@ def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
         "duration": duration,
         "ends": [plan.motion.duration for plan in plans],
         "colours": list(COLOURS),
-        "panels": _merged(panels),
+        "panels": _merge(panels),
         "scenes": [scene_of(plan.robot, plan.limits) for plan in plans],
-        "channels": [encoded(samples) for samples in channels],
+        "channels": [encode(samples) for samples in channels],
     }
 
 
@@ -136,7 +136,7 @@ def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, s
     return number(a, 5), number(b, 5), change
 
 
-def _merged(panels: Sequence[list[Panel]]) -> list[Panel]:
+def _merge(panels: Sequence[list[Panel]]) -> list[Panel]:
     """Merge the panels of plans A and B into one panel for each quantity.
 
     The key "side" is 0 for A and 1 for B, and selects the colour. It is None for a limit that both

@@ -35,6 +35,7 @@ from ssm_planner.typing import Array
 from ssm_planner.units import RPM
 
 Panel = dict[str, Any]
+"""A plot on the page, as JSON types. `new_panel` lists its keys."""
 T = TypeVar("T", TaskRange, TaskRate)
 NEAR = 0.005
 """Largest distance from an active limit, as a share of the limit or of a range's half width."""

@@ -24,7 +24,7 @@ from ssm_planner.problem.robot import Joint
 from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.figures.film import still
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH
-from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
+from ssm_planner.reporting.html.channels import channels_of, encode, time_grid
 from ssm_planner.reporting.html.outcome import write_outcome
 from ssm_planner.reporting.html.page import render, write_page
 from ssm_planner.reporting.html.panels import (
@@ -167,7 +167,7 @@ def report_data(plan: Plan) -> dict[str, Any]:
         "maps": [motor_map(i, motor) for i, motor in motors.items()],
         "notes": {TEMPERATURE: without_temperature(channels, motors)},
         "scene": scene_of(plan.robot, plan.limits),
-        "channels": encoded(channels),
+        "channels": encode(channels),
     }
 
 
@@ -315,7 +315,9 @@ def _seconds(value: float | None, decimals: int = 4) -> str:
 def _stops(plan: Plan) -> dict[str, Any] | None:
     """Summarise the controlled stops of a plan: the longest one and the one that travels farthest.
 
-    Times are in s or ms and distances in mm. The result is None if the plan has no stops.
+    The entry `longest` contains the start of a stop, s, and its duration, ms. The entry `farthest`
+    contains the start of a stop, s, and its travel, mm. The result is None if the plan has no
+    stops.
     """
     stops = plan.stops
     if stops is None:

@@ -18,7 +18,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import MotorTorque
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.reporting.figures.style import COLOURS
-from ssm_planner.reporting.html.channels import channels_of, encoded, time_grid
+from ssm_planner.reporting.html.channels import channels_of, encode, time_grid
 from ssm_planner.reporting.html.page import render, write_page
 from ssm_planner.reporting.html.panels import (
     Panel,
@@ -84,7 +84,7 @@ def simulation_data(plan: Plan, result: SimulationResult) -> dict[str, Any]:
         "colours": list(COLOURS),
         "panels": panels,
         "scenes": [scene_of(plan.robot, plan.limits)] * 2,
-        "channels": [encoded(samples) for samples in channels],
+        "channels": [encode(samples) for samples in channels],
     }
 
 

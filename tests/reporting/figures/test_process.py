@@ -17,7 +17,7 @@ from ssm_planner.plans import Plan, load_plan
 from ssm_planner.reporting.figures import process as figure_process
 from ssm_planner.reporting.figures.plan import PLAN_FIGURES
 from ssm_planner.reporting.figures.process import FigureProcess, write_figures
-from ssm_planner.reporting.figures.style import png_with_text, rendered
+from ssm_planner.reporting.figures.style import png_with_text, render_figure
 from tests.support.paths import ROOT
 
 
@@ -72,8 +72,8 @@ def test_the_same_bytes(plan: Plan, drawn_here: dict[str, bytes], tmp_path: Path
 @pytest.mark.slow
 def test_the_last_motion_counts(file: Plan) -> None:
     first = replace(file.trajectory, phases=file.trajectory.phases[:1])
-    last = rendered(PLAN_FIGURES["motion"](file.trajectory, file.robot), pdf=False)["png"]
-    assert rendered(PLAN_FIGURES["motion"](first, file.robot), pdf=False)["png"] != last
+    last = render_figure(PLAN_FIGURES["motion"](file.trajectory, file.robot), pdf=False)["png"]
+    assert render_figure(PLAN_FIGURES["motion"](first, file.robot), pdf=False)["png"] != last
     with FigureProcess() as drawer:
         drawer.draw("motion", first, file.robot)
         drawer.draw("motion", file.trajectory, file.robot)

@@ -19,7 +19,7 @@ from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.serialization import plain
-from ssm_planner.reporting.html.channels import FEWEST, encoded
+from ssm_planner.reporting.html.channels import FEWEST, encode
 from ssm_planner.reporting.html.compare import comparison_data, write_comparison
 from ssm_planner.reporting.html.page import LIBRARIES, safe_json, templates
 from ssm_planner.reporting.html.panels import active_intervals
@@ -270,7 +270,7 @@ def test_embedded_json_cannot_end_its_element(data: Any) -> None:
 def test_channels_are_exact(values: list[float]) -> None:
     array = np.array(values)
     assert np.array_equal(
-        np.frombuffer(base64.b64decode(encoded({"x": array})["x"]), dtype="<f8"), array
+        np.frombuffer(base64.b64decode(encode({"x": array})["x"]), dtype="<f8"), array
     )
 
 
