@@ -101,9 +101,11 @@ def _complete(
 
 
 def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
-    """Return ((derivative, joint), factor to SI) for a column name.
+    """Determine the quantity and the unit of a column from its name.
 
-    Returns None for other columns than the time and the quantities of joints.
+    Returns the order of the derivative, the index of the joint, and the factor that converts values
+    to SI units. The time has the order −1. The result is None for a column with another quantity.
+    Raises ValueError if the unit does not fit the quantity.
     """
     label, unit = of_heading(name)
     tokens = [token for token in re.split(r"[^a-z0-9]+|_", label.lower()) if token]

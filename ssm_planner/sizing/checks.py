@@ -99,7 +99,21 @@ class Case:
     def below(
         self, name: str, demand: DemandName, limit: float, unit: str, factor: float = 1.0
     ) -> Check:
-        """Compare `factor` times an uncertain demand with its upper limit."""
+        """Compare `factor` times an uncertain demand with its upper limit.
+
+        Parameters
+        ----------
+        name
+            Name of the check.
+        demand
+            Name of the demand.
+        limit
+            Upper limit, in the SI unit `unit`. Infinity means that there is no limit.
+        unit
+            Unit of the limit.
+        factor
+            Factor on the demand.
+        """
         band = self.band
         confidence = self.conditions.confidence
         demand_high = factor * band.high(demand, confidence)

@@ -250,18 +250,16 @@ def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
     increased in proportion.
     """
     posterior = friction_of(load.drive).posterior
+    if posterior is None:
+        return smooth
     torque = load.torque()
-    ripple = (
-        None
-        if posterior is None
-        else posterior.ripple(1 if torque[np.argmax(np.abs(torque))] >= 0 else -1)
-    )
+    ripple = posterior.ripple(1 if torque[np.argmax(np.abs(torque))] >= 0 else -1)
     if ripple is None:
         return smooth
-    beyond = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
-    beyond *= np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
-    voltage = smooth.peak_voltage + beyond * volts_per_torque(load.motor)
-    return replace(smooth, peak_torque=smooth.peak_torque + beyond, peak_voltage=voltage)
+    peak = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
+    peak *= np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
+    voltage = smooth.peak_voltage + peak * volts_per_torque(load.motor)
+    return replace(smooth, peak_torque=smooth.peak_torque + peak, peak_voltage=voltage)
 
 
 def _drawn_demands(
