@@ -71,6 +71,7 @@ def test_values_show_themselves_as_tables(result: Plan) -> None:
 def test_a_plot_shows_the_joints_in_degrees_and_millimetres(result: Plan, pyplot: Any) -> None:
     axes = pyplot.figure().add_subplot()
     assert result.plot(axes) is axes
+    assert axes.get_xlabel() == "time (s)"
     lines = axes.get_lines()
     assert [line.get_label() for line in lines] == [
         "roll (deg)", "tilt (deg)", "spin (deg)", "insertion (mm)"

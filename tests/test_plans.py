@@ -19,7 +19,7 @@ from ssm_planner.errors import ExportError, SsmPlannerError, TrajectoryError
 from ssm_planner.formats.export import export
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.plans import FORMAT, VERSION, PhaseSummary, Plan, load_plan
-from ssm_planner.problem.limits import TaskRange
+from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -365,6 +365,11 @@ def test_limits_unlike_those_of_another_robot_are_named(plan: Plan, robot: Robot
     assert f" to {joint.velocity:.6g} " in other
     jerk = next(note for note in notes if "jerk" in note)
     assert ": none; the robot given has" in jerk
+    (tool,) = plan.limit_differences(replace(robot, limits=(*robot.limits, TipSpeed(0.5))))
+    assert "another limit: tip speed: none; the robot given has " in tool
+    (tool,) = plan.limit_differences(replace(robot, limits=robot.limits[1:]))
+    assert f"another limit: {robot.limits[0].name}: " in tool
+    assert tool.endswith("; the robot given has none")
 
 
 def test_a_motion_from_arrays_becomes_a_plan_that_keeps_its_certificate(
@@ -379,6 +384,8 @@ def test_a_motion_from_arrays_becomes_a_plan_that_keeps_its_certificate(
     assert plan.passed
     assert plan.certificate == check(plan.motion, robot, plan.limits, seal=True)
     assert plan.motion.duration == pytest.approx(2.0)
+    assert plan.problem.start.values == pytest.approx(q[0])
+    assert plan.problem.motion[-1].to.values == pytest.approx(q[-1])
     assert [(span.name, span.start, span.end) for span in plan.motion.phases] == [
         ("free", 0.0, 2.0)
     ]
