@@ -29,6 +29,7 @@ from .errors import (
 )
 from .formats.epos4_setup import Axis as Axis
 from .formats.export import export as export
+from .formats.format import Format as Format
 from .identification.dynamic import DynamicFit as DynamicFit
 from .identification.fit import Estimate as Estimate, MapFit as MapFit
 from .identification.identify import (
@@ -112,6 +113,7 @@ from .problem.problem import (
     TaskLimits as TaskLimits,
 )
 from .problem.robot import Body as Body, Geometry as Geometry, Joint as Joint, Robot as Robot
+from .problem.transmissions import Dimensions as Dimensions, Transmission as Transmission
 from .problem.value import (
     Count as Count,
     Interval as Interval,

@@ -7,7 +7,7 @@ import json
 import math
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from functools import cache, cached_property
 from importlib import metadata
 from itertools import pairwise
@@ -37,7 +37,7 @@ from ssm_planner.sizing.requirements import MotorRequirement
 from ssm_planner.sizing.size import Sizing, size_motion
 from ssm_planner.stopping import Stops, controlled_stops
 from ssm_planner.trajectory import Span, Trajectory
-from ssm_planner.typing import JsonObject, record
+from ssm_planner.typing import JsonObject, frozen, record
 from ssm_planner.units import display_unit
 from ssm_planner.verification.certificate import Certificate, broken_seal
 from ssm_planner.verification.check import check
@@ -85,7 +85,7 @@ def _version(package: str) -> str:
         return "unknown"
 
 
-@dataclass(frozen=True)
+@frozen
 class PhaseSummary(ShortRepr):
     """Phase of a plan with its motion, duration and reference durations, in s, rad and m."""
 

@@ -6,7 +6,6 @@ The planner writes this form, the check judges it, and the exports sample it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.representation import ShortRepr, data_frame, html_table
-from ssm_planner.typing import Array, Indices, JsonObject, record
+from ssm_planner.typing import Array, Indices, JsonObject, frozen, record
 
 DEGREE = 5
 SHORTEST = 1e-12
@@ -29,7 +28,7 @@ ROUNDING = 1e-9
 Side = Literal["left", "right"]
 
 
-@dataclass(frozen=True)
+@frozen
 class Span:
     """A named part of a trajectory between two times in s."""
 

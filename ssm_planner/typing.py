@@ -1,4 +1,4 @@
-"""Types of arrays, ranges and JSON objects, and the decorator of immutable records."""
+"""Types of arrays, ranges and JSON objects, and the decorators of immutable classes."""
 
 from __future__ import annotations
 
@@ -28,3 +28,17 @@ def record(cls: type[C]) -> type[C]:
     of its base class: that of `Value`, or identity.
     """
     return dataclass(frozen=True, eq=False)(cls)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def frozen(cls: type[C]) -> type[C]:
+    """Make a class an immutable dataclass that compares and hashes field by field."""
+    return dataclass(frozen=True)(cls)
+
+
+@dataclass_transform(
+    frozen_default=True, eq_default=False, kw_only_default=True, field_specifiers=(field,)
+)
+def keyword_record(cls: type[C]) -> type[C]:
+    """Make a class a record whose fields are arguments by keyword."""
+    return dataclass(frozen=True, eq=False, kw_only=True)(cls)

@@ -6,9 +6,10 @@ import csv
 import math
 import re
 from collections import Counter
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+
+from ssm_planner.typing import frozen
 
 deg = math.pi / 180
 rpm = math.pi / 30
@@ -278,7 +279,7 @@ def describe(value: object) -> str:
     return "a mapping" if isinstance(value, dict) else "a text"
 
 
-@dataclass(frozen=True)
+@frozen
 class Kind:
     """Kind of quantity with name, example, SI unit, alternative units and bound."""
 

@@ -13,6 +13,7 @@ ROOMS = (
     *(
         "errors",
         "deprecation",
+        "registry",
         "arguments",
         "typing",
         "representation",

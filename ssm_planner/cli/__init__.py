@@ -17,7 +17,7 @@ from importlib import metadata
 from types import FrameType
 from typing import Any
 
-from ssm_planner.errors import SsmPlannerError
+from ssm_planner.errors import SsmPlannerError, suggestion
 
 BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 DEBUG = "SSM_PLANNER_DEBUG"
@@ -50,7 +50,7 @@ COMMANDS = {
     ),
     "export": (
         "export",
-        "write files for the controller: csv, epos4, pvt, ros2, urdf, c",
+        "write files for controllers and simulators",
         "export results/tilt_insert --to epos4 -o stream",
     ),
     "simulate": (
@@ -313,7 +313,7 @@ def _prepare_streams() -> None:
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    from ssm_planner.cli.terminal import Parser, UsageError, suggestion
+    from ssm_planner.cli.terminal import Parser, UsageError
 
     request = next((word for word in words if not word.startswith("-")), None)
     asks_for_help = not {"-h", "--help", "--version"}.isdisjoint(words)

@@ -15,13 +15,12 @@ from ssm_planner.cli.shared import (
     show,
 )
 from ssm_planner.errors import ExportError
-
-FORMATS = ("csv", "epos4", "pvt", "ros2", "urdf", "c")
+from ssm_planner.formats.format import FORMATS
 
 
 def export_arguments(parser: argparse.ArgumentParser) -> None:
     plan_argument(parser)
-    parser.add_argument("--to", required=True, choices=FORMATS, help="form to write")
+    parser.add_argument("--to", required=True, choices=[*FORMATS], help="format to write")
     output_arguments(parser, "folder (default: beside the plan)")
     parser.add_argument(
         "--force",
@@ -29,39 +28,31 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         help="export an unverified plan as well; its files are marked",
     )
     parser.add_argument(
-        "--rate",
-        type=rate_argument,
-        metavar="HZ",
-        help="csv: equidistant rows (default: as the limits require); epos4: setpoints per second "
-        "(default 1000); ros2: states in the bag (default 100)",
-    )
-    parser.add_argument(
-        "--columns", metavar="LIST", help="csv: groups of columns such as q,qd,torque, or counts"
-    )
-    parser.add_argument(
-        "--mode", choices=("csp", "csv", "cst"), help="epos4: cyclic mode (default csp)"
-    )
-    parser.add_argument(
-        "--counts-per-turn",
-        nargs="+",
-        metavar="[JOINT=]N",
-        help="epos4, pvt, counts: increments per motor turn (4 × encoder counts) if the motor file "
-        "has no encoder",
-    )
-    parser.add_argument(
         "--speed",
+        type=share,
         metavar="PERCENT",
         help="speed of the exported motion, such as 10%%",
     )
-    parser.add_argument(
-        "--stops", type=int, metavar="N", help="csv, epos4: add controlled stops from N instants"
-    )
-    parser.add_argument(
-        "--effort", action="store_true", default=None, help="ros2: add joint efforts"
-    )
-    parser.add_argument(
-        "--no-bag", dest="bag", action="store_false", default=None, help="ros2: no rosbag2"
-    )
+    for option, texts in _options().items():
+        parsed = PARSED.get(option, {})
+        flag = f"--{'no-' if parsed.get('action') == 'store_false' else ''}{option}"
+        text = "; ".join(f"{', '.join(names)}: {text}" for text, names in texts.items())
+        parser.add_argument(
+            flag.replace("_", "-"),
+            dest=option,
+            default=None,
+            help=text.replace("%", "%%"),
+            **parsed,
+        )
+
+
+def _options() -> dict[str, dict[str, list[str]]]:
+    """Return the formats that have an option, by the option and its meaning."""
+    options: dict[str, dict[str, list[str]]] = {}
+    for form in FORMATS.values():
+        for option, text in form.options.items():
+            options.setdefault(option, {}).setdefault(text, []).append(form.name)
+    return options
 
 
 def run_export(options: argparse.Namespace) -> int:
@@ -69,21 +60,10 @@ def run_export(options: argparse.Namespace) -> int:
     progress(f"reading {options.plan}")
     from ssm_planner.formats.export import export
 
-    settings: dict[str, Any] = {
-        "rate": options.rate,
-        "columns": None
-        if options.columns is None
-        else [word.strip() for word in options.columns.split(",")],
-        "mode": options.mode,
-        "counts_per_turn": None
-        if options.counts_per_turn is None
-        else _counts(options.counts_per_turn),
-        "effort": options.effort,
-        "bag": options.bag,
-        "speed": None if options.speed is None else share(options.speed),
-        "stops": options.stops,
-    }
-    settings = {name: value for name, value in settings.items() if value is not None}
+    stated = {name: getattr(options, name) for name in ("speed", *_options())}
+    settings = {name: value for name, value in stated.items() if value is not None}
+    if "counts_per_turn" in settings:
+        settings["counts_per_turn"] = _counts(options.counts_per_turn)
     files, manifest = export(
         options.plan, options.to, options.output, force=options.force, **settings
     )
@@ -114,3 +94,18 @@ def _counts(words: list[str]) -> int | dict[str, int]:
     if "" in counts and len(counts) > 1:
         raise ExportError("--counts-per-turn: give one number for all joints, or JOINT=N for each")
     return counts.get("", counts)
+
+
+PARSED: dict[str, dict[str, Any]] = {
+    "rate": {"type": rate_argument, "metavar": "HZ"},
+    "columns": {
+        "type": lambda text: [word.strip() for word in text.split(",")],
+        "metavar": "LIST",
+    },
+    "mode": {"choices": ("csp", "csv", "cst")},
+    "counts_per_turn": {"nargs": "+", "metavar": "[JOINT=]N"},
+    "effort": {"action": "store_true"},
+    "stops": {"type": int, "metavar": "N"},
+    "bag": {"action": "store_false"},
+}
+"""Arguments of argparse by option. All other options are texts."""

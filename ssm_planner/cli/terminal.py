@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import re
 import sys
@@ -12,7 +11,7 @@ from textwrap import wrap
 from typing import NoReturn, TextIO
 
 from ssm_planner.display import columns
-from ssm_planner.errors import SsmPlannerError
+from ssm_planner.errors import SsmPlannerError, suggestion
 
 LABEL = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
 """Beginning of a line: a label that at least two spaces follow, or only the indentation."""
@@ -56,12 +55,6 @@ class Parser(argparse.ArgumentParser):
             if isinstance(action, argparse._SubParsersAction):
                 for parser in action.choices.values():
                     yield from parser.options()
-
-
-def suggestion(word: str, vocabulary: Iterable[str]) -> str:
-    """Return "; did you mean …?" with the most similar word, or "" if no word is similar."""
-    matches = difflib.get_close_matches(word, list(vocabulary), n=1)
-    return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
 def wrap_line(line: str, width: int) -> list[str]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
 from ssm_planner.codegen.vectorised import OPERATIONS, steps
+from ssm_planner.typing import frozen
 
 REAL = """\
 #ifdef SSM_FLOAT32
@@ -30,7 +30,7 @@ SIGN = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class Argument:
     """A C argument: an array of `size` numbers, or a single number if size is 0."""
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import accumulate, pairwise
 from types import SimpleNamespace
@@ -19,7 +18,7 @@ import numpy as np
 from ssm_planner.codegen.mapped import Mapped
 from ssm_planner.errors import GeometryError
 from ssm_planner.native import library
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 
 
 def _copy(source: Array, result: Array) -> None:
@@ -32,7 +31,7 @@ def _if_else_zero(condition: Array, value: Array, result: Array) -> None:
     result[...] = np.where(condition != 0, value, 0.0)
 
 
-@dataclass(frozen=True)
+@frozen
 class Operation:
     """Implementation of a CasADi operation in NumPy and in C."""
 
@@ -89,7 +88,7 @@ for _name in ["pow", "fmin", "fmax", "atan2", "copysign", "fmod", "hypot"]:
 """Operations by CasADi's name."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Step:
     """One operation. `out` and `operands` are registers.
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 
 SAMPLES = 4000
 """Approximate number of samples that are used for an alignment."""
@@ -31,7 +30,7 @@ CERTAIN = 5.0
 """Number of standard deviations beyond which a difference is significant."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Alignment(ShortRepr):
     """The position of a planned motion in the recording of one axis."""
 
@@ -53,7 +52,7 @@ class Alignment(ShortRepr):
     """Correlation until the end of the measured motion, which may stop early."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Clock(ShortRepr):
     """Common clock of all recordings: planned time = rate · (time of the recordings − delay)."""
 

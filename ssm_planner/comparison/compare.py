@@ -6,7 +6,7 @@ All recordings must share one clock.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -33,14 +33,14 @@ from ssm_planner.errors import RecordingError
 from ssm_planner.problem.robot import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, JsonObject, record
+from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.verification.certificate import Certificate
 
 LAG = 10e-3
 """Permitted delay at the largest speed, s. It equals the following error window of the export."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Difference:
     """Statistics of the differences between planned and measured values of one quantity."""
 

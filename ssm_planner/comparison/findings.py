@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
@@ -29,7 +28,7 @@ from ssm_planner.problem.limits import (
     MotorTorque,
 )
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, Mask, record
+from ssm_planner.typing import Array, Mask, frozen, record
 from ssm_planner.verification.certificate import Certificate
 
 STEP = 5e-3
@@ -71,7 +70,7 @@ def worst_of(verdicts: Iterable[Verdict]) -> Verdict:
     return max(verdicts, key=order.index, default="held")
 
 
-@dataclass(frozen=True)
+@frozen
 class Finding(ShortRepr):
     """A fault of the execution, or a remark if the verdict is "held"."""
 
@@ -85,7 +84,7 @@ class Finding(ShortRepr):
     """Largest permitted value, including noise."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Kept:
     """The measured margin of one limit, and the margin in the plan."""
 

@@ -117,7 +117,7 @@ def motor_torque_rows(
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")
     f = friction_of(drive)
     up, down = mesh_coefficients(drive, f.mu if mu is None else mu)
-    if drive.kind != "antibacklash_screw":
+    if not drive.two_nuts:
         return TorqueRows((up, down), drive.input_inertia, f.b_c * direction, f.b_v)
     xp = namespace_of(direction, mu)
     # the main nut carries F − P, the second one P + m₂·qdd: each on the branch that the direction
@@ -226,7 +226,7 @@ def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
     N. wd: motor acceleration in rad/s². The shapes broadcast.
     """
     F = np.asarray(F, dtype=float)
-    if drive.kind != "antibacklash_screw":
+    if not drive.two_nuts:
         return np.full(np.broadcast(F, wd).shape, np.inf)
     return np.minimum(
         drive.preload - F, drive.preload + drive.second_nut_mass * np.asarray(wd) / drive.ratio

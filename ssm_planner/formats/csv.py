@@ -12,7 +12,6 @@ import tempfile
 import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import IO
@@ -40,7 +39,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import BLOCK, Samples, Trajectory
-from ssm_planner.typing import Array, Indices, record
+from ssm_planner.typing import Array, Indices, frozen, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
@@ -281,7 +280,7 @@ FINEST_DIGIT = 400
 """Largest magnitude of a decimal exponent that is evaluated. No float has a finer digit."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Layout:
     """Position of the header of a table, its separator and the names of its columns."""
 

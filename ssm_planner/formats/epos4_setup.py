@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from ssm_planner.errors import ExportError
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, JsonObject
+from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.units import rpm
 
 INT16 = 2**15 - 1
@@ -27,7 +26,7 @@ QUADRATURE = 4
 """Increments (quadcounts) per encoder count."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Axis(ShortRepr):
     """A driven joint and the units of its drive."""
 

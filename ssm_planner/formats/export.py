@@ -5,11 +5,10 @@ An export requires a passed certificate, and its folder appears only when every 
 
 from __future__ import annotations
 
-import inspect
 import json
-from collections.abc import Callable, Mapping
+import pkgutil
+from collections.abc import Mapping
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
+from ssm_planner.formats.format import FORMATS
 from ssm_planner.plans import Plan, as_plan, software
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import robot_hash
@@ -28,10 +28,6 @@ from ssm_planner.verification.certificate import Certificate, sealed
 from ssm_planner.verification.check import check
 from ssm_planner.verification.slower import check_slower
 
-FORMATS = ("csv", "epos4", "pvt", "ros2", "urdf", "c")
-"""Supported formats."""
-WITH_STOPS = ("csv", "epos4")
-"""Formats that can include controlled stops."""
 UNVERIFIED = "_unverified"
 """Suffix of the file names of an unverified plan."""
 VERSION = 1
@@ -60,7 +56,7 @@ def export(
     plan : Plan, Trajectory, str or Path
         Plan, trajectory, or the path of a plan.json.
     to : str
-        Format: csv, epos4, pvt, ros2, urdf or c.
+        Name of a format in `FORMATS`, such as csv or epos4.
     path : str or Path, optional
         Folder to write. The default is a folder with the name of the format beside the plan.
     force : bool
@@ -74,7 +70,7 @@ def export(
     robot : Robot, optional
         Robot of a trajectory. A plan names its robot.
     **options
-        Options of the format, see its function `export_<format>`.
+        Options of the format, see `Format.options`.
 
     Returns
     -------
@@ -91,18 +87,25 @@ def export(
     """
     if to not in FORMATS:
         raise ExportError(f"unknown export format {to!r} (allowed: {', '.join(FORMATS)})")
-    if stops is not None and (to not in WITH_STOPS or stops < 1):
+    form = FORMATS[to]
+    if stops is not None and ("stops" not in form.options or stops < 1):
         raise ExportError(
             f"stops = {stops!r} is not allowed for {to} (allowed: 1 or more, for "
-            f"{', '.join(WITH_STOPS)})"
+            f"{', '.join(name for name, other in FORMATS.items() if 'stops' in other.options)})"
         )
+    for name in options:
+        if name not in form.options:
+            raise ExportError(
+                f"{name} is not an option of the {to} export (allowed: "
+                f"{', '.join(form.options) or 'no options'})"
+            )
     source = as_plan(plan, robot)
     certificate, passed = verified(source, force)
     if speed != 1.0:
         source = slower(source, speed, passed)
         certificate, passed = verified(source, force)
     suffix = "" if passed else UNVERIFIED
-    write = _writer(to, options)
+    write = pkgutil.resolve_name(form.writer)
     folder = Path(path) if path is not None else source.path.parent / to
     with publishing(folder) as temporary:
         details = write(source, certificate, temporary, suffix, **options)
@@ -269,21 +272,3 @@ def write_manifest(
         json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8"
     )
     return manifest
-
-
-def _writer(to: str, options: JsonObject) -> Callable[..., JsonObject]:
-    """Return the function that writes a format.
-
-    Raises ExportError if the function does not accept one of the options.
-    """
-    write: Callable[..., JsonObject] = getattr(
-        import_module(f"ssm_planner.formats.{to}"), f"export_{to}"
-    )
-    accepted = list(inspect.signature(write).parameters)[4:]
-    for name in options:
-        if name not in accepted:
-            raise ExportError(
-                f"{name} is not an option of the {to} export (allowed: "
-                f"{', '.join(accepted) or 'no options'})"
-            )
-    return write

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import pkgutil
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.csv import read_csv
-from ssm_planner.formats.epos4 import read_epos4
+from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.joint_trajectory import read_yaml
 from ssm_planner.formats.points import Reading
-from ssm_planner.formats.pvt import read_pvt
 from ssm_planner.formats.ros2 import read_rosbag
 from ssm_planner.loading.json_files import read_json
 from ssm_planner.problem.limits import TASK
@@ -21,8 +21,6 @@ from ssm_planner.typing import JsonObject
 ACCEPTED = (
     "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or an export folder"
 )
-READERS = {"epos4": read_epos4, "pvt": read_pvt}
-"""Readers of exports that contain one file per axis, by the `kind` in the manifest."""
 LARGEST_MANIFEST = 20_000_000
 """Largest size of a manifest, bytes."""
 LARGEST_RATE = 1e3
@@ -82,8 +80,9 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
     manifest = read_manifest(folder)
     intact = _check_hashes(folder, manifest)
     kind = str(manifest.get("kind"))
-    if kind in READERS:
-        reading = READERS[kind](folder, manifest, intact, robot)
+    form = FORMATS.get(kind)
+    if form and form.reader:
+        reading: Reading = pkgutil.resolve_name(form.reader)(folder, manifest, intact, robot)
     else:
         name = manifest.get("trajectory")
         if not isinstance(name, str):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem.robot import Robot
+from ssm_planner.typing import frozen
 from ssm_planner.units import ANGLES, LENGTHS, PER, TIMES, of_heading
 
 ORDER_WORDS = (
@@ -21,7 +21,7 @@ ORDER_NAMES = ("position", "velocity", "acceleration")
 _JOINT = re.compile(r"^(joint|j|axis|q|qd|qdd|dq|ddq|theta)_?([1-4])$")
 
 
-@dataclass(frozen=True)
+@frozen
 class Heading:
     """A column of a table with its index, its name and its factor to SI units."""
 

@@ -23,8 +23,8 @@ _UNITS = {
     "identified_speed": "rad/s",
     "preload": "N",
 }
-_OUTPUT_UNITS = {"worm": {"b_oc": "N*m", "b_ov": "N*m*s/rad", "load_offset": "N*m"}}
-_SCREW_UNITS = {"b_oc": "N", "b_ov": "N*s/m", "load_offset": "N"}
+_ROTARY_UNITS = {"b_oc": "N*m", "b_ov": "N*m*s/rad", "load_offset": "N*m"}
+_LINEAR_UNITS = {"b_oc": "N", "b_ov": "N*s/m", "load_offset": "N"}
 
 
 def write_drive(
@@ -146,7 +146,7 @@ def _origin(name: str, estimate: Estimate | None) -> str:
 
 def unit_of(drive: Drive, name: str) -> str | None:
     """Return the SI unit of a parameter in files, or None for a pure number."""
-    return {**_UNITS, **_OUTPUT_UNITS.get(drive.kind, _SCREW_UNITS)}.get(name)
+    return {**_UNITS, **(_LINEAR_UNITS if drive.slides else _ROTARY_UNITS)}.get(name)
 
 
 def _quantity(drive: Drive, name: str, value: float) -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 
 DRAWS = 1000
 """Number of equally likely parameter sets in a posterior."""
@@ -58,7 +58,7 @@ _QUIET = 0.1
 """Guess of the scatter between recordings, as a share of the deviation within a recording."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Estimate:
     """One parameter with its 95 % interval; low = high = value if it was given, not fitted."""
 

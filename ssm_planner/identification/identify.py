@@ -146,7 +146,7 @@ def identify(
         free=free,
         progress=progress,
     )
-    wheel = template.ratio if template.kind == "worm" else None
+    wheel = None if template.slides else template.ratio
     harmonics = {
         direction: fit_harmonics(steady, sign, wheel)
         for direction, sign in (("forwards", 1), ("backwards", -1))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 from ssm_planner.units import SPEEDS, TIMES
 
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
@@ -157,7 +157,7 @@ class Table:
     header: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@frozen
 class Column:
     """Index, name and factor to SI of one column."""
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +19,7 @@ from ssm_planner.identification.harmonics import ripple_rms, travelled
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.problem.posterior import Ripple
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, Mask, record
+from ssm_planner.typing import Array, Mask, frozen, record
 
 FIGURES_HEADER = (
     "rig",
@@ -222,7 +222,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     return _from_rows(names, rows)
 
 
-@dataclass(frozen=True)
+@frozen
 class Outlier:
     """A point of a map that is far from its neighbours."""
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol
 
 import casadi as ca
@@ -21,7 +21,7 @@ import numpy as np
 
 from ssm_planner.codegen.mapped import Mapped
 from ssm_planner.interior.spline import Spline
-from ssm_planner.typing import Array, Indices, record
+from ssm_planner.typing import Array, Indices, keyword_record, record
 
 _P, _L = ctypes.c_void_p, ctypes.c_long
 _Values = ctypes.CFUNCTYPE(ctypes.c_int, _P, _P, _P, _P)
@@ -136,7 +136,7 @@ def _array(address: int, shape: tuple[int, ...]) -> Array:
     return np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(ctypes.c_double)), shape)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@keyword_record
 class Program:
     """A program with n elements, m coordinates and b blocks."""
 

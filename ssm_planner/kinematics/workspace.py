@@ -12,7 +12,6 @@ a rectangle whose sides are at 45° to the axes.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +23,7 @@ from ssm_planner.kinematics.forward import space_jacobian
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 
 GRID = 20001
 """Number of tilts at which the bound on the tilt rate is evaluated."""
@@ -184,7 +183,7 @@ def _tilts(value: ArrayLike) -> Array:
     return tilts
 
 
-@dataclass(frozen=True)
+@frozen
 class TiltRateBound:
     """A bound on the tilt rate (rad/s), the tilt (rad) that allows it, and the limiting joint."""
 

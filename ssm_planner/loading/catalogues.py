@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -18,7 +18,8 @@ from ssm_planner.loading.motors import MotorModel, motor_from
 from ssm_planner.loading.yaml_nodes import Section, plain_node
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motor import Motor
-from ssm_planner.typing import JsonObject
+from ssm_planner.problem.transmissions import TRANSMISSIONS, Transmission
+from ssm_planner.typing import JsonObject, frozen
 from ssm_planner.units import BadQuantity, quantity
 
 T = TypeVar("T", Motor, Drive)
@@ -33,14 +34,13 @@ The torque at the end of a chart is not a rating, and its source states this.
 BESIDE = {"mass": "mass", "length": "length"}
 """Kinds of the columns that a catalogue may have in addition to the keys of motor and drive files.
 """
-WORM_COLUMNS = {"geometry.wheel_diameter", "geometry.worm_diameter", "geometry.ratio"}
 NAMES = {"name", "order_number"}
 """Text columns whose cells may consist of digits."""
 FITTED = ("free_length", "ends")
 """Ratings that depend on the robot and not on the chosen screw."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Row:
     """Row of a table with its text by column and its line."""
 
@@ -49,7 +49,7 @@ class Row:
     line: int
 
 
-@dataclass(frozen=True)
+@frozen
 class Part(Generic[T]):
     """A motor or drive of a catalogue, with its mass (kg) and length (m).
 
@@ -152,9 +152,16 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
             *(_value_beside(file, row, name) for name in BESIDE),
         )
         for row in rows_of(file)
-        if row.cells.get("kind", drive.kind) == drive.kind
-        and bool(WORM_COLUMNS & set(row.cells)) == (drive.kind == "worm")
+        if row.cells.get("kind", drive.kind) == drive.kind and _describes(row, drive.transmission)
     ]
+
+
+def _describes(row: Row, kind: type[Transmission]) -> bool:
+    """Return whether the columns of a row are those of a kind of drive."""
+    columns = {name.removeprefix("geometry.") for name in row.cells if "geometry." in name}
+    if kind.distinctive:
+        return bool(kind.distinctive & columns)
+    return not any(other.distinctive & columns for other in TRANSMISSIONS.values())
 
 
 def catalogue_file(path: Path) -> Path:
@@ -293,7 +300,7 @@ def _geared(file: Path, row: Row, drive: Drive) -> Drive:
     }
     values["friction"]["b_oc"] = f"{friction.b_oc!r} {effort}"
     values["friction"]["mu_static"] = friction.mu_static
-    if drive.kind == "antibacklash_screw":
+    if drive.two_nuts:
         values |= {
             "preload": f"{drive.preload!r} N",
             "second_nut_mass": f"{drive.second_nut_mass!r} kg",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field as PydanticField
@@ -13,7 +13,6 @@ from pydantic import FiniteFloat, field_validator
 
 from ssm_planner.dynamics.transmission import of_efficiencies
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.drive_geometry import BadGeometry, resolve
 from ssm_planner.loading.schema import (
     POSITIVE,
     SOURCE,
@@ -41,73 +40,21 @@ from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.drive import (
     PARAMETERS,
     RANGED,
-    TURNING,
     WEDGE,
     Drive,
-    EfficientKind,
     Friction,
     Ratings,
     Rig,
-    ThreadKind,
 )
+from ssm_planner.problem.drive_geometry import BadGeometry
 from ssm_planner.problem.posterior import Harmonics, Posterior, Ripple
+from ssm_planner.problem.transmissions import TRANSMISSIONS, Transmission
 from ssm_planner.problem.value import Bound, Quantity, hints, strip_annotations
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
 FLAT = 1e-9
 """Pressure angle of a drive with efficiencies. Its cosine is 1."""
-_Number = Annotated[Figure, sourced_field(quantity("number", POSITIVE))]
-_Length = Annotated[Figure, sourced_field(quantity("length", POSITIVE))]
-_Angle = Annotated[Figure, sourced_field(quantity("angle", POSITIVE))]
-
-
-class WormDimensions(Model):
-    """Dimensions of a worm gear.
-
-    Any set that determines ratio, both diameters and the lead suffices (drive_geometry.py).
-    """
-
-    ratio: _Number | None = None
-    """Turns of the worm per turn of the wheel."""
-    worm_diameter: _Length | None = None
-    """Pitch diameter of the worm."""
-    wheel_diameter: _Length | None = None
-    """Pitch diameter of the wheel."""
-    lead: _Length | None = None
-    """Advance of the thread in one turn."""
-    lead_angle: _Angle | None = None
-    """Lead angle at the pitch diameter: tan = lead / (π · diameter)."""
-    starts: _Number | None = None
-    """Number of parallel threads: lead = starts · pitch."""
-    pitch: _Length | None = None
-    """Distance between neighbouring threads."""
-    thread_angle: _Angle
-    """Angle between both flanks in the axial section."""
-
-
-class ScrewDimensions(Model):
-    """Dimensions of a screw.
-
-    Any set that determines lead and effective diameter suffices (drive_geometry.py).
-    """
-
-    lead: _Length | None = None
-    """Advance of the thread in one turn."""
-    diameter: _Length | None = None
-    """Diameter at which friction acts."""
-    effective_diameter: _Length | None = None
-    """Synonym of diameter."""
-    lead_angle: _Angle | None = None
-    """Lead angle at that diameter: tan = lead / (π · diameter)."""
-    starts: _Number | None = None
-    """Number of parallel threads: lead = starts · pitch."""
-    pitch: _Length | None = None
-    """Distance between neighbouring threads."""
-    thread_angle: _Angle
-    """Angle between both flanks in the axial section."""
-    outer_diameter: _Length | None = None
-    """Outer diameter, for information. Friction acts at the effective diameter."""
 
 
 def _numbers(value: Any) -> tuple[float, ...]:
@@ -181,43 +128,6 @@ def _range(name: str, slides: bool) -> Any:
     )
 
 
-class RatioDimensions(Model):
-    """Dimensions of a gear, belt or cable with a rotary output."""
-
-    ratio: _Number
-    """Turns of the motor per turn of the output."""
-
-
-class LeadDimensions(Model):
-    """Dimensions of a ball screw."""
-
-    lead: _Length
-    """Advance of the nut in one turn."""
-
-
-class PulleyDimensions(Model):
-    """Dimensions of a belt or cable that pulls a slide."""
-
-    pulley_diameter: _Length
-    """Diameter at which the belt or cable runs."""
-    ratio: _Number | None = None
-    """Turns of the motor per turn of the pulley. The default is 1."""
-
-
-_GEOMETRY: dict[str, type[Model]] = {
-    "worm": WormDimensions,
-    "lead_screw": ScrewDimensions,
-    "antibacklash_screw": ScrewDimensions,
-    "gear": RatioDimensions,
-    "belt": RatioDimensions,
-    "cable": RatioDimensions,
-    "ball_screw": LeadDimensions,
-    "cable_slide": PulleyDimensions,
-}
-"""Dimensions by kind of drive. A direct drive has none."""
-THREADED: tuple[str, ...] = get_args(ThreadKind)
-KINDS = (*THREADED, *get_args(EfficientKind))
-"""Kinds of drive that a file may describe."""
 OF_SCREWS = ("free_length", "root_diameter", "ends")
 """Ratings that only a drive with a linear output has."""
 OF_THREADS = ("self_locking", "friction_ranges", "rig")
@@ -241,12 +151,12 @@ _SHARE = Annotated[Figure, sourced_field(quantity("number", Bound(above=0.0, at_
 
 @cache
 def drive_model(drive_kind: str) -> Any:
-    """Return the model of the files for one of KINDS.
+    """Return the model of the files for one of TRANSMISSIONS.
 
     It is built on first use because this is slow.
     """
-    slides = drive_kind not in TURNING
-    threaded = drive_kind in THREADED
+    kind: Any = TRANSMISSIONS.find(drive_kind)
+    slides = kind.slides
     only_of_screws = () if slides else OF_SCREWS
     ratings = model_of(
         Ratings, {"source": SOURCE}, slides=slides, sourced=True, without=only_of_screws
@@ -256,17 +166,18 @@ def drive_model(drive_kind: str) -> Any:
         "source": SOURCE,
         "ratings": optional(nested(ratings)),
     }
-    if drive_kind in _GEOMETRY:
-        description = "of the thread" if threaded else "from the motor to the output"
-        keys["geometry"] = required(_GEOMETRY[drive_kind], f"Dimensions {description}.")
-    keys |= _keys_of_thread(slides) if threaded else _keys_of_efficiencies(drive_kind, slides)
-    without: tuple[str, ...] = () if threaded else OF_THREADS
-    if drive_kind == "antibacklash_screw":
+    if hints(kind):
+        geometry = model_of(kind, sourced=True)
+        geometry.__doc__ = kind.__doc__
+        keys["geometry"] = required(nested(geometry), "Dimensions of the transmission.")
+    keys |= _keys_of_thread(slides) if kind.threaded else _keys_of_efficiencies(kind)
+    without: tuple[str, ...] = () if kind.threaded else OF_THREADS
+    if kind.two_nuts:
         keys["preload"] = Annotated[Figure, sourced_field(quantity("force", POSITIVE))], ...
         keys["second_nut_mass"] = reading(Drive, "second_nut_mass", slides, sourced=True), ...
     else:
         without += OF_TWO_NUTS
-    base = _ThreadModel if threaded else Model
+    base = _ThreadModel if kind.threaded else Model
     return model_of(Drive, keys, slides=slides, sourced=True, without=without, base=base)
 
 
@@ -306,19 +217,17 @@ def _keys_of_thread(slides: bool) -> dict[str, Any]:
 _OF_FRICTION = f"Friction of mesh and bearings. {TO_IDENTIFY!r} is allowed for a drive on a rig."
 
 
-def _keys_of_efficiencies(drive_kind: str, slides: bool) -> dict[str, Any]:
+def _keys_of_efficiencies(kind: Any) -> dict[str, Any]:
     """Return the keys of a drive with efficiencies that differ from the fields of Drive."""
-    friction = {
-        name: optional(reading(Friction, name, slides, sourced=True)) for name in ("b_c", "b_v")
-    }
-    if drive_kind != "direct":
+    friction = {name: optional(reading(Friction, name, sourced=True)) for name in ("b_c", "b_v")}
+    if hints(kind):
         friction["efficiency"] = optional(
             _SHARE, "Ratio of output to input power while the motor drives. The default is 1."
         )
         friction["backward_efficiency"] = optional(
             _SHARE, "Ratio of output to input power while the load drives. The default is forwards."
         )
-    model = model_of(Friction, friction, slides=slides, sourced=True, without=OF_MESH)
+    model = model_of(Friction, friction, slides=kind.slides, sourced=True, without=OF_MESH)
     return {"friction": optional(nested(model), "Friction, none by default.")}
 
 
@@ -328,14 +237,11 @@ def _may_be_identified(schema: dict[str, Any]) -> None:
 
 def drive_from(section: Section) -> Drive:
     """Return the drive that a section describes. Raises ProblemError."""
-    drive_kind = section.value.get("kind")
-    if not isinstance(drive_kind, str) or drive_kind not in KINDS:
-        reason = "missing: this key is required" if drive_kind is None else "unknown kind of drive"
-        raise section.error(reason, "kind", allowed=", ".join(KINDS))
-    model: Any = validated(section, drive_model(drive_kind))
-    fields = (
-        _of_thread(section, model) if drive_kind in THREADED else _of_efficiencies(section, model)
-    )
+    with located(section):
+        kind = TRANSMISSIONS.find(section.value.get("kind"), "Drive.kind")
+    model: Any = validated(section, drive_model(kind.name))
+    dimensions = _dimensions(section, model, kind)
+    fields = (_of_thread if kind.threaded else _of_efficiencies)(section, model, kind, dimensions)
     sources, placeholders = _origins(model)
     with located(section.sub("ratings")):
         ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
@@ -350,31 +256,38 @@ def drive_from(section: Section) -> Drive:
             **model.numbers(),
             **fields,
         )
-        if drive.threaded:
+        if kind.threaded:
             drive.check_locking()
     return drive
 
 
-def _of_thread(section: Section, model: Any) -> dict[str, Any]:
+def _dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
+    """Return all dimensions of a drive by key. Raises ProblemError."""
+    try:
+        return kind.complete(model.geometry.numbers() if hints(kind) else {})
+    except BadGeometry as error:
+        show = error.key is not None
+        path = ("geometry", error.key) if error.key else ("geometry",)
+        raise section.error(str(error), *path, allowed=error.allowed, show=show) from None
+
+
+def _of_thread(
+    section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
+) -> dict[str, Any]:
     """Return the fields of a worm or screw that follow from its geometry and friction."""
-    dimensions = _dimensions(section, model)
     lead_angle = dimensions["lead_angle"]
-    thread_angle = dimensions["thread_angle"]
-    gamma = (
-        dimensions["worm_diameter"] / dimensions["wheel_diameter"]
-        if model.kind == "worm"
-        else dimensions["diameter"] / 2
-    )
     friction = None
     if model.friction is not None:
         friction = _friction(section.sub("friction"), model.friction)
     ranges = {} if model.friction_ranges is None else _values(model.friction_ranges)
     ranges.pop("source", None)
     return {
-        "ratio": dimensions["ratio"],
-        "gamma": gamma,
+        "ratio": kind.motor_ratio(dimensions),
+        "gamma": kind.effort_arm(dimensions),
         "lead_angle": lead_angle,
-        "pressure_angle": math.atan(math.tan(thread_angle / 2) * math.cos(lead_angle)),
+        "pressure_angle": math.atan(
+            math.tan(dimensions["thread_angle"] / 2) * math.cos(lead_angle)
+        ),
         "friction": friction,
         "self_locking": model.self_locking == "required",
         "dimensions": dimensions,
@@ -383,15 +296,11 @@ def _of_thread(section: Section, model: Any) -> dict[str, Any]:
     }
 
 
-def _of_efficiencies(section: Section, model: Any) -> dict[str, Any]:
+def _of_efficiencies(
+    section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
+) -> dict[str, Any]:
     """Return the fields of a drive with efficiencies, as those of a thread that has them."""
-    geometry = getattr(model, "geometry", None)
-    dimensions = {} if geometry is None else geometry.numbers()
-    ratio = dimensions.get("ratio", 1.0)
-    if "lead" in dimensions:
-        ratio = 2 * math.pi / dimensions["lead"]
-    elif "pulley_diameter" in dimensions:
-        ratio *= 2 / dimensions["pulley_diameter"]
+    ratio = kind.motor_ratio(dimensions)
     bearings = {} if model.friction is None else model.friction.numbers()
     forwards = bearings.pop("efficiency", 1.0)
     backwards = bearings.pop("backward_efficiency", forwards)
@@ -417,28 +326,6 @@ def _values(model: Model) -> dict[str, Any]:
         if field_value is not None
     }
     return {name: value for name, value in numbers.items() if name in hints(model.of[-1])}
-
-
-def _dimensions(section: Section, model: Any) -> dict[str, float]:
-    numbers = model.geometry.numbers()
-    thread_angle = numbers.pop("thread_angle")
-    outer = numbers.pop("outer_diameter", None)
-    if not thread_angle < math.radians(120):
-        raise section.error(
-            "implausible", "geometry", "thread_angle", allowed="an angle below 120 deg"
-        )
-    try:
-        dimensions = resolve("worm" if model.kind == "worm" else "screw", numbers)
-    except BadGeometry as error:
-        path = ("geometry",) if error.key is None else ("geometry", error.key)
-        raise section.error(str(error), *path, show=error.key is not None) from None
-    if outer is not None:
-        if outer < dimensions["diameter"]:
-            raise section.error(
-                "smaller than the diameter at which friction acts", "geometry", "outer_diameter"
-            )
-        dimensions["outer_diameter"] = outer
-    return {**dimensions, "thread_angle": thread_angle}
 
 
 def _friction(section: Section, model: Any) -> Friction:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from ssm_planner.errors import ProblemError
+from ssm_planner.errors import ProblemError, suggestion
 from ssm_planner.loading.yaml_nodes import Node, Section, parse, plain_node
 
 Folder = Literal["problems", "robots", "drives", "motors", "motorisation", "controllers", "studies"]
@@ -45,10 +44,10 @@ def find(name: str | Path, folder: Folder) -> Path:
     if str(name) in names:
         return names[str(name)]
     neighbours = [file.name for file in path.parent.glob("*.yaml")] if path.parent.is_dir() else []
-    close = difflib.get_close_matches(path.name, [*names, *neighbours], n=1)
-    hint = f"; did you mean {close[0]!r}?" if close else ""
     raise ProblemError(
-        f"no such file{hint}", file=path, allowed=f"a file, or a shipped name: {', '.join(names)}"
+        f"no such file{suggestion(path.name, [*names, *neighbours])}",
+        file=path,
+        allowed=f"a file, or a shipped name: {', '.join(names)}",
     )
 
 

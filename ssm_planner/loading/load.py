@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import Field, TypeAdapter
 
 from ssm_planner.arguments import checked
-from ssm_planner.loading.drives import KINDS, drive_from, drive_model
+from ssm_planner.loading.drives import drive_from, drive_model
 from ssm_planner.loading.files import find, follow, of_data, of_text, read
 from ssm_planner.loading.motors import MotorModel, motor_from
 from ssm_planner.loading.problems import JointValues, ProblemModel, problem_from
@@ -35,6 +35,7 @@ from ssm_planner.problem.motion import Motorisation, Stroke
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.problem import Problem as Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.transmissions import TRANSMISSIONS
 
 
 @checked
@@ -191,7 +192,7 @@ def _models(file_kind: Kind) -> tuple[Any, ...]:
         "motorisation": MotorisationModel,
         "controller": ControllerModel,
     }
-    return tuple(map(drive_model, KINDS)) if file_kind == "drive" else (models[file_kind],)
+    return tuple(map(drive_model, TRANSMISSIONS)) if file_kind == "drive" else (models[file_kind],)
 
 
 def json_schema(file_kind: Kind) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import difflib
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -20,7 +19,7 @@ from pydantic import Field as PydanticField
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ssm_planner import units
-from ssm_planner.errors import ProblemError
+from ssm_planner.errors import ProblemError, suggestion
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.problem.value import (
@@ -117,9 +116,7 @@ def check_keys(data: dict[Any, Any], allowed: list[str]) -> None:
     """Raise an error for the first unknown key, and suggest the most similar one."""
     for key in data:
         if key not in allowed:
-            close = difflib.get_close_matches(str(key), allowed, n=1)
-            reason = "unknown key" + (f"; did you mean {close[0]!r}?" if close else "")
-            raise wrong(reason, ", ".join(allowed), key)
+            raise wrong(f"unknown key{suggestion(key, allowed)}", ", ".join(allowed), key)
         if data[key] is None:
             raise wrong("empty value: omit the key or give a value", None, key)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from ssm_planner.errors import ProblemError
+from ssm_planner.typing import frozen
 
 LARGEST_TREE = 300_000
 """Largest number of values after expansion of aliases."""
@@ -35,7 +36,7 @@ _STRING_TAGS = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class Node:
     """A value of a file, with its line, the nodes below it, and the lines of their keys."""
 
@@ -205,7 +206,7 @@ def _line(event: Any) -> int:
     return int(event.start_mark.line) + 1
 
 
-@dataclass(frozen=True)
+@frozen
 class Section:
     """A part of a file, at a path of keys and list positions."""
 

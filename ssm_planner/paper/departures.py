@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +22,7 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.style import COLOURS, finish, legend, new_figure
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,7 +122,7 @@ def _stribeck_figure() -> Figure:
     return figure
 
 
-@dataclass(frozen=True)
+@frozen
 class Outside:
     """A published parameter that the package's own identification cannot return; SI."""
 
@@ -265,7 +265,7 @@ def _mu(drive: Drive, w: float) -> float:
     return float(friction_coefficient(friction_of(drive), w))
 
 
-@dataclass(frozen=True)
+@frozen
 class VelocitySign:
     """Influence of the sign of the velocity product over one motion, by driven joint."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
@@ -17,7 +16,7 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Motorisation, Task
 from ssm_planner.problem.problem import Eye, Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import record
+from ssm_planner.typing import frozen, record
 
 DRIVEN = ("roll", "tilt", "insertion")
 """Joints 1, 2 and 4, which have a drive."""
@@ -48,7 +47,7 @@ LINEAR_SPEED = 0.020
 LINEAR_ACCELERATION = 0.100
 
 
-@dataclass(frozen=True)
+@frozen
 class FrictionRow:
     """Friction of one joint.
 
@@ -77,7 +76,7 @@ PACKAGE_FRICTION: Mapping[str, FrictionRow] = {
 """Friction in the package's simulation of the arm (sd_ssm.m), used for the choice of motors."""
 
 
-@dataclass(frozen=True)
+@frozen
 class SpeedRow:
     """One row of Table III: printed speeds, rad/s and m/s, and NRMSD by joint."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,14 +35,14 @@ from ssm_planner.reporting.figures.workspace import (
     pointings,
     reachable_set_figure,
 )
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
+@frozen
 class TiltRow:
     """One row of the table; rad."""
 

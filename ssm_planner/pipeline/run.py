@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial, wraps
 from itertools import zip_longest
 from pathlib import Path
@@ -44,7 +44,7 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Span, Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.limits import JUMP
 from ssm_planner.verification.promises import WayKept, promises_kept
 
@@ -180,7 +180,7 @@ def _plan(
     )
 
 
-@dataclass(frozen=True)
+@frozen
 class Replanner(ShortRepr):
     """Planner for one problem with changing starts and targets, for control loops and studies.
 

@@ -613,7 +613,7 @@ class _SlowMotion:
         joints' velocities allow.
         """
         signs = np.unique(self.signs[:, i])
-        if drive.kind == "antibacklash_screw" or len(signs) != 1 or signs[0] == 0:
+        if drive.two_nuts or len(signs) != 1 or signs[0] == 0:
             return 0.0
         sign = float(signs[0])
         samples = self.samples

@@ -6,14 +6,14 @@ motion requires and the value that is available.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from ssm_planner.problem.limits import Limit
 from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import frozen
 
 
-@dataclass(frozen=True)
+@frozen
 class Reason(ShortRepr):
     """The limit that prevents a motion, with the required and the available value in SI units."""
 

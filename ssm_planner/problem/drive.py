@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import field
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from ssm_planner.problem.posterior import Posterior
+from ssm_planner.problem.transmissions import LARGEST_THREAD_ANGLE, TRANSMISSIONS, Transmission
 from ssm_planner.problem.value import Names, NotNegative, Positive, Quantity, Sign, Value
 from ssm_planner.typing import record
 
 LARGEST_LEAD_ANGLE = math.radians(60)
-LARGEST_THREAD_ANGLE = math.radians(120)
 RANGED = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
 PARAMETERS = (
     "mu",
@@ -154,11 +154,8 @@ class Friction(Value):
                 )
 
 
-ThreadKind = Literal["worm", "lead_screw", "antibacklash_screw"]
-EfficientKind = Literal["direct", "gear", "belt", "cable", "ball_screw", "cable_slide"]
-DriveKind = Literal[ThreadKind, EfficientKind]
-TURNING: tuple[DriveKind, ...] = ("worm", "direct", "gear", "belt", "cable")
-"""Kinds of drive with a rotary output. All other kinds have a linear output."""
+DriveKind = Annotated[str, "a name in TRANSMISSIONS"]
+"""Name of a kind of drive."""
 WEDGE = math.radians(45)
 """Lead angle of the thread that represents a drive with efficiencies.
 
@@ -212,7 +209,7 @@ class Drive(Value):
     name: str
     """Name such as the manufacturer's designation."""
     kind: DriveKind
-    """Worm gear, screw with one nut or with two nuts and a spring, or drive with efficiencies."""
+    """Name of the kind, such as worm, lead_screw or gear."""
     ratio: Positive
     """Motor angle per joint coordinate: dimensionless (rotary output) or rad/m (linear output)."""
     gamma: Positive
@@ -267,14 +264,24 @@ class Drive(Value):
         return 1.0 / math.cos(self.pressure_angle)
 
     @property
+    def transmission(self) -> type[Transmission]:
+        """Declaration of the kind of drive."""
+        return TRANSMISSIONS.find(self.kind, "Drive.kind")
+
+    @property
     def slides(self) -> bool:
         """True if the output is linear."""
-        return self.kind not in TURNING
+        return self.transmission.slides
 
     @property
     def threaded(self) -> bool:
         """True for worms and screws with sliding friction, which can be self-locking."""
-        return self.kind in get_args(ThreadKind)
+        return self.transmission.threaded
+
+    @property
+    def two_nuts(self) -> bool:
+        """True for screws with two half nuts that a spring presses apart."""
+        return self.transmission.two_nuts
 
     def _check(self) -> None:
         if not self.threaded and self.self_locking:
@@ -293,7 +300,7 @@ class Drive(Value):
                 "None",
             )
         for name in ("preload", "second_nut_mass"):
-            if self.kind != "antibacklash_screw" and getattr(self, name) > 0:
+            if not self.two_nuts and getattr(self, name) > 0:
                 raise self._wrong(
                     name,
                     f"a {self.kind} has a single nut or wheel",

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.value import Value
+from ssm_planner.typing import frozen
 from ssm_planner.units import display_unit
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ P = TypeVar("P")
 """A Problem. Its module imports this one, so the class is not available for annotations."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Limit(Value, ABC):
     """One bound on a motion: `low` ≤ value ≤ `high` at every instant, in SI units and radians.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from ssm_planner.errors import ProblemError
@@ -18,7 +18,7 @@ from ssm_planner.problem.limit import (
 )
 from ssm_planner.problem.limit import Limit as Limit
 from ssm_planner.problem.value import Positive, unchecked
-from ssm_planner.typing import Range
+from ssm_planner.typing import Range, frozen
 from ssm_planner.units import display_unit
 
 TASK = ("roll", "tilt", "spin", "depth")
@@ -37,7 +37,7 @@ def derived_unit(slides: bool, order: int) -> str:
     return ("m" if slides else "rad") + ("", "/s", "/s²", "/s³")[order]
 
 
-@dataclass(frozen=True)
+@frozen
 class JointLimit(Symmetric):
     """Limit |value| ≤ largest of one joint or its motor."""
 
@@ -59,7 +59,7 @@ class JointLimit(Symmetric):
         return _with_joint(problem, self.of, **{self.field: self.largest})
 
 
-@dataclass(frozen=True)
+@frozen
 class JointPosition(Between):
     """Range of one joint position, rad or m."""
 
@@ -119,7 +119,7 @@ class MotorLimit(JointLimit):
         return _with_joint(problem, self.of, motor=unchecked(motor, **{self.field: self.largest}))
 
 
-@dataclass(frozen=True)
+@frozen
 class MotorSpeed(MotorLimit):
     """Largest motor speed of one joint, rad/s."""
 
@@ -133,7 +133,7 @@ READ_IN = {MotorSpeed.name: "rpm"}
 """Units of limits in messages, by name, if they differ from the default for the SI unit."""
 
 
-@dataclass(frozen=True)
+@frozen
 class MotorTorque(MotorLimit):
     """Largest torque on the motor shaft at any instant, breakaway included, N·m."""
 
@@ -149,7 +149,7 @@ class MotorTorque(MotorLimit):
         return (2 * self.largest,)
 
 
-@dataclass(frozen=True)
+@frozen
 class ContinuousTorque(MotorLimit):
     """Largest root mean square of the motor torque over a motion, N·m."""
 
@@ -161,7 +161,7 @@ class ContinuousTorque(MotorLimit):
     tightened = Limit.tightened
 
 
-@dataclass(frozen=True)
+@frozen
 class NutContact(Limit):
     """Condition that both halves of a preloaded nut bear on the screw with a positive force, N."""
 
@@ -172,7 +172,7 @@ class NutContact(Limit):
     low = 0.0
 
 
-@dataclass(frozen=True)
+@frozen
 class SelfLocking(Limit):
     """Smallest friction coefficient at which the drive holds without motor torque."""
 
@@ -212,7 +212,7 @@ class SelfLocking(Limit):
         return _with_joint(problem, self.of, drive=replace(drive, friction=raised))
 
 
-@dataclass(frozen=True)
+@frozen
 class TaskRange(Between):
     """Range of one task coordinate, rad or m."""
 
@@ -285,7 +285,7 @@ class TaskRange(Between):
         )
 
 
-@dataclass(frozen=True)
+@frozen
 class ToolLimit(Symmetric):
     """Limit |value| ≤ largest of the tool.
 
@@ -321,7 +321,7 @@ class SpeedLimit(ToolLimit):
     unit = "m/s"
 
 
-@dataclass(frozen=True)
+@frozen
 class TaskRate(Symmetric):
     """Largest |rate| of one task coordinate, rad/s or m/s."""
 
@@ -382,7 +382,7 @@ class StopTravel(ToolLimit):
         return (1 + 2 * SPARE) * needed
 
 
-@dataclass(frozen=True)
+@frozen
 class RetinaClearance(Limit):
     """Smallest distance of the tip from the retina, m."""
 
@@ -413,7 +413,7 @@ class RetinaClearance(Limit):
         return _with_eye(problem, clearance=self.clearance)
 
 
-@dataclass(frozen=True)
+@frozen
 class LensClearance(Limit):
     """Smallest scale at which the enlarged lens touches the axis of the shaft.
 
@@ -462,7 +462,7 @@ class LensClearance(Limit):
         return (ratio - 1) * self.thickness
 
 
-@dataclass(frozen=True)
+@frozen
 class Duration(Limit):
     """Requested duration of one motion or of all motions together, s.
 
@@ -514,7 +514,7 @@ class Duration(Limit):
         return replaced(problem, motion=tuple(timed))
 
 
-@dataclass(frozen=True)
+@frozen
 class OfPath(Limit):
     """Requirement of a problem on the path of the tip. Only the check evaluates it."""
 
@@ -574,7 +574,7 @@ class FixedLimit(JointLimit):
     relaxed = Limit.relaxed
 
 
-@dataclass(frozen=True)
+@frozen
 class Jump(FixedLimit):
     """Largest step of a joint's position, velocity or acceleration between two pieces."""
 
@@ -592,7 +592,7 @@ class Jump(FixedLimit):
         return derived_unit(self.prismatic, self.derivative)
 
 
-@dataclass(frozen=True)
+@frozen
 class EndVelocity(FixedLimit):
     """Largest error of a joint's velocity at an end, relative to the declared velocity."""
 
@@ -607,7 +607,7 @@ class EndVelocity(FixedLimit):
 OFFSETS = ("velocity offset", "torque offset")
 
 
-@dataclass(frozen=True)
+@frozen
 class FeedForward(FixedLimit):
     """Largest error of a drive's velocity or torque offset, relative to its target positions."""
 

@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import field
 from functools import lru_cache
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.drive import TURNING, Drive, DriveKind
+from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     ContinuousTorque,
     JointAcceleration,
@@ -27,6 +27,7 @@ from ssm_planner.problem.limits import (
     task_limits,
 )
 from ssm_planner.problem.motor import Motor
+from ssm_planner.problem.transmissions import TRANSMISSIONS
 from ssm_planner.problem.value import (
     Interval,
     Matrix,
@@ -201,11 +202,7 @@ class Joint(Value):
                 drive.name,
             )
         if self.slides != drive.slides:
-            kinds = [
-                drive_kind
-                for drive_kind in get_args(DriveKind)
-                if (drive_kind in TURNING) != self.slides
-            ]
+            kinds = [name for name, kind in TRANSMISSIONS.items() if kind.slides == self.slides]
             reason = f"a {drive.kind} drive does not fit a {self.kind} joint"
             raise self._wrong("drive", reason, ", ".join(kinds), drive.name)
 
@@ -239,7 +236,7 @@ class Joint(Value):
             limits.append(_cached_limit(MotorSpeed, name, motor.max_speed))
             limits.append(_cached_limit(MotorTorque, name, motor.max_torque))
             limits.append(_cached_limit(ContinuousTorque, name, motor.nominal_torque))
-        if drive.kind == "antibacklash_screw":
+        if drive.two_nuts:
             limits.append(_cached_limit(NutContact, name))
         if drive.self_locking and drive.friction is not None:
             lowest = drive.friction.mu_lowest

@@ -11,28 +11,26 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import difflib
 import inspect
 import math
 import textwrap
 import types
 import typing
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
 
-from ssm_planner.errors import ProblemError
+from ssm_planner.errors import ProblemError, suggestion
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 
 V = TypeVar("V", bound="Value")
 
 
-@dataclass(frozen=True)
+@frozen
 class Bound:
     """Interval that a number must lie in."""
 
@@ -59,7 +57,7 @@ class Bound:
         return None if value <= self.at_most else "too large"
 
 
-@dataclass(frozen=True)
+@frozen
 class Quantity:
     """Units of a number in files: keys of `units.KINDS` for revolute and for prismatic joints."""
 
@@ -71,14 +69,14 @@ class Quantity:
         return self.sliding if slides and self.sliding else self.turning
 
 
-@dataclass(frozen=True)
+@frozen
 class Shape:
     """Shape of an array. A length of −1 allows any length."""
 
     shape: tuple[int, ...]
 
 
-@dataclass(frozen=True)
+@frozen
 class Names:
     """Keys that a mapping may have."""
 
@@ -178,7 +176,7 @@ def descriptions(cls: type) -> dict[str, str]:
     """Return the docstrings below the fields of a class, each on one line, by field name."""
     texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
-        if not base.__module__.startswith("ssm_planner"):
+        if base.__module__.startswith(("builtins", "pydantic", "typing")):
             continue
         try:
             (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
@@ -291,9 +289,8 @@ def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
 def check_name(name: object, names: tuple[str, ...], location: str, reason: str) -> None:
     """Raise ProblemError for an unknown name, and suggest the most similar one."""
     if name not in names:
-        close = difflib.get_close_matches(str(name), names, n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
-        raise ProblemError(reason + hint, key=location, value=name, allowed=", ".join(names))
+        reason += suggestion(name, names)
+        raise ProblemError(reason, key=location, value=name, allowed=", ".join(names))
 
 
 def check_mapping(data: object, names: tuple[str, ...], location: str) -> None:

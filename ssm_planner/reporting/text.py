@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import accumulate, zip_longest
 from pathlib import Path
 from textwrap import wrap
@@ -26,6 +25,7 @@ from ssm_planner.problem.robot import JOINTS
 from ssm_planner.sizing.assess import MotorVerdict
 from ssm_planner.sizing.requirements import PARTS, MotorRequirement
 from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
+from ssm_planner.typing import frozen
 from ssm_planner.units import RPM, display_unit
 from ssm_planner.verification.certificate import LimitCheck
 
@@ -55,7 +55,7 @@ AGREES_IPOPT = 1e-6
 """Largest relative difference of durations with which Ipopt confirms a motion (`planning/ocp`)."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Table:
     """A table of text.
 

@@ -14,7 +14,7 @@ the supply voltage U can drive through the winding against the back-EMF: |k·w +
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
@@ -24,6 +24,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import Joint
+from ssm_planner.typing import frozen
 
 MARGIN = 30.0
 """Phase margin of the default position loop that moves only the motor's inertia, degrees.
@@ -38,7 +39,7 @@ INTEGRAL_SHARE = 0.1
 """Ratio of the integral gain I to bandwidth ω times proportional gain P."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Electrics:
     """Motor winding and power stage of one drive."""
 
@@ -54,7 +55,7 @@ class Electrics:
     """Time constant of the closed current loop, s."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Gains:
     """Gains of one position loop, in A and rad at the motor."""
 
@@ -65,7 +66,7 @@ class Gains:
     ff_acceleration: float
 
 
-@dataclass(frozen=True)
+@frozen
 class LoopStep:
     """State of the loop after one period, as CasADi expressions."""
 

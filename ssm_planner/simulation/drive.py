@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
 from ssm_planner.dynamics.transmission import breakaway_torque, motor_acceleration, moving_torque
 from ssm_planner.problem.drive import Drive
+from ssm_planner.typing import frozen
 
 NOT_UNIQUE = (
     "the effective inertia with the load driving is negative: a rigid drive has no unique motion"
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class DriveStep:
     """State of a drive after one step, as CasADi expressions."""
 

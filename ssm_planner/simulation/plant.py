@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import casadi as ca
 import numpy as np
@@ -26,7 +26,7 @@ from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia, stalled
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 
 
 @record
@@ -144,7 +144,7 @@ _WORK, _LOCKED_WORK, _FRICTION, _DAMPING = range(4)
 """Indices of the energies: of motors, of prescribed accelerations, of friction and of dampers."""
 
 
-@dataclass(frozen=True)
+@frozen
 class _Forces:
     """Efforts in a step and the resulting motion of the drives, as expressions (4,)."""
 

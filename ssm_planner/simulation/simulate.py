@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,7 +34,7 @@ from ssm_planner.simulation.playback import (
     compliance_of,
 )
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 
 PERIOD = 1
 """Period of the exported set points, ms."""
@@ -62,7 +62,7 @@ STANDS = 1e-3
 EVERYWHERE: Literal["everywhere"] = "everywhere"
 
 
-@dataclass(frozen=True)
+@frozen
 class Scenario:
     """Conditions and disturbances of a playback. Any of them can be combined."""
 
@@ -153,7 +153,7 @@ class Scenario:
                 )
 
 
-@dataclass(frozen=True)
+@frozen
 class Tracking(ShortRepr):
     """Tracking error of one joint while the drives have power, rad or m.
 
@@ -166,7 +166,7 @@ class Tracking(ShortRepr):
     rms: float
 
 
-@dataclass(frozen=True)
+@frozen
 class MotorUse(ShortRepr):
     """Load of one motor and its drive in the simulation."""
 

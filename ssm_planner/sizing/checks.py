@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,13 +21,13 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.typing import Array, JsonObject, record
+from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.units import RPM
 
 TOLERANCE = 1e-9
 
 
-@dataclass(frozen=True)
+@frozen
 class Check(ShortRepr):
     """The comparison of one demand with its limit, in SI units.
 
@@ -218,7 +218,7 @@ def gear_checks(case: Case) -> tuple[Check, ...]:
     checks = [_speed(load, ratings), *_output(case, ratings), _duty(load, ratings, case.conditions)]
     if drive.self_locking:
         checks.append(_locking(case))
-    if drive.slides and drive.kind != "cable_slide":
+    if drive.transmission.rotating_screw:
         checks += _screw(case, ratings)
     return tuple(checks)
 

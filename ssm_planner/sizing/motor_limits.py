@@ -8,14 +8,13 @@ was identified together with the motor.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.value import Bound
-from ssm_planner.typing import Array, Range
+from ssm_planner.typing import Array, Range, frozen
 
 REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance, torque constant and nominal torque, K."""
@@ -28,7 +27,7 @@ It is the least favourable value for neodymium magnets.
 """
 
 
-@dataclass(frozen=True)
+@frozen
 class Conditions:
     """Operating conditions of the motors, and the required confidence of the answer."""
 

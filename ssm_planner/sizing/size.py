@@ -7,7 +7,7 @@ finds the largest payload and the shortest duration with which every check passe
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import JsonObject, record
+from ssm_planner.typing import JsonObject, frozen, record
 
 
 @record
@@ -224,7 +224,7 @@ HALVINGS = 16
 """Number of bisections in the search."""
 
 
-@dataclass(frozen=True)
+@frozen
 class WhatIf:
     """The result of a search for the largest payload or the shortest duration.
 
@@ -287,7 +287,7 @@ def shortest_duration(
     return replace(result, value=None if result.value is None else 1.0 / result.value)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Judgement:
     margin: float
     joint: str | None

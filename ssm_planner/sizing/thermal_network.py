@@ -13,7 +13,6 @@ for a power that is piecewise linear in time.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from ssm_planner.sizing.motor_limits import (
     resistance,
     torque_constant,
 )
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 
 SMALL = 1e-4
 """Threshold of |x| below which `_phi` uses power series."""
@@ -146,7 +145,7 @@ STEP = 2.0
 """Largest change of the temperatures over the cycles that are computed at once, K."""
 
 
-@dataclass(frozen=True)
+@frozen
 class ThermalModel(ShortRepr):
     """Constants of the two bodies and of the loss, in SI units. Temperatures are in K."""
 
@@ -372,7 +371,7 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
     return None
 
 
-@dataclass(frozen=True)
+@frozen
 class _Start:
     """Temperatures (K) at the start of a repetition, and the number of preceding repetitions."""
 

@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from ssm_planner.studies.store import Candidate, Store, better, key_of, pareto, 
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
+from ssm_planner.typing import frozen
 
 STORE = "study.sqlite"
 TABLE = "table.csv"
@@ -60,7 +60,7 @@ StudyProgress = Callable[[int, int, dict[str, int]], None]
 """Function of the number of finished candidates, the total, and the number in each state."""
 
 
-@dataclass(frozen=True)
+@frozen
 class StudyResult(ShortRepr):
     """The results of a study, and the folder that contains them."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from ssm_planner.problem.motion import Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Joint, Robot
 from ssm_planner.studies.study import Choice, Design, Study
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 from ssm_planner.units import quantity
 
 ANGLES = ("alpha", "home_tilt", "home_roll")
@@ -36,7 +36,7 @@ FIRST_STEP = 1e-6
 DEGREE = math.pi / 180
 
 
-@dataclass(frozen=True)
+@frozen
 class Rejection:
     """The stage that rejected a candidate, and the reason."""
 

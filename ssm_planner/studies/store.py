@@ -15,7 +15,7 @@ import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
@@ -23,6 +23,7 @@ from typing import Any, Literal
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import frozen
 
 State = Literal["waiting", "done", "infeasible", "failed", "quarantined"]
 """State of a candidate.
@@ -47,7 +48,7 @@ PRAGMA user_version = {FORMAT};
 """
 
 
-@dataclass(frozen=True)
+@frozen
 class Candidate(ShortRepr):
     """A candidate and its results."""
 

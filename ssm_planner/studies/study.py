@@ -6,7 +6,7 @@ import copy
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -15,7 +15,7 @@ import numpy as np
 from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.value import NotNegative, Value
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, JsonObject, Range, record
+from ssm_planner.typing import Array, JsonObject, Range, frozen, record
 from ssm_planner.units import BadQuantity, quantity
 
 Design = Mapping[str, str]
@@ -28,7 +28,7 @@ PACE = "pace"
 """Path of the factor (at least 1) by which motions are slowed down for the selection of parts."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Varied:
     """A quantity that varies between two values, in the unit of the file."""
 
@@ -48,7 +48,7 @@ class Varied:
     at = Renamed("value_at")
 
 
-@dataclass(frozen=True)
+@frozen
 class Choice(ShortRepr):
     """A choice among several entries, such as the motors of a catalogue."""
 
@@ -89,7 +89,7 @@ class Requirements(Value):
     """Smallest margin that every motor must keep in torque, speed, heat and voltage, as a share."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Search:
     """The method that generates the candidates."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import is_
 from typing import Any
 from weakref import ref
@@ -22,12 +22,13 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain, robot_text
 from ssm_planner.representation import ShortRepr, data_frame, html_table
 from ssm_planner.trajectory import BLOCK, Trajectory
+from ssm_planner.typing import frozen
 
 TOLERANCE = 1e-6
 """Relative excess of a limit that counts as rounding."""
 
 
-@dataclass(frozen=True)
+@frozen
 class LimitCheck(ShortRepr):
     """The result of checking one limit over a whole motion, in SI units.
 
@@ -86,7 +87,7 @@ class LimitCheck(ShortRepr):
     of = Renamed("from_extreme")
 
 
-@dataclass(frozen=True)
+@frozen
 class Certificate(ShortRepr):
     """The result of checking one trajectory.
 

@@ -22,7 +22,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck
 
 JUMP = 1e-6
@@ -37,7 +37,7 @@ Positions may jump by this share of the velocity limit per second, for example.
 """
 
 
-@dataclass(frozen=True)
+@frozen
 class Case:
     """A drive and a mass at the tip (kg) within the range that a motion must be valid for."""
 
@@ -46,7 +46,7 @@ class Case:
     words: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Quantity:
     """A limited quantity and how it follows from the joint motion."""
 

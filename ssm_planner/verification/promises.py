@@ -7,7 +7,7 @@ kinematics alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -28,7 +28,7 @@ from ssm_planner.problem.limits import (
 from ssm_planner.problem.motion import OF_TIP, Follow, Joints, Motion, Point, Scan, Straight, Task
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.trajectory import Span, Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck
 
 OFF = 1e-7
@@ -62,7 +62,7 @@ Curve = Callable[[Array], Array]
 """Function from fractions (n,) of a line to tip positions (n, 3)."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Way:
     """The promises about one phase of a motion."""
 
@@ -82,7 +82,7 @@ class Way:
         return np.array([line(np.ones(1))[0] for line in self.lines[:-1]]).reshape(-1, 3)
 
 
-@dataclass(frozen=True)
+@frozen
 class WayKept:
     """How well a phase keeps its promises, in SI units."""
 

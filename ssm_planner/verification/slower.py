@@ -7,7 +7,6 @@ friction may grow towards low speed (Stribeck), and inertia no longer carries pa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Samples, Trajectory
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, frozen, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import RATE, check
 
@@ -33,7 +32,7 @@ REFINED = 3
 """Number of refinements around the worst speed. Each is ten times narrower than the one before."""
 
 
-@dataclass(frozen=True)
+@frozen
 class WorstSpeed(ShortRepr):
     """The speed at which a limit has its smallest margin, and the result of the check there."""
 

@@ -19,7 +19,7 @@ from ssm_planner.problem.motion import Dwell, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.studies.workers import Workers
-from ssm_planner.typing import Range
+from ssm_planner.typing import Range, frozen
 from ssm_planner.view.page import Pose, Study, number, pose, tilt_range
 
 KEPT = 8
@@ -28,7 +28,7 @@ LONGEST_DWELL = 3600.0
 """Longest dwell, s."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Outcome:
     """Answer of the planner's process."""
 

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
-from ssm_planner.formats.export import FORMATS, export, verified
+from ssm_planner.formats.export import export, verified
+from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot

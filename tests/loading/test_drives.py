@@ -10,8 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.loading.drive_geometry import BadGeometry, resolve
 from ssm_planner.loading.load import load_drive
+from ssm_planner.problem.drive_geometry import (
+    SCREW_FAMILY,
+    WORM_FAMILY,
+    BadGeometry,
+    Family,
+    resolve,
+)
 
 WORM = "drives/vitreoretinal_joint1_worm.yaml"
 SCREW = "drives/vitreoretinal_joint4_screw.yaml"
@@ -35,10 +41,10 @@ def test_any_sufficient_set_gives_the_same_worm(worm: float, wheel: float, lead:
         given_ = {name: full[name] for name in names}
         if set(names) in dependent:
             with pytest.raises(BadGeometry, match="do not determine"):
-                resolve("worm", given_)
+                resolve(WORM_FAMILY, given_)
         else:
-            assert_same(resolve("worm", given_), full)
-    assert_same(resolve("worm", full), full)
+            assert_same(resolve(WORM_FAMILY, given_), full)
+    assert_same(resolve(WORM_FAMILY, full), full)
 
 
 @given(diameters, st.floats(0.0003, 0.01), st.integers(1, 4))
@@ -49,12 +55,12 @@ def test_any_sufficient_set_gives_the_same_screw(diameter: float, lead: float, s
         "lead_angle": math.atan(lead / (math.pi * diameter)),
     }
     for names in itertools.combinations(full, 2):
-        result = resolve("screw", {name: full[name] for name in names})
+        result = resolve(SCREW_FAMILY, {name: full[name] for name in names})
         assert_same(result, full)
         assert result["ratio"] == pytest.approx(2 * math.pi / lead)
     assert_same(
         resolve(
-            "screw", {"effective_diameter": diameter, "starts": starts, "pitch": lead / starts}
+            SCREW_FAMILY, {"effective_diameter": diameter, "starts": starts, "pitch": lead / starts}
         ),
         full,
     )
@@ -62,7 +68,7 @@ def test_any_sufficient_set_gives_the_same_screw(diameter: float, lead: float, s
 
 @given(diameters, diameters, st.floats(0.0003, 0.01))
 def test_a_drive_without_friction_loses_no_power(worm: float, wheel: float, lead: float) -> None:
-    result = resolve("worm", {"worm_diameter": worm, "wheel_diameter": wheel, "lead": lead})
+    result = resolve(WORM_FAMILY, {"worm_diameter": worm, "wheel_diameter": wheel, "lead": lead})
     gamma = result["worm_diameter"] / result["wheel_diameter"]
     assert gamma * math.tan(result["lead_angle"]) * result["ratio"] == pytest.approx(1)
 
@@ -75,34 +81,38 @@ def assert_same(result: dict[str, float], full: dict[str, float]) -> None:
 @pytest.mark.parametrize(
     ("family", "given_", "part"),
     [
-        ("worm", {}, "do not determine"),
-        ("worm", {"ratio": 120.0, "worm_diameter": 0.01}, "do not determine the worm"),
-        ("screw", {"lead": 0.002}, "do not determine the screw"),
-        ("screw", {"starts": 1.0, "pitch": 0.002}, "do not determine the screw"),
+        (WORM_FAMILY, {}, "do not determine"),
+        (WORM_FAMILY, {"ratio": 120.0, "worm_diameter": 0.01}, "do not determine the worm"),
+        (SCREW_FAMILY, {"lead": 0.002}, "do not determine the screw"),
+        (SCREW_FAMILY, {"starts": 1.0, "pitch": 0.002}, "do not determine the screw"),
         (
-            "screw",
+            SCREW_FAMILY,
             {"diameter": 0.012, "effective_diameter": 0.011, "lead": 0.002},
             "differs from diameter",
         ),
         (
-            "screw",
+            SCREW_FAMILY,
             {"diameter": 0.012, "lead": 0.002, "lead_angle": 0.1},
             "contradicts the other dimensions",
         ),
-        ("screw", {"diameter": 0.012, "lead": 0.002, "starts": 2.0, "pitch": 0.002}, "contradicts"),
-        ("screw", {"diameter": 0.012, "lead_angle": 1.2}, "between 0 and 60 deg"),
+        (
+            SCREW_FAMILY,
+            {"diameter": 0.012, "lead": 0.002, "starts": 2.0, "pitch": 0.002},
+            "contradicts",
+        ),
+        (SCREW_FAMILY, {"diameter": 0.012, "lead_angle": 1.2}, "between 0 and 60 deg"),
     ],
 )
-def test_wrong_sets(family: str, given_: dict[str, float], part: str) -> None:
+def test_wrong_sets(family: Family, given_: dict[str, float], part: str) -> None:
     with pytest.raises(BadGeometry, match=part):
         resolve(family, given_)
 
 
 def test_consistent_surplus_is_accepted_and_an_inconsistent_one_is_not() -> None:
     exact = math.atan(0.002 / (math.pi * 0.012))
-    resolve("screw", {"diameter": 0.012, "lead": 0.002, "lead_angle": exact * 1.004})
+    resolve(SCREW_FAMILY, {"diameter": 0.012, "lead": 0.002, "lead_angle": exact * 1.004})
     with pytest.raises(BadGeometry):
-        resolve("screw", {"diameter": 0.012, "lead": 0.002, "lead_angle": exact * 1.006})
+        resolve(SCREW_FAMILY, {"diameter": 0.012, "lead": 0.002, "lead_angle": exact * 1.006})
 
 
 @pytest.mark.parametrize(

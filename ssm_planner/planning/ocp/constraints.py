@@ -9,7 +9,7 @@ from __future__ import annotations
 import pickle
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import is_
 from types import SimpleNamespace
 from typing import Any
@@ -34,7 +34,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.problem.value import unchecked
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 
 UNLIMITED = 1e9
 LIMITS = {
@@ -180,7 +180,7 @@ sense.
 """
 
 
-@dataclass(frozen=True)
+@frozen
 class PathConstraint:
     """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint`.
 
@@ -192,7 +192,7 @@ class PathConstraint:
     value: ca.SX
 
 
-@dataclass(frozen=True)
+@frozen
 class Instant:
     """Symbolic state of all joints at one instant, (4,) each.
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
 
@@ -32,7 +31,7 @@ from ssm_planner.planning.ocp.constraints import (
 )
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Cubic
-from ssm_planner.typing import record
+from ssm_planner.typing import keyword_record, record
 
 COLLOCATION = (0.0, 0.5, 1.0)
 """Shares c of an element at which the path constraints hold.
@@ -61,7 +60,7 @@ class Parameter(NamedTuple):
     per_element: bool
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@keyword_record
 class ElementModel(ABC):
     """Limits and costs of one kind of motion on one element.
 

@@ -10,7 +10,7 @@ and spin, and the eye are path constraints, which are active where they come nea
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -62,7 +62,7 @@ from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRat
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
-from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.typing import Array, Indices, Mask, keyword_record, record
 
 ELEMENTS, ONE_TIME_ELEMENTS = 40, 96
 """Number of elements of a motion, and of one in which all elements share one time.
@@ -210,7 +210,7 @@ def solve_free(
     )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@keyword_record
 class _FreeRequest:
     """Request for a free motion, as in `solve_free`, and the meshes for it."""
 
@@ -559,7 +559,7 @@ class SegmentChain:
         return np.asarray(np.maximum(upper[:-1], upper[1:]) <= port + ROUNDING)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@keyword_record
 class FreeProblem(OcpProblem):
     """Problem with k segments between points, reversals, and passages of the port."""
 

@@ -41,7 +41,7 @@ from ssm_planner.planning.ocp.models import (
     rate_rows,
     seen_rows,
 )
-from ssm_planner.planning.ocp.natively import DRIVE, EYE, KINDS, MECHANISM
+from ssm_planner.planning.ocp.natively import DRIVE, EYE, MECHANISM, MESHES
 from ssm_planner.problem.posterior import LAWS
 from ssm_planner.trajectory import Cubic
 
@@ -227,24 +227,24 @@ def _posture(writer: _Writer) -> int:
 def _drives(writer: _Writer) -> None:
     """Write the rows of a motor's torque, and the torque over its nominal value.
 
-    There is one function for each kind of drive and law of friction.
+    There is one function for each torque law and law of friction.
     """
     drive_symbols = _symbols("drive", DRIVE.size)
     sigma = _symbols("sigma", 1)
     v = _symbols("v", 3)
     inputs = {"drive": drive_symbols, "sigma": sigma}
-    for kind, law in product(KINDS, LAWS):
+    for (two_nuts, mesh), law in product(enumerate(MESHES), LAWS):
         drive: Any = DRIVE.unpack(drive_symbols)
-        drive.kind = kind
+        drive.two_nuts = two_nuts
         drive.friction = DRIVE.unpack(drive_symbols)
         drive.friction.law = law
         if law == "coulomb":
             drive.friction.stribeck_speed = None
         instant: Any = SimpleNamespace(tau_rigid=v[0], qd=v[1], qdd=v[2], sigma=sigma)
         sides = sides_of_torque(directed_torques(drive, instant, 0, breakaway=False), drive.limit)
-        writer.add_part(f"{kind}_{law}", inputs, ("v", v), [*sides[0], *sides[1]])
+        writer.add_part(f"{mesh}_{law}", inputs, ("v", v), [*sides[0], *sides[1]])
         writer.add_part(
-            f"{kind}_{law}_pull",
+            f"{mesh}_{law}_pull",
             inputs,
             ("v", v),
             [smooth_torque(drive, instant, 0, drive.nominal)],

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Hashable
-from dataclasses import dataclass
 from functools import cache, cached_property
 from types import SimpleNamespace
 from typing import Any
@@ -53,7 +52,7 @@ from ssm_planner.planning.ocp.element import ElementModel, Parameter
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.problem.limits import TASK, LensClearance, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.problem.problem import Eye
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, keyword_record
 
 DEGREE = 6
 """Degree of the polynomials."""
@@ -70,7 +69,7 @@ RATED = ("roll", "tilt", "spin")
 """Task coordinates whose rate is not proportional to that of one joint."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@keyword_record
 class StraightElement(ElementModel):
     """Path constraints of a robot along any path, with p = (σ (4,), `fit_of`, layout).
 
@@ -250,7 +249,7 @@ def _derivative(coefficients: ca.SX) -> ca.SX:
     return ca.horzcat(*(k * coefficients[:, k] for k in range(1, coefficients.size2())))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@keyword_record
 class FreeElement(ElementModel):
     """Path constraints of a robot and an eye for moving joints, with p = (σ (4,), layout)."""
 

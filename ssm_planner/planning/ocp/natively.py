@@ -62,8 +62,8 @@ ACCELERATION = DRIVE.pack(
 """A drive without a load, whose torque is the acceleration of its joint."""
 LANES = 4
 """Number of elements that C evaluates at once."""
-KINDS = ("worm", "antibacklash_screw")
-"""Kinds of drives with laws of their own. All others follow the law of a worm."""
+MESHES = ("worm", "antibacklash_screw")
+"""Torque laws of drives with one mesh, and with two nuts."""
 Location = Literal["collocation", "between", "breakaway"]
 SHARES: dict[Location, tuple[float, ...]] = {
     "collocation": COLLOCATION,
@@ -468,11 +468,10 @@ def _model_data(element: ElementModel) -> _ModelData:
 
 
 def _law(drive: Drive) -> int:
-    """Return the index of a drive's kind and law of friction."""
-    kind = KINDS[1] if drive.kind == KINDS[1] else KINDS[0]
+    """Return the index of a drive's torque law and law of friction."""
     friction = friction_of(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
-    return len(LAWS) * KINDS.index(kind) + LAWS.index(law)
+    return len(LAWS) * drive.two_nuts + LAWS.index(law)
 
 
 def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:

@@ -8,7 +8,7 @@ elements of a block share its time in fixed proportion.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -17,7 +17,7 @@ import numpy as np
 from ssm_planner.interior.solve import State
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.trajectory import Cubic, Trajectory
-from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.typing import Array, Indices, Mask, frozen, record
 
 Solver = Literal["structured", "Ipopt"]
 Method = Literal["Ipopt", "structured", "confirmed", "estimated"]
@@ -34,7 +34,7 @@ With more freedom the positions of the elements would be undetermined.
 """
 
 
-@dataclass(frozen=True)
+@frozen
 class NlpStructure:
     """Everything that the expressions of a program depend on, except for its element model."""
 
@@ -237,7 +237,7 @@ class Guess:
         return Guess(self.elements / factor ** orders.astype(float), self.times * factor)
 
 
-@dataclass(frozen=True)
+@frozen
 class Confirmation:
     """Ipopt's results for the optima of the structured solver, from which it started."""
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -36,7 +36,7 @@ from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem.limits import LensClearance, MotorTorque
 from ssm_planner.problem.problem import Objective
-from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.typing import Array, Indices, Mask, keyword_record, record
 
 NEAR = 0.8
 """A row below this share of its limit in the guess stays inactive until it is found violated."""
@@ -84,7 +84,7 @@ LONGER = 1e-3
 """Relative amount by which the motion of least heat may be longer than the fastest motion."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@keyword_record
 class OcpProblem(ABC):
     """An optimal control problem with n elements, k segments, b blocks and r path rows.
 

@@ -8,7 +8,7 @@ s(t) to joint polynomials.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -45,7 +45,7 @@ from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, Joint
 from ssm_planner.problem.problem import Objective, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import hermite
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, keyword_record
 
 ELEMENTS = 84
 """Number of elements of a smooth path.
@@ -179,7 +179,7 @@ def _structure(mesh: Mesh, *, smooth: bool, velocity_limits: bool) -> NlpStructu
     )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@keyword_record
 class _StraightProblem(OcpProblem):
     """Optimal control problem of the timing s(t) along a path."""
 

@@ -8,7 +8,7 @@ differs between both kinds.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache, lru_cache
 from typing import Any, Literal
 from weakref import WeakKeyDictionary
@@ -28,7 +28,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpStructure,
 )
 from ssm_planner.trajectory import Cubic
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, frozen
 
 SMOOTHING = 3e-6
 """Weight of 3 ∫ (ü/limit)² dt of the joints. It determines the motion of joints that do not bind.
@@ -85,7 +85,7 @@ CONFIRMING_ITERATIONS = 30
 Start = Literal["cold", "warm", "confirming"]
 
 
-@dataclass(frozen=True)
+@frozen
 class Transcription:
     """Ipopt for one structure and element model.
 

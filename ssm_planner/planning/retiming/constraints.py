@@ -38,8 +38,6 @@ from ssm_planner.typing import Array, Indices, Mask, record
 
 ACTIVE = 0.998
 """Share of its limit from which on a row counts as binding."""
-Actuation = tuple[int, int, Drive, tuple[int, ...]]
-"""Joint, index of the load, drive, and sides (1 driving, −1 braking), as in `Robot.actuations`."""
 CEILING, NONE = -1, -2
 """Values in place of a row index: the speed ceiling binds, or nothing binds."""
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from ssm_planner.typing import record
+
 TOLERANCE = 0.005
 """Largest relative difference between redundant dimensions."""
 
@@ -13,11 +15,35 @@ TOLERANCE = 0.005
 _Law = tuple[Mapping[str, int], float]
 _HELIX: _Law = ({"tan_lead_angle": 1, "diameter": 1, "lead": -1}, 1 / math.pi)
 _THREAD: _Law = ({"lead": 1, "starts": -1, "pitch": -1}, 1.0)
-_LAWS: dict[str, tuple[_Law, ...]] = {
-    "worm": (({"ratio": 1, "lead": 1, "wheel_diameter": -1}, math.pi), _HELIX, _THREAD),
-    "screw": (({"ratio": 1, "lead": 1}, 2 * math.pi), _HELIX, _THREAD),
-}
-_NEEDED = {"worm": ("ratio", "diameter", "wheel_diameter", "lead"), "screw": ("diameter", "lead")}
+
+
+@record
+class Family:
+    """Gears whose dimensions follow the same laws."""
+
+    laws: tuple[_Law, ...]
+    needed: tuple[str, ...]
+    """Dimensions that must follow from the given ones."""
+    diameter: str
+    """Key of the diameter at which friction acts."""
+    advice: str
+    """Sets of dimensions that suffice."""
+
+
+WORM_FAMILY = Family(
+    (({"ratio": 1, "lead": 1, "wheel_diameter": -1}, math.pi), _HELIX, _THREAD),
+    ("ratio", "diameter", "wheel_diameter", "lead"),
+    "worm_diameter",
+    "the worm; it needs three independent ones of ratio, worm_diameter, wheel_diameter, lead (or "
+    "starts and pitch), lead_angle",
+)
+SCREW_FAMILY = Family(
+    (({"ratio": 1, "lead": 1}, 2 * math.pi), _HELIX, _THREAD),
+    ("diameter", "lead"),
+    "diameter",
+    "the screw; it needs two independent ones of diameter (or effective_diameter), lead (or starts "
+    "and pitch), lead_angle",
+)
 # The order is from figures of datasheets to figures that are usually rounded.
 _ORDER = ("ratio", "lead", "starts", "pitch", "diameter", "wheel_diameter", "tan_lead_angle")
 
@@ -28,20 +54,21 @@ class BadGeometry(ValueError):
     key is the dimension that is probably wrong, or None.
     """
 
-    def __init__(self, reason: str, key: str | None = None) -> None:
+    def __init__(self, reason: str, key: str | None = None, allowed: str | None = None) -> None:
         super().__init__(reason)
         self.key = key
+        self.allowed = allowed
 
 
-def resolve(family: str, numbers: Mapping[str, float]) -> dict[str, float]:
-    """Return all dimensions (SI) of a worm or screw, by the file's names, from the given ones.
+def resolve(family: Family, numbers: Mapping[str, float]) -> dict[str, float]:
+    """Return all dimensions (SI) of a gear, by the file's names, from the given ones.
 
     worm: ratio, worm_diameter, wheel_diameter, lead, lead_angle, starts, pitch; ratio =
     π·wheel_diameter/lead. screw: diameter or effective_diameter, lead, lead_angle, starts, pitch;
     ratio = 2π/lead.
     Both: tan(lead_angle) = lead/(π·diameter), lead = starts·pitch. Raises BadGeometry.
     """
-    named_numbers = _internal(family, numbers)
+    named_numbers = _internal(numbers)
     dimensions: dict[str, float] = {}
     for name in _ORDER:
         if name not in named_numbers:
@@ -57,20 +84,21 @@ def resolve(family: str, numbers: Mapping[str, float]) -> dict[str, float]:
             continue
         dimensions[name] = value
         _complete(family, dimensions)
-    missing = [name for name in _NEEDED[family] if name not in dimensions]
+    missing = [name for name in family.needed if name not in dimensions]
     if missing:
-        raise BadGeometry(_insufficient(family, numbers))
+        have = ", ".join(numbers) or "none"
+        raise BadGeometry(f"the dimensions given ({have}) do not determine {family.advice}")
     lead_angle = math.atan(dimensions.pop("tan_lead_angle"))
     diameter = dimensions.pop("diameter")
     result = {
-        "worm_diameter" if family == "worm" else "diameter": diameter,
+        family.diameter: diameter,
         "lead_angle": lead_angle,
         **dimensions,
     }
     return result
 
 
-def _internal(family: str, dimensions: Mapping[str, float]) -> dict[str, tuple[str, float]]:
+def _internal(dimensions: Mapping[str, float]) -> dict[str, tuple[str, float]]:
     """Return the given dimensions by the names in the laws, each with its key in the file."""
     internal: dict[str, tuple[str, float]] = {}
     for key, value in dimensions.items():
@@ -89,12 +117,12 @@ def _internal(family: str, dimensions: Mapping[str, float]) -> dict[str, tuple[s
     return internal
 
 
-def _complete(family: str, dimensions: dict[str, float]) -> None:
+def _complete(family: Family, dimensions: dict[str, float]) -> None:
     """Add every dimension that the known ones determine."""
     progress = True
     while progress:
         progress = False
-        for powers, constant in _LAWS[family]:
+        for powers, constant in family.laws:
             unknown = [name for name in powers if name not in dimensions]
             if len(unknown) == 1:
                 value = constant
@@ -103,19 +131,6 @@ def _complete(family: str, dimensions: dict[str, float]) -> None:
                         value /= dimensions[name] ** power
                 dimensions[unknown[0]] = value ** (1 / powers[unknown[0]])
                 progress = True
-
-
-def _insufficient(family: str, dimensions: Mapping[str, float]) -> str:
-    have = ", ".join(dimensions) or "none"
-    if family == "worm":
-        return (
-            f"the dimensions given ({have}) do not determine the worm; it needs three independent "
-            "ones of ratio, worm_diameter, wheel_diameter, lead (or starts and pitch), lead_angle"
-        )
-    return (
-        f"the dimensions given ({have}) do not determine the screw; it needs two independent ones "
-        "of diameter (or effective_diameter), lead (or starts and pitch), lead_angle"
-    )
 
 
 def _text(name: str, value: float) -> str:

@@ -1,0 +1,97 @@
+"""Declarations of the export formats.
+
+To add a format, declare a `Format` and register it (docs/architecture.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+
+from ssm_planner.registry import Registry
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import record
+
+_STOPS = "add controlled stops from N instants"
+_COUNTS = "increments per motor turn (4 × encoder counts) if the motor file has no encoder"
+
+
+@record
+class Format(ShortRepr):
+    """Export format. Its functions are loaded on first use."""
+
+    name: str
+    """Name in commands."""
+    writer: str
+    """Function that writes the files, as `module:function`.
+
+    Its parameters are plan, certificate, folder, suffix of the file names and the options. It
+    returns the entries that the format adds to the manifest.
+    """
+    description: str
+    """Content of the files."""
+    options: Mapping[str, str] = field(default_factory=dict)
+    """Meaning of each option by the name of its parameter. The command line offers them all.
+
+    A format with the option `stops` can include controlled stops, which `export` writes.
+    """
+    reader: str | None = None
+    """Function that reads the folder, as `module:function`.
+
+    Its parameters are folder, manifest, names of the unchanged files and robot. It returns a
+    `formats.points.Reading`. Without it, the entry `trajectory` of the manifest names the file to
+    read.
+    """
+
+
+FORMATS = Registry(
+    "ssm_planner.formats",
+    "export format",
+    *(
+        Format(
+            "csv",
+            "ssm_planner.formats.csv:export_csv",
+            "table with units in the header",
+            {
+                "rate": "equidistant rows (default: as the limits require)",
+                "columns": "groups of columns such as q,qd,torque, or counts",
+                "counts_per_turn": _COUNTS,
+                "stops": _STOPS,
+            },
+        ),
+        Format(
+            "epos4",
+            "ssm_planner.formats.epos4:export_epos4",
+            "set points and drive objects for maxon EPOS4",
+            {
+                "rate": "setpoints per second (default 1000)",
+                "mode": "cyclic mode (default csp)",
+                "counts_per_turn": _COUNTS,
+                "stops": _STOPS,
+            },
+            reader="ssm_planner.formats.epos4:read_epos4",
+        ),
+        Format(
+            "pvt",
+            "ssm_planner.formats.pvt:export_pvt",
+            "tables of time, position and velocity",
+            {"counts_per_turn": _COUNTS},
+            reader="ssm_planner.formats.pvt:read_pvt",
+        ),
+        Format(
+            "ros2",
+            "ssm_planner.formats.ros2:export_ros2",
+            "JointTrajectory and rosbag2",
+            {
+                "rate": "states in the bag (default 100)",
+                "effort": "add joint efforts",
+                "bag": "no rosbag2",
+            },
+        ),
+        Format(
+            "urdf", "ssm_planner.formats.urdf:export_urdf", "mechanism and controllers for ROS 2"
+        ),
+        Format("c", "ssm_planner.formats.c:export_c", "C99 code of the mechanism and the plan"),
+    ),
+)
+"""All export formats."""

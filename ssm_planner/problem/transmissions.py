@@ -1,0 +1,231 @@
+"""Kinds of drives: names, geometry, torque law and checks.
+
+To add a kind, write a subclass of `Transmission` and register it (docs/architecture.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Annotated, ClassVar
+
+from ssm_planner.problem.drive_geometry import (
+    SCREW_FAMILY,
+    WORM_FAMILY,
+    BadGeometry,
+    Family,
+    resolve,
+)
+from ssm_planner.problem.value import Positive, Quantity
+from ssm_planner.registry import Registry
+from ssm_planner.typing import record
+
+_Number = Annotated[Positive, Quantity("number")]
+_Length = Annotated[Positive, Quantity("length")]
+_Angle = Annotated[Positive, Quantity("angle")]
+Dimensions = Mapping[str, float]
+"""Dimensions in SI units by key."""
+LARGEST_THREAD_ANGLE = math.radians(120)
+
+
+class Transmission:
+    """Base class of the kinds of drives. The class itself represents the kind.
+
+    The fields of a subclass are the keys of `geometry` in drive files. Their annotations state the
+    units, and their docstrings describe the keys. The default of an optional key is None. Unless
+    `threaded` is set, the drive is not self-locking, and it has efficiencies if it has dimensions.
+    """
+
+    name: ClassVar[str]
+    """Value of `kind` in files."""
+    slides: ClassVar[bool] = False
+    """True if the output is linear."""
+    threaded: ClassVar[bool] = False
+    """True if the drive has a thread with sliding friction, which can be self-locking."""
+    two_nuts: ClassVar[bool] = False
+    """True if a spring presses two half nuts apart."""
+    rotating_screw: ClassVar[bool] = False
+    """True if a slender screw turns, so that its whirling and buckling are checked."""
+    distinctive: ClassVar[frozenset[str]] = frozenset()
+    """Keys of which each row of a catalogue of these drives has at least one."""
+
+    @classmethod
+    def complete(cls, stated: Dimensions) -> dict[str, float]:
+        """Return all dimensions in SI units by key. Raises BadGeometry.
+
+        A thread needs `ratio`, `lead_angle` and `thread_angle`.
+        """
+        return dict(stated)
+
+    @classmethod
+    def motor_ratio(cls, dimensions: Dimensions) -> float:
+        """Return the motor angle per joint coordinate: dimensionless or rad/m.
+
+        The default is the dimension `ratio`, or 1 without it.
+        """
+        return dimensions.get("ratio", 1.0)
+
+    @classmethod
+    def effort_arm(cls, dimensions: Dimensions) -> float:
+        """Return γ of a thread: motor torque per output effort is γ·tan(λ ± φ).
+
+        For a screw, it is the radius at which friction acts, m.
+        """
+        return dimensions["diameter"] / 2
+
+
+@record
+class _Thread(Transmission):
+    threaded = True
+    family: ClassVar[Family]
+    """Laws of the dimensions."""
+    lead: _Length | None = None
+    """Advance of the thread in one turn."""
+    lead_angle: _Angle | None = None
+    """Lead angle at the diameter at which friction acts: tan = lead / (π · diameter)."""
+    starts: _Number | None = None
+    """Number of parallel threads: lead = starts · pitch."""
+    pitch: _Length | None = None
+    """Distance between neighbouring threads."""
+
+    @classmethod
+    def complete(cls, stated: Dimensions) -> dict[str, float]:
+        numbers = dict(stated)
+        thread_angle = numbers.pop("thread_angle")
+        outer = numbers.pop("outer_diameter", None)
+        if not thread_angle < LARGEST_THREAD_ANGLE:
+            raise BadGeometry("implausible", "thread_angle", "an angle below 120 deg")
+        dimensions = resolve(cls.family, numbers)
+        if outer is not None:
+            if outer < dimensions["diameter"]:
+                raise BadGeometry(
+                    "smaller than the diameter at which friction acts", "outer_diameter"
+                )
+            dimensions["outer_diameter"] = outer
+        return {**dimensions, "thread_angle": thread_angle}
+
+
+@record
+class Worm(_Thread):
+    """Worm gear.
+
+    Any set of dimensions that determines ratio, both diameters and the lead suffices.
+    """
+
+    name = "worm"
+    family = WORM_FAMILY
+    distinctive = frozenset({"wheel_diameter", "worm_diameter", "ratio"})
+    ratio: _Number | None = None
+    """Turns of the worm per turn of the wheel."""
+    worm_diameter: _Length | None = None
+    """Pitch diameter of the worm."""
+    wheel_diameter: _Length | None = None
+    """Pitch diameter of the wheel."""
+    thread_angle: _Angle = field(kw_only=True)
+    """Angle between both flanks in the axial section."""
+
+    @classmethod
+    def effort_arm(cls, dimensions: Dimensions) -> float:
+        """Return the quotient of the diameters of worm and wheel."""
+        return dimensions["worm_diameter"] / dimensions["wheel_diameter"]
+
+
+@record
+class LeadScrew(_Thread):
+    """Lead screw with one nut.
+
+    Any set of dimensions that determines lead and effective diameter suffices.
+    """
+
+    name = "lead_screw"
+    family = SCREW_FAMILY
+    slides = True
+    rotating_screw = True
+    diameter: _Length | None = None
+    """Diameter at which friction acts."""
+    effective_diameter: _Length | None = None
+    """Synonym of diameter."""
+    thread_angle: _Angle = field(kw_only=True)
+    """Angle between both flanks in the axial section."""
+    outer_diameter: _Length | None = None
+    """Outer diameter, for information. Friction acts at the effective diameter."""
+
+
+@record
+class AntibacklashScrew(LeadScrew):
+    """Lead screw with two half nuts that a spring presses apart."""
+
+    name = "antibacklash_screw"
+    two_nuts = True
+
+
+@record
+class Direct(Transmission):
+    """Motor that moves the joint directly."""
+
+    name = "direct"
+
+
+@record
+class Gear(Transmission):
+    """Gear with a rotary output."""
+
+    name = "gear"
+    ratio: _Number
+    """Turns of the motor per turn of the output."""
+
+
+@record
+class Belt(Gear):
+    """Belt with a rotary output."""
+
+    name = "belt"
+
+
+@record
+class Cable(Gear):
+    """Cable with a rotary output."""
+
+    name = "cable"
+
+
+@record
+class BallScrew(Transmission):
+    """Ball screw."""
+
+    name = "ball_screw"
+    slides = True
+    rotating_screw = True
+    lead: _Length
+    """Advance of the nut in one turn."""
+
+    @classmethod
+    def motor_ratio(cls, dimensions: Dimensions) -> float:
+        """Return 2π / lead."""
+        return 2 * math.pi / dimensions["lead"]
+
+
+@record
+class CableSlide(Transmission):
+    """Belt or cable that pulls a slide."""
+
+    name = "cable_slide"
+    slides = True
+    pulley_diameter: _Length
+    """Diameter at which the belt or cable runs."""
+    ratio: _Number | None = None
+    """Turns of the motor per turn of the pulley. The default is 1."""
+
+    @classmethod
+    def motor_ratio(cls, dimensions: Dimensions) -> float:
+        """Return the turns of the motor per turn of the pulley over the radius of the pulley."""
+        return dimensions.get("ratio", 1.0) * 2 / dimensions["pulley_diameter"]
+
+
+TRANSMISSIONS: Registry[type[Transmission]] = Registry(
+    "ssm_planner.drives",
+    "kind of drive",
+    *(Worm, LeadScrew, AntibacklashScrew, Direct, Gear, Belt, Cable, BallScrew, CableSlide),
+)
+"""All kinds of drives."""

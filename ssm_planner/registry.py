@@ -1,0 +1,74 @@
+"""Registries of declared objects, to which other packages add objects by entry points."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import Any, TypeVar
+
+from ssm_planner.errors import ProblemError, suggestion
+
+N = TypeVar("N", bound=Any)
+
+
+class Registry(Mapping[str, N]):
+    """Mapping of declared objects by name.
+
+    Entry points of installed packages are loaded when an unknown name is met or when all objects
+    are listed, so that they do not delay the start. Their objects come last.
+
+    Parameters
+    ----------
+    group : str
+        Group of the entry points, for example ssm_planner.drives.
+    noun : str
+        Name of one object, for messages.
+    *declared : object
+        Objects of this package.
+    """
+
+    def __init__(self, group: str, noun: str, *declared: N) -> None:
+        self.group = group
+        self.noun = noun
+        self._declared = {item.name: item for item in declared}
+
+    def add(self, item: N) -> N:
+        """Add an object and return it. Raises ValueError if its name exists."""
+        if self._declared.setdefault(item.name, item) is not item:
+            raise ValueError(f"the {self.noun} {item.name!r} exists already")
+        return item
+
+    def find(self, name: object, key: str | None = None) -> N:
+        """Return the object of this name.
+
+        Raises ProblemError with the key of the name and with all names if it is unknown.
+        """
+        if not isinstance(name, str) or name not in self:
+            reason = f"unknown {self.noun}{suggestion(name, self)}"
+            if name is None:
+                reason = "missing: this key is required"
+            raise ProblemError(reason, key=key, value=name, allowed=", ".join(self))
+        return self[name]
+
+    def __getitem__(self, name: str) -> N:
+        return (self._declared if name in self._declared else self._all)[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    @cached_property
+    def _all(self) -> dict[str, N]:
+        from importlib.metadata import entry_points
+
+        for point in entry_points(group=self.group):
+            try:
+                self.add(point.load())
+            except Exception as error:  # noqa: BLE001 - another package may raise anything
+                logging.getLogger("ssm_planner").warning(
+                    f"the {self.noun} {point.name!r} of another package is not available: {error}"
+                )
+        return self._declared
