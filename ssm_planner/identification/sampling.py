@@ -181,16 +181,36 @@ def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -
 def _with_bearing(
     model: MapModel, z: Array, residual: Array, u: Array, whitener: Array, log_share: float
 ) -> Array:
-    """Draw b_c and b_v from their conditional posterior for one share c.
+    """Draw the bearing friction b_c, b_v of every point, given its other parameters.
 
-    z (points, k) has the other coordinates and residual (points, recordings) their error without
-    bearing friction. u (points, k): position in the unit cube. The columns of the result are the
-    completed z, the logarithm of the posterior over the density of b_c and b_v, and the square.
+    Given these, the torque is linear in b_c and b_v, so that their posterior is a product of
+    Student's t distributions, of which only positive values count.
+
+    Parameters
+    ----------
+    model : MapModel
+    z : (points, k)
+        Parameters in standard coordinates. Those of b_c and b_v are ignored.
+    residual : (points, recordings)
+        Weighted error of the torque without bearing friction.
+    u : (points, k)
+        Quantiles in (0, 1) that determine the draw.
+    whitener : (recordings, recordings)
+        Matrix that makes the errors of the recordings independent.
+    log_share : float
+        Logarithm of the prior probability of this correlation of the errors.
+
+    Returns
+    -------
+    (points, k + 2)
+        Columns: z with the drawn b_c and b_v, the logarithm of the ratio between the posterior and
+        the density of the draw, and the sum of squared errors.
     """
     from scipy.special import stdtr, stdtrit
 
     degrees = len(model.w) + DEGREES
-    linear, (centre, spread) = np.flatnonzero(model.linear), model.prior
+    linear = np.flatnonzero(model.linear)
+    centre, spread = model.prior
     slopes = {"b_c": np.sign(model.w), "b_v": model.w}
     columns = [slopes[model.names[i]] * model.weight for i in linear]
     q, r = np.linalg.qr((np.reshape(columns, (-1, len(model.w))) @ whitener).T)
@@ -199,7 +219,7 @@ def _with_bearing(
     best, log_density = -error @ q, np.zeros(len(z))
     square = np.sum((error + best @ q.T) ** 2, axis=1) + model.floor
     for j in reversed(range(len(linear))):
-        # x_j > 0 is t-distributed about its regression on the later ones.
+        # Given x_{j+1}, …, the positive x_j is t-distributed about its regression on them.
         i, freedom = linear[j], degrees - 1 - j
         scale = np.sqrt(square / freedom) / abs(r[j, j])
         middle = (best[:, j] - x[:, j + 1 :] @ r[j, j + 1 :]) / r[j, j]

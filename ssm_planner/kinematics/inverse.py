@@ -142,12 +142,16 @@ def inverse_tip(
     limits: ArrayLike | None = None,
     reference: ArrayLike | None = None,
 ) -> Solutions:
-    """Return up to four solutions for each tip position (n, 3) with spin (n,).
+    """Return up to four solutions for each tip position (n, 3) in m with spin (n,) in rad.
 
-    Subproblem 3′ gives two translations θ4, one for each end of the tool axis, and each has two
-    branches. The solutions are ordered (depth > 0, +1), (depth > 0, −1), (depth < 0, +1),
-    (depth < 0, −1). A tip at the RCM does not determine the pointing. The tool then keeps the
-    pointing of `reference` or of home, and the second pair is marked as not reaching.
+    The distance of the tip from the RCM leaves two depths (subproblem 3′ of the paper), and each
+    depth has two branches of the inverse kinematics, +1 and −1. The solutions are ordered
+    (depth > 0, +1), (depth > 0, −1), (depth < 0, +1), (depth < 0, −1). A tip at the RCM does not
+    determine the direction of the tool. The tool then points as at `reference`, or as at home
+    without one, and the two solutions with depth < 0 do not count as reaching the tip.
+
+    limits: lowest and highest joint positions (4, 2), rad and m. reference: joints (4,) to whose
+    distance the solutions are sorted.
     """
     tip = batch("tip", tip, 3)
     spins = np.asarray(spin, dtype=float)

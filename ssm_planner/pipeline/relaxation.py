@@ -286,7 +286,10 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
 def _together(
     relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]
 ) -> Cure | None:
-    """Return the smallest change of one limit, and of others if they then prevent the motion."""
+    """Return the smallest change of one limit that gives a motion.
+
+    If another limit prevents the motion after this change, that limit is changed as well.
+    """
     initial = cure = _grown(relaxation, attempt, has_budget)
     descriptions: dict[tuple[Any, ...], str] = {}
     for _ in range(TOGETHER - 1):
@@ -304,7 +307,10 @@ def _together(
 
 
 def _grown(relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]) -> Cure | None:
-    """Return the smallest value near the needed one. None if the limit cannot have any."""
+    """Return the smallest change of one limit that gives a motion. None if it cannot change.
+
+    The search begins at the change that the reason of the failure asks for.
+    """
     shares = [
         share
         for factor in GROWTH

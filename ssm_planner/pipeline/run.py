@@ -256,8 +256,9 @@ class Replanner(ShortRepr):
 def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Problem:
     """Return the problem with an instant of a motion as its start.
 
-    Only a free motion can begin at any velocity. If the problem begins with another one, a free
-    motion named "stop" precedes it. Every joint brakes in it nearly as hard as it can.
+    Only a free motion can begin at any velocity. If the first motion of the problem is of another
+    kind, a free motion named "stop" precedes it, in which every joint brakes nearly as hard as it
+    can.
 
     Raises
     ------
@@ -274,7 +275,7 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     robot = problem.robot
     velocity = np.array([joint.velocity for joint in robot.joints])
     q, qd = state.q[0], state.qd[0]
-    # A smaller velocity is no step for the check.
+    # The check accepts velocity jumps up to this share of the velocity limit.
     qd = np.where(np.abs(qd) > JUMP * velocity, qd, 0.0)
     rates = task_rates(Mechanism.from_geometry(robot.geometry), q[None], qd[None])[0]
     entries, largest_rate = problem.motion, np.abs(rates).max()
@@ -287,10 +288,14 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
         if abs(rate) > ROUNDING * largest_rate
     }
     jerk = any(joint.jerk is not None for joint in robot.joints)
-    pulls = _four(state.qdd[0]) if jerk and qd.any() else (0.0, 0.0, 0.0, 0.0)
+    acceleration = _four(state.qdd[0]) if jerk and qd.any() else (0.0, 0.0, 0.0, 0.0)
     start = Joints(_four(q))
     return replace(
-        problem, start=start, start_rate=start_rate, start_acceleration=pulls, motion=entries
+        problem,
+        start=start,
+        start_rate=start_rate,
+        start_acceleration=acceleration,
+        motion=entries,
     )
 
 

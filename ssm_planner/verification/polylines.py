@@ -85,7 +85,14 @@ class _Speeds:
         self._time = 0.0
 
     def look(self, breaks: Array, coefficients: Array) -> None:
-        """Add pieces between breaks (m + 1,) with coefficients (m, 6, 4)."""
+        """Update the fastest speeds and the worst jumps with the next pieces of the motion.
+
+        Rounding moves each end of a piece by at most the resolution, so it explains a speed of two
+        resolutions over the length of the piece.
+
+        breaks: start of each piece and end of the last one (m + 1,), s. coefficients: powers of the
+        time since the start of the piece, for each joint (m, 6, 4).
+        """
         length = np.diff(breaks)
         speed = np.maximum(np.abs(coefficients[:, 1]) - 2 * self.resolution / length[:, None], 0.0)
         maximum = speed.max(axis=0)
