@@ -23,6 +23,7 @@ from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.publishing import MANIFEST, RESULTS
 from ssm_planner.trajectory import Span, Trajectory, hermite
 from ssm_planner.verification.check import check
 
@@ -408,3 +409,38 @@ def test_a_motion_from_arrays_that_is_too_fast_does_not_pass(robot: Robot) -> No
     assert not plan.passed
     with pytest.raises(ExportError, match="does not pass"):
         export(plan, "csv")
+
+
+def test_a_certificate_without_its_trajectory_is_dropped(robot: Robot) -> None:
+    certificate = check(motion(), robot, problem(robot).task_limits, seal=True)
+    assert Plan(problem(robot), "solved", motion(), (), certificate).certificate is not None
+    assert Plan(problem(robot), "infeasible", None, (), certificate).certificate is None
+
+
+@pytest.mark.parametrize("duration", [None, 1.5, 2])
+def test_the_duration_without_ranges_is_read_back(
+    plan: Plan, tmp_path: Path, duration: float | None
+) -> None:
+    path = replace(plan, nominal_duration=duration).write(tmp_path / plans.FILE)
+    assert load_plan(path).nominal_duration == duration
+
+
+def test_a_plan_in_a_folder_with_a_file_of_another_plan_is_refused(
+    plan: Plan, tmp_path: Path
+) -> None:
+    path = plan.write(tmp_path / plans.FILE)
+    table = tmp_path / "trajectory.csv"
+    table.write_text("t\n", encoding="utf-8")
+    files = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in (path, table)}
+    manifest = {"format": RESULTS, "files": files}
+    (tmp_path / MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
+    assert load_plan(tmp_path).duration == plan.duration
+    table.write_text("t\n0\n", encoding="utf-8")
+    for name in (tmp_path, path):
+        with pytest.raises(TrajectoryError, match=r"trajectory\.csv: is not the file"):
+            load_plan(name)
+
+
+def test_a_joint_without_a_drive_has_no_note_on_friction(plan: Plan, robot: Robot) -> None:
+    changed = replace(robot, joints=(replace(robot.joints[0], drive=None), *robot.joints[1:]))
+    assert plans._extrapolation(changed, plan.requirements[0]) == []
