@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -310,7 +311,7 @@ def test_an_interruption_midway_leaves_nothing(
         "ros2": ("write_yaml", 1),
     }[module]
     target = f"ssm_planner.formats.{module}"
-    monkeypatch.setattr(f"{target}.{place}", after(count, getattr(sys.modules[target], place)))
+    monkeypatch.setattr(f"{target}.{place}", after(count, getattr(import_module(target), place)))
     with pytest.raises(KeyboardInterrupt):
         export(plan, module, tmp_path / module, **OPTIONS.get(module, {}))
     assert not list(tmp_path.iterdir())
