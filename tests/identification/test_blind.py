@@ -18,7 +18,6 @@ from ssm_planner.loading.load import load_drive
 from tests.support.paths import PROBLEMS
 from tests.support.recordings import RECORDINGS
 
-pytestmark = pytest.mark.usefixtures("few_points")
 DRIVES = PROBLEMS / "drives"
 RIGS = {
     "rig1_lead_screw": ("drive1_lead_screw", 0.035),
@@ -53,6 +52,7 @@ def predicted(drive, fitted, blind):
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("count", [6, 9, 14])
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_bands_hold_what_the_fit_has_not_seen(rig, count):
     drive, steady = recordings_of(rig, "steady_state")
     found = [p for seed in range(4) for p in predicted(drive, *split(steady, count, seed))]
@@ -64,6 +64,7 @@ def test_bands_hold_what_the_fit_has_not_seen(rig, count):
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_every_second_recording_predicts_the_others(rig, first):
     drive, steady = recordings_of(rig, "steady_state")
     _, moving = recordings_of(rig, "start_stop")
