@@ -444,3 +444,20 @@ def test_a_plan_in_a_folder_with_a_file_of_another_plan_is_refused(
 def test_a_joint_without_a_drive_has_no_note_on_friction(plan: Plan, robot: Robot) -> None:
     changed = replace(robot, joints=(replace(robot.joints[0], drive=None), *robot.joints[1:]))
     assert plans._extrapolation(changed, plan.requirements[0]) == []
+
+
+def test_a_plan_is_neither_true_nor_false(plan: Plan) -> None:
+    with pytest.raises(TypeError, match=r"plan\.passed"):
+        bool(plan)
+
+
+def test_a_plan_is_taken_as_a_value_and_as_a_file(plan: Plan, tmp_path: Path) -> None:
+    path = plan.write(tmp_path / plans.FILE)
+    assert plans.as_plan(plan) is plan
+    for name in (path, str(path), tmp_path):
+        assert plans.as_plan(name).sha256 == plan.sha256
+
+
+def test_a_name_that_no_file_can_have_is_refused() -> None:
+    with pytest.raises(TrajectoryError):
+        load_plan("plan\0.json")

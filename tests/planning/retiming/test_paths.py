@@ -311,3 +311,29 @@ def test_reversals_of_a_spline_are_the_roots_of_its_slopes(mechanism: Mechanism,
         reversing = np.any(signs[1:] != signs[:-1], axis=1)
         assert np.all(reversing | np.isin(knots[1:-1], path.nodes)) or not pieces
         assert pieces or reversing.all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_joint_starts_at_the_first_sample_behind_its_knot(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    s = np.sort(rng.uniform(0.0, 0.9, 12))
+    samples = paths.PathSamples(s, *np.zeros((3, 12, 4)))
+    knots = np.array([0.0, *np.sort(rng.uniform(0.0, 1.0, 3)), 0.95, 1.0])
+    signs = np.tile(np.array([[1.0], [-1.0]]), (3, 4))[: len(knots) - 1]
+    expected = np.zeros((12, 4), dtype=bool)
+    for knot in knots[:-1]:
+        behind = [k for k in range(12) if s[k] >= knot]
+        expected[behind[0] if behind else 11] = True
+    assert np.array_equal(joint_starts(samples, knots, signs), expected)
+
+
+def test_a_slope_that_vanishes_at_the_end_is_no_knot(mechanism: Mechanism) -> None:
+    # The natural spline through (0, 0), (1/2, 5) and (1, 6) has the slope 0 at its end.
+    points = np.zeros((3, 4))
+    points[:, 0] = [0.0, 0.5, 1.0]
+    points[:, 1] = [0.0, 5e-7, 6e-7]
+    path = SplinePath(mechanism, points, np.ones(4))
+    assert abs(path.sample(np.array([1.0])).dq[0, 1]) < 1e-15
+    knots, signs = path.directions
+    assert np.array_equal(knots, [0.0, 1.0])
+    assert np.array_equal(signs[0], [1.0, 1.0, 0.0, 0.0])
