@@ -32,7 +32,7 @@ from ssm_planner.units import display_unit
 GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 """Factors on the smallest possible change, tried in turn until there is a motion."""
 SHARP = 0.9
-"""Share of a reported change that gives no motion by itself, as far as the effort allows."""
+"""The bisection ends when this share of the reported change gives no motion."""
 SHARES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
 TOGETHER = 4

@@ -1,11 +1,12 @@
-"""Direction refinement: open joint directions where their multipliers are positive.
+"""Direction refinement: open joint directions where their multipliers ask for it.
 
 A free motion is solved with a fixed direction of every joint between two borders, so that friction
 enters exactly. At the optimum, the multipliers of "q̇ keeps its direction" show in which elements a
 joint would rather move the other way. The reduced costs show the same for joints that stand
 (`DirectionMultipliers`). A joint that moves out and back, or that takes a run-up, can relieve a
 limit that binds. The directions are opened there, the instants of reversal become borders with free
-positions, and the motion is solved again, until no multiplier exceeds the tolerance.
+positions, and the motion is solved again. This ends when no sum of multipliers exceeds MULTIPLIER,
+when a round saves less than GAP, or when a solve fails.
 """
 
 from __future__ import annotations

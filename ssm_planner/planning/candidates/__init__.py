@@ -1,1 +1,1 @@
-"""Ways to move a phase, one file each. `listed` gives the order in which they are tried."""
+"""Ways to move a phase, one file each. `listed` gives the order of suggestion."""

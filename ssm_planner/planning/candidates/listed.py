@@ -1,6 +1,7 @@
-"""List of all kinds of candidates.
+"""List of the kinds of candidates for a phase.
 
-The search asks them for suggestions in this order. A new kind of candidate is one more line here.
+Other joints at a target move the whole problem, so `pipeline/mission.py` suggests them. The search
+asks the kinds for suggestions in this order. A new kind of candidate is one more line here.
 """
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate

@@ -28,7 +28,7 @@ class Reversing(PhaseCandidate):
     """A motion with reversals, found from the motion without them."""
 
     without: PhaseSolution | None
-    """The fastest direct motion. None if it is longer than the requested duration."""
+    """The fastest motion without reversals. None if it is longer than the requested duration."""
 
     kind: ClassVar[str] = "reversing"
 

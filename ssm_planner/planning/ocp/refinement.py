@@ -345,7 +345,7 @@ class Effort(threading.local):
     spent = 0.0
 
     def beyond(self, start: float, budget: float) -> bool:
-        """Return True if more than `budget` has been spent since the value was `begin`."""
+        """Return True if more than `budget` has been spent since the value was `start`."""
         return self.spent - start > budget
 
 
@@ -530,7 +530,8 @@ def _confirmed(refined: _Refined, aim: Aim) -> _Refined | None:
     Ipopt starts at the solution. If both motions are equally good, that of the structured solver is
     taken, because it satisfies the dynamics exactly, which very short elements need. A better
     motion of Ipopt that violates a row between the collocation points would have to be refined, so
-    it confirms nothing. Motions that no Ipopt run has to confirm are returned as they are.
+    it confirms nothing. If Ipopt's motion is longer, the structured one is taken, and its confirmation
+    states the difference. Motions that no Ipopt run has to confirm are returned as they are.
     """
     structured, problem = refined.solution, refined.state.problem
     if problem.method != "confirmed" or structured.solver != "structured" or not structured.solved:
