@@ -6,30 +6,31 @@ file and the fault.
 
 from __future__ import annotations
 
-import codecs
 import hashlib
 import json
 import math
 import re
+from itertools import islice, pairwise
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import IO, Any, NoReturn
+from secrets import token_hex
+from typing import Any, NoReturn
 
 import numpy as np
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.typing import Array, JsonObject
+from ssm_planner.typing import Array
 
 IN_PARTS = 20 * 2**20
 """File size in bytes above which the longest list is read in parts."""
-CHUNK = 2**22
-"""Number of bytes per read."""
 BATCH = 4096
 """Number of entries of the longest list that are converted together."""
-LARGEST_VALUE = 2**28
-"""Largest number of characters of a value outside the longest list."""
-_NUMBER = re.compile(r"[-+.eE0-9]*")
-"""Characters that may continue a number at the end of a chunk."""
-_SPACE = re.compile(r"[ \t\n\r]*")
+LARGEST_WHOLE = 2**28
+"""Largest size in bytes of a file without a longest list that can be read in parts."""
+_ENTRY = re.compile(rb"\]\s*\]\s*,")
+"""End of an entry of the longest list. An entry is a list of lists."""
+_END = re.compile(rb"\]\s*\]\s*\]")
+"""End of the longest list."""
 DEEPEST = 30
 """Largest number of nested levels."""
 LONGEST_INTEGER = 18
@@ -45,7 +46,7 @@ def read_json(path: Path, max_size: int) -> Any:
 
 
 def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> tuple[Any, str]:
-    """Read a JSON file that may contain a long list of numbers, and compute its SHA-256.
+    """Read a JSON file that may contain a long list of matrices, and compute its SHA-256.
 
     The list of a large file is converted to an array in parts. Python objects for all its numbers
     would need four times the memory of the array.
@@ -71,143 +72,65 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
     TrajectoryError
         If the file is invalid. The message names the file and the fault.
     """
-    if not path.is_file() or path.stat().st_size <= IN_PARTS:
+    if not path.is_file() or not IN_PARTS < path.stat().st_size <= max_size:
         data = read_bytes(path, max_size)
         return parse_json(path, data), hashlib.sha256(data).hexdigest()
-    if path.stat().st_size > max_size:
-        read_bytes(path, max_size)  # raises the appropriate error
-    with path.open("rb") as file:
-        stream = _Stream(path, file)
-        try:
-            content = stream.mapping(long_key)
-            if stream.peek():
-                stream.refuse("more than one value")
-        except UnicodeDecodeError as error:
-            raise TrajectoryError(f"{path}: not a text file in UTF-8") from error
-        except RecursionError as error:
-            raise TrajectoryError(
-                f"{path}: nested too deeply (allowed: {DEEPEST} levels)"
-            ) from error
-        except OSError as error:
-            raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
-    _check(path, content, 0)
-    return content, stream.digest.hexdigest()
+    try:
+        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+            return _parse_in_parts(path, content, long_key), hashlib.sha256(content).hexdigest()
+    except OSError as error:
+        raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-class _Stream:
-    """Incremental parser of a JSON file."""
+def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
+    """Parse a file whose longest list becomes an array (n, …).
 
-    def __init__(self, path: Path, file: IO[bytes]) -> None:
-        self.path = path
-        self.file = file
-        self.decoder = _decoder(path)
-        self.text = ""
-        self.at = 0
-        self.line = 1
-        self.digest = hashlib.sha256()
-        self.decoded = codecs.getincrementaldecoder("utf-8-sig")()
+    A mark takes the place of the list while the rest of the file is parsed. A file in which this
+    is not possible is parsed as a whole, which also describes its faults.
+    """
+    *outer_keys, key = long_key
+    start = re.search(rb'"%b"\s*:\s*(?=\[)' % key.encode(), data)
+    end = _END.search(data, start.end()) if start else None
+    if not start or not end:
+        return _parse_whole(path, data)
+    mark = token_hex(16)
+    try:
+        array = _array(path, data, start.end() + 1, end.end() - 1)
+        short = b'%b"%b"%b' % (data[: start.end()], mark.encode(), data[end.end() :])
+        mapping = document = parse_json(path, short)
+        for outer_key in outer_keys:
+            mapping = mapping[outer_key]
+        if mapping[key] != mark:  # the list has another place
+            return _parse_whole(path, data)
+    except (LookupError, TypeError, ValueError, OverflowError, RecursionError, TrajectoryError):
+        return _parse_whole(path, data)
+    mapping[key] = array
+    return document
 
-    def read_more(self) -> bool:
-        """Read more text into the buffer. Returns False at the end of the file.
 
-        The size of the buffer doubles, so that long values are rarely parsed twice.
-        """
-        data = self.file.read(max(CHUNK, len(self.text) - self.at))
-        self.digest.update(data)
-        self.line += self.text.count("\n", 0, self.at)
-        self.text = self.text[self.at :] + self.decoded.decode(data, not data)
-        self.at = 0
-        return bool(data)
+def _parse_whole(path: Path, data: mmap) -> Any:
+    if len(data) > LARGEST_WHOLE:
+        raise TrajectoryError(f"{path}: invalid JSON, or not in the form that this program writes")
+    return parse_json(path, data[:])
 
-    def peek(self) -> str:
-        """Return the next character that is not a space, or "" at the end."""
-        while True:
-            self.at = _SPACE.match(self.text, self.at).end()  # type: ignore[union-attr]
-            if self.at < len(self.text) or not self.read_more():
-                return self.text[self.at : self.at + 1]
 
-    def take(self, allowed: str) -> str:
-        """Consume and return the next character. It must be one of the allowed characters."""
-        character = self.peek()
-        if not character or character not in allowed:
-            self.refuse(
-                f"{character!r} instead of one of {allowed}"
-                if character
-                else "the file ends early: truncated"
-            )
-        self.at += 1
-        return character
+def _array(path: Path, data: mmap, start: int, end: int) -> Array:
+    """Convert the entries between two positions to an array (n, …).
 
-    def value(self) -> Any:
-        """Consume and return the next value."""
-        self.peek()
-        while True:
-            fault = None
-            try:
-                value, end = self.decoder.raw_decode(self.text, self.at)
-            except json.JSONDecodeError as error:
-                fault = error
-                end = len(self.text)
-            if _NUMBER.match(self.text, end).end() < len(self.text):  # type: ignore[union-attr]
-                break
-            if len(self.text) - self.at > LARGEST_VALUE or not self.read_more():
-                break
-        if fault is not None:
-            self.refuse(fault.msg)
-        self.at = end
-        return value
-
-    def mapping(self, long_key: tuple[str, ...]) -> JsonObject:
-        """Consume and return the next mapping, in which the long list becomes an array."""
-        self.take("{")
-        mapping: JsonObject = {}
-        while self.peek() != "}" or mapping:
-            key = self.value()
-            if not isinstance(key, str):
-                self.refuse("a key is not text")
-            self.take(":")
-            character = self.peek()
-            if (key,) == long_key and character == "[":
-                mapping[key] = self.array()
-            elif key == long_key[0] and len(long_key) > 1 and character == "{":
-                mapping[key] = self.mapping(long_key[1:])
-            else:
-                mapping[key] = self.value()
-            if self.take(",}") == "}":
-                return mapping
-        self.take("}")
-        return mapping
-
-    def array(self) -> Any:
-        """Consume the next list and return it as an array.
-
-        The list contains numbers, or lists of equal shape.
-        """
-        self.take("[")
-        batches: list[Array] = []
-        entries: list[Any] = []
-        going = True
-        while going:
-            entries.append(self.value())
-            going = self.take(",]") == ","
-            if len(entries) == BATCH or not going:
-                try:
-                    batch = np.array(entries, dtype=float)
-                    if batches and batch.shape[1:] != batches[0].shape[1:]:
-                        raise ValueError("entries have different shapes")
-                except (OverflowError, TypeError, ValueError) as error:
-                    self.refuse(f"not an array of numbers: {error}")
-                if not np.isfinite(batch).all():
-                    self.refuse(
-                        "contains a number beyond 1e308, or null; only finite numbers are allowed"
-                    )
-                batches.append(batch)
-                entries = []
-        return np.concatenate(batches)
-
-    def refuse(self, fault: str) -> NoReturn:
-        line = self.line + self.text.count("\n", 0, self.at)
-        raise TrajectoryError(f"{self.path}:{line}: invalid JSON ({fault})")
+    Raises ValueError, TypeError, OverflowError, RecursionError or TrajectoryError if the entries
+    are not lists of finite numbers with equal shapes.
+    """
+    decoder = _decoder(path)
+    entries = _ENTRY.finditer(data, start, end)
+    borders = [start, *(entry.end() for entry in islice(entries, BATCH - 1, None, BATCH)), end]
+    parts = []
+    for first, last in pairwise(borders):
+        text = data[first:last].decode().rstrip().removesuffix(",")
+        part = np.array(decoder.decode(f"[{text}]"), dtype=float)
+        if not np.isfinite(part).all():
+            raise ValueError("not finite")
+        parts.append(part)
+    return np.concatenate(parts)
 
 
 def read_bytes(path: Path, max_size: int) -> bytes:

@@ -220,17 +220,16 @@ HOSTILE = (
 )
 
 
-@pytest.mark.parametrize("chunk", [1, 50, 10_000])
+@pytest.mark.parametrize("batch", [1, 2, 10_000])
 def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
-    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunk: int
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
 ) -> None:
     """The reader of very long plans and the ordinary one agree on what is a plan, and on all of its numbers."""
     data = json.dumps(
         {key: plan.document[key] for key in ("format", "version", "trajectory")}, indent=1
     ).encode()
-    path, rng = tmp_path / "plan.json", np.random.default_rng(chunk)
-    monkeypatch.setattr("ssm_planner.loading.json_files.CHUNK", chunk)
-    monkeypatch.setattr("ssm_planner.loading.json_files.BATCH", 2)
+    path, rng = tmp_path / "plan.json", np.random.default_rng(batch)
+    monkeypatch.setattr("ssm_planner.loading.json_files.BATCH", batch)
 
     def read(in_parts: int) -> object:
         monkeypatch.setattr("ssm_planner.loading.json_files.IN_PARTS", in_parts)
@@ -270,6 +269,7 @@ def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ssm_planner.loading.json_files.IN_PARTS", 0)
-        patch.setattr("ssm_planner.loading.json_files.CHUNK", 2**16)
-        patch.setattr("ssm_planner.trajectory.BLOCK", 1024)
+        patch.setattr("ssm_planner.loading.json_files.BATCH", 64)
+        for module in ("trajectory", "verification.certificate"):
+            patch.setattr(f"ssm_planner.{module}.BLOCK", 1024)
         assert peak(12_000) - peak(4_000) < 8_000 * 600
