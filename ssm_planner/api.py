@@ -15,9 +15,7 @@ from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.loading.load import load_motor
 from ssm_planner.plans import Plan, as_plan
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Motor, Robot, TaskLimits
 from ssm_planner.sizing.duty import DutyCycle, pause_of
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.size import Sizing

@@ -23,13 +23,21 @@ from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.json_files import parse_json, read_json_in_parts
-from ssm_planner.problem.limit import in_words
-from ssm_planner.problem.limits import Limit, TaskRange
-from ssm_planner.problem.motion import Free, Joints
-from ssm_planner.problem.problem import Problem, TaskLimits
-from ssm_planner.problem.robot import JOINTS, Robot
-from ssm_planner.problem.serialization import plain, problem_from_plain
-from ssm_planner.problem.value import attributes, built
+from ssm_planner.problem import (
+    JOINTS,
+    Free,
+    Joints,
+    Limit,
+    Problem,
+    Robot,
+    TaskLimits,
+    TaskRange,
+    attributes,
+    built,
+    in_words,
+    plain,
+    problem_from_plain,
+)
 from ssm_planner.publishing import check_generation, file_name
 from ssm_planner.representation import ShortRepr, html_table
 from ssm_planner.sizing.duty import pause_of

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, record

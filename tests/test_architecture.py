@@ -54,6 +54,18 @@ FILES = {
 }
 
 
+FACES = {
+    file.parent.relative_to(PACKAGE.parent).as_posix().replace("/", "."): {
+        alias.name: f"ssm_planner.{file.parent.name}.{node.module}"
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    for file in sorted(PACKAGE.glob("*/__init__.pyi"))
+}
+"""Module that defines each name of a room's face."""
+
+
 def imports(name: str, *, everywhere: bool = True) -> set[str]:
     """Modules that a file imports, inside functions and for type checkers too; else only when it is itself imported."""
     tree = ast.parse(FILES[name].read_text(encoding="utf-8"))
@@ -62,7 +74,10 @@ def imports(name: str, *, everywhere: bool = True) -> set[str]:
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            of_names = {f"{node.module}.{alias.name}" for alias in node.names} & set(FILES)
+            names = {alias.name for alias in node.names}
+            face = FACES.get(node.module, {})
+            of_names = {f"{node.module}.{alias}" for alias in names} & set(FILES)
+            of_names |= {face[alias] for alias in names & set(face)}
             found.update(of_names or {node.module})
     return found
 
@@ -78,6 +93,21 @@ MODULES = [name for name in FILES if name != "ssm_planner"]
 def neighbours(name: str) -> set[str]:
     """Other modules of the package that a module imports."""
     return imports(name) & set(FILES) - {name}
+
+
+def test_other_rooms_use_a_face_once_a_name_is_in_it() -> None:
+    """Every name of a face exists, and every name is used by another room."""
+    used = {room_name: set() for room_name in FACES}
+    for name in MODULES:
+        for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                of = ".".join(node.module.split(".")[:2])
+                if of in FACES and not name.startswith(of):
+                    used[of] |= {alias.name for alias in node.names}
+    for of, face in FACES.items():
+        assert set(face) == used[of]
+        for name, module in face.items():
+            assert hasattr(__import__(module, fromlist=[name]), name), f"{module} has no {name}"
 
 
 def test_every_room_has_its_place() -> None:

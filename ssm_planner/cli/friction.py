@@ -19,7 +19,7 @@ from ssm_planner.errors import ProblemError
 if TYPE_CHECKING:
     from ssm_planner.identification.identify import Identification
     from ssm_planner.identification.prediction import Prediction
-    from ssm_planner.problem.drive import Drive
+    from ssm_planner.problem import Drive
 
 LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
 

@@ -21,7 +21,7 @@ from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
     from ssm_planner.kinematics.of_robot import JointSolutions
-    from ssm_planner.problem.robot import Robot
+    from ssm_planner.problem import Robot
     from ssm_planner.typing import Range
 
 
@@ -41,7 +41,7 @@ def ik_arguments(parser: argparse.ArgumentParser) -> None:
 def run_ik(options: argparse.Namespace) -> int:
     from ssm_planner.kinematics.of_robot import ik
     from ssm_planner.loading.load import load_robot
-    from ssm_planner.problem.limits import TASK
+    from ssm_planner.problem import TASK
 
     robot, point = load_robot(options.robot), {name: getattr(options, name) for name in TASK}
     solutions = ik(robot, **point, within_limits=options.within_limits)

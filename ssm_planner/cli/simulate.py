@@ -21,7 +21,7 @@ from ssm_planner.cli.shared import (
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
-    from ssm_planner.problem.robot import Robot
+    from ssm_planner.problem import Robot
     from ssm_planner.simulation.simulate import Scenario, SimulationResult
     from ssm_planner.stopping import Stops
 

@@ -24,8 +24,7 @@ from ssm_planner.cli.shared import (
 from ssm_planner.errors import ProblemError, TrajectoryError
 
 if TYPE_CHECKING:
-    from ssm_planner.problem.drive import Drive
-    from ssm_planner.problem.motor import Motor
+    from ssm_planner.problem import Drive, Motor
     from ssm_planner.sizing.duty import DutyCycle
     from ssm_planner.sizing.motor_limits import Conditions
     from ssm_planner.sizing.size import Sizing
@@ -252,7 +251,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
     joint is unknown or a file is invalid.
     """
     from ssm_planner.loading.load import load_motor
-    from ssm_planner.problem.robot import JOINTS
+    from ssm_planner.problem import JOINTS
 
     moving = {joint for _, joint in duty.runs}  # None stands for all joints.
     driven = [joint.name for joint in duty.robot.joints if joint.drive is not None]

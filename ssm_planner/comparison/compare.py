@@ -30,7 +30,7 @@ from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.predicted import predict_axes
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record

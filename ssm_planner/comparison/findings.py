@@ -19,7 +19,7 @@ from ssm_planner.comparison.noise import (
     worst_excess,
 )
 from ssm_planner.comparison.predicted import PLAN_RATE, Predicted
-from ssm_planner.problem.limits import (
+from ssm_planner.problem import (
     JointLimit,
     JointPosition,
     JointVelocity,

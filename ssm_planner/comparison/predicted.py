@@ -11,9 +11,7 @@ from ssm_planner.dynamics.motors import directions, drive_torque, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.spread import drive_with
 from ssm_planner.errors import RecordingError
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Joint, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import namespace_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.drive import Drive, Friction
-from ssm_planner.problem.posterior import LAWS
+from ssm_planner.problem import LAWS, Drive, Friction
 from ssm_planner.typing import Array, Expression
 
 STANDSTILL = 0.005

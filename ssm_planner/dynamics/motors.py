@@ -11,9 +11,7 @@ from ssm_planner.codegen.namespace import namespace_of
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem import Drive, Joint, Motor, Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Expression, record
 

@@ -16,9 +16,7 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import LAW, LAWS, LOAD_OFFSET, Drive, Posterior, unchecked
 from ssm_planner.typing import Array, Range, record
 
 LINEAR_DRAWS = 20_000

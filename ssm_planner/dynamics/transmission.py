@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY, namespace_of
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
-from ssm_planner.problem.drive import Drive
+from ssm_planner.problem import Drive
 from ssm_planner.typing import Array, Expression, record
 
 

@@ -10,8 +10,7 @@ from typing import Any
 from ssm_planner.atomic import replacing
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.identification.fit import Estimate, MapFit
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import LOAD_OFFSET, Posterior, Ripple
+from ssm_planner.problem import LOAD_OFFSET, Drive, Posterior, Ripple
 from ssm_planner.publishing import one_line
 
 _UNITS = {

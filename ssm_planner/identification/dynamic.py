@@ -13,8 +13,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.identification.fit import Estimate
 from ssm_planner.identification.prediction import Motion, departure, predict_torque
 from ssm_planner.identification.recordings import Recording
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import CONFIDENCE
+from ssm_planner.problem import CONFIDENCE, Drive
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, record
 

@@ -33,8 +33,7 @@ from ssm_planner.identification.posterior import (
 )
 from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, weighted_interval
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET, Posterior
+from ssm_planner.problem import LAW, LAWS, LOAD_OFFSET, Drive, Posterior
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, frozen, record
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.identification.recordings import Recording
-from ssm_planner.problem.posterior import Harmonics
+from ssm_planner.problem import Harmonics
 from ssm_planner.typing import Array
 
 TURN = 2 * np.pi

@@ -25,8 +25,7 @@ from ssm_planner.identification.torque_map import (
 )
 from ssm_planner.loading.files import find
 from ssm_planner.loading.load import load_drive
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import Harmonics
+from ssm_planner.problem import Drive, Harmonics
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import record
 

@@ -8,9 +8,7 @@ from typing import Any, cast
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
-from ssm_planner.problem.drive import Drive, Friction, FrictionLawName
-from ssm_planner.problem.posterior import LAWS
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import LAWS, Drive, Friction, FrictionLawName, unchecked
 from ssm_planner.typing import Array
 
 TYPICAL_MU = 0.15

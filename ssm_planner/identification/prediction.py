@@ -27,8 +27,7 @@ from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import kind_of, rest_mask
-from ssm_planner.problem.drive import Drive, Friction
-from ssm_planner.problem.posterior import CONFIDENCE, LOAD_OFFSET, Posterior, interval_of
+from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Indices, record
 

@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.identification.posterior import DEGREES, SHARES, MapModel, covariance_near
-from ssm_planner.problem.posterior import CONFIDENCE
+from ssm_planner.problem import CONFIDENCE
 from ssm_planner.typing import Array, Indices, record
 
 ADAPTATION = (2**12, 2**12, 2**12, 2**13, 2**14)

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.codegen.namespace import Namespace
-from ssm_planner.problem.limits import LensClearance, RetinaClearance
-from ssm_planner.problem.problem import Eye, Lens
+from ssm_planner.problem import Eye, Lens, LensClearance, RetinaClearance
 
 NO_LENGTH = 1e-12
 """Squared scaled length below which a shaft counts as a point without direction."""

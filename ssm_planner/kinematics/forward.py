@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import batch, constant, rotation_symbolic
-from ssm_planner.problem.limits import SpeedLimit, TipSpeed
+from ssm_planner.problem import SpeedLimit, TipSpeed
 from ssm_planner.typing import Array
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.rotations import exponential_terms, rotation, rotation_matrices
-from ssm_planner.problem.robot import Geometry, read_only_array
+from ssm_planner.problem import Geometry, read_only_array
 from ssm_planner.typing import Array, record
 
 PARALLEL = 1e-9

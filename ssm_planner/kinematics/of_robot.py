@@ -12,7 +12,7 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import Extreme, boundary_distance, extremes, tilt_interval
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, Mask, record
 

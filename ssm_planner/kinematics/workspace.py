@@ -21,7 +21,7 @@ from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares
-from ssm_planner.problem.robot import JOINTS
+from ssm_planner.problem import JOINTS
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, frozen, record
 

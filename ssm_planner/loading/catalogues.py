@@ -16,9 +16,7 @@ from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import read, shipped_folder
 from ssm_planner.loading.motors import MotorModel, motor_from
 from ssm_planner.loading.yaml_nodes import Section, plain_node
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.transmissions import TRANSMISSIONS, Transmission
+from ssm_planner.problem import TRANSMISSIONS, Drive, Motor, Transmission
 from ssm_planner.typing import JsonObject, frozen
 from ssm_planner.units import BadQuantity, quantity
 

@@ -37,19 +37,25 @@ from ssm_planner.loading.schema import (
     wrong,
 )
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.drive import (
+from ssm_planner.problem import (
     PARAMETERS,
     RANGED,
+    TRANSMISSIONS,
     WEDGE,
+    BadGeometry,
+    Bound,
     Drive,
     Friction,
+    Harmonics,
+    Posterior,
+    Quantity,
     Ratings,
     Rig,
+    Ripple,
+    Transmission,
+    hints,
+    strip_annotations,
 )
-from ssm_planner.problem.drive_geometry import BadGeometry
-from ssm_planner.problem.posterior import Harmonics, Posterior, Ripple
-from ssm_planner.problem.transmissions import TRANSMISSIONS, Transmission
-from ssm_planner.problem.value import Bound, Quantity, hints, strip_annotations
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5

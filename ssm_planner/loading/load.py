@@ -29,13 +29,20 @@ from ssm_planner.loading.schema import (
     reading,
     validated,
 )
-from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motion import Motorisation, Stroke
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.problem import Problem as Problem
-from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.transmissions import TRANSMISSIONS
+from ssm_planner.problem import (
+    TRANSMISSIONS,
+    AxisController,
+    Controller,
+    Drive,
+    JointCompliance,
+    Motor,
+    Motorisation,
+    Robot,
+    Stroke,
+)
+from ssm_planner.problem import (
+    Problem as Problem,
+)
 
 
 @checked

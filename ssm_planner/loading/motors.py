@@ -18,8 +18,7 @@ from ssm_planner.loading.schema import (
     validated,
 )
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.value import Bound
+from ssm_planner.problem import Bound, Motor
 from ssm_planner.units import rpm
 
 

@@ -15,8 +15,7 @@ from pathlib import Path
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.files import text_of
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Follow, Joints, Motion, Point, Task, Tip
+from ssm_planner.problem import TASK, Follow, Joints, Motion, Point, Task, Tip
 from ssm_planner.units import ANGLES, LENGTHS, of_heading
 
 MOST = 20_000

@@ -40,23 +40,30 @@ from ssm_planner.loading.schema import (
 )
 from ssm_planner.loading.schema import Field as Reader
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.limits import TASK, Limit, TaskRate, ToolLimit
-from ssm_planner.problem.motion import (
+from ssm_planner.problem import (
     LARGEST_GRID,
+    TASK,
+    Bound,
     Dwell,
+    Eye,
     Follow,
     Free,
+    Joint,
     Joints,
+    Lens,
+    Limit,
     Motion,
     Point,
+    Problem,
+    Robot,
     Scan,
     Straight,
     Task,
+    TaskRate,
     Tip,
+    ToolLimit,
+    read_only_array,
 )
-from ssm_planner.problem.problem import Eye, Lens, Problem
-from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.problem.value import Bound, read_only_array
 from ssm_planner.typing import Array
 from ssm_planner.units import KINDS
 

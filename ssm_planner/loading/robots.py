@@ -40,19 +40,21 @@ from ssm_planner.loading.schema import (
     wrong,
 )
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.limits import TASK, TaskRange
-from ssm_planner.problem.robot import (
+from ssm_planner.problem import (
     JOINTS,
     SMALLEST_ANGLE,
+    TASK,
     Body,
+    Bound,
     Geometry,
     Joint,
     Robot,
+    TaskRange,
     possible,
     principal_moments,
+    read_only_array,
     unit_vector,
 )
-from ssm_planner.problem.value import Bound, read_only_array
 from ssm_planner.typing import Array, record
 
 FOLLOWED = ("alpha", "home_tilt", "home_roll")

@@ -21,8 +21,8 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from ssm_planner import units
 from ssm_planner.errors import ProblemError, suggestion
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.robot import JOINTS
-from ssm_planner.problem.value import (
+from ssm_planner.problem import (
+    JOINTS,
     Ascending,
     Bound,
     Quantity,

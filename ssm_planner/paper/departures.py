@@ -15,10 +15,16 @@ from ssm_planner.paper.friction import RigResult, published_drive
 from ssm_planner.paper.motions import RUNS, SpeedRun
 from ssm_planner.paper.published import BOUNDS, DRIVEN, Inputs
 from ssm_planner.paper.section import Section
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motion import Motorisation
-from ssm_planner.problem.robot import Body, Robot, possible, principal_moments, read_only_array
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import (
+    Body,
+    Drive,
+    Motorisation,
+    Robot,
+    possible,
+    principal_moments,
+    read_only_array,
+    unchecked,
+)
 from ssm_planner.reporting.figures.style import COLOURS, finish, legend, new_figure
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads

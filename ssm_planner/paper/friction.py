@@ -36,8 +36,7 @@ from ssm_planner.paper.published import (
     Inputs,
 )
 from ssm_planner.paper.section import Section
-from ssm_planner.problem.drive import Drive, Friction, FrictionLawName, Rig
-from ssm_planner.problem.robot import JOINTS, Joint, Robot
+from ssm_planner.problem import JOINTS, Drive, Friction, FrictionLawName, Joint, Rig, Robot
 from ssm_planner.reporting.figures.sizing import speeds_of_map
 from ssm_planner.reporting.figures.style import (
     COLOURS,

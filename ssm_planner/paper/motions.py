@@ -27,10 +27,17 @@ from ssm_planner.paper.published import (
 from ssm_planner.paper.section import Section
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Free, Motorisation, Straight, Stroke, Task
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.problem import (
+    JOINTS,
+    TASK,
+    Free,
+    Motorisation,
+    Problem,
+    Robot,
+    Straight,
+    Stroke,
+    Task,
+)
 from ssm_planner.reporting.figures.sizing import payload_curves
 from ssm_planner.reporting.figures.style import (
     COLOURS,

@@ -12,10 +12,7 @@ from pathlib import Path
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_drive, load_motorisation, load_problem
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motion import Motorisation, Task
-from ssm_planner.problem.problem import Eye, Problem
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Drive, Eye, Motorisation, Problem, Robot, Task
 from ssm_planner.typing import frozen, record
 
 DRIVEN = ("roll", "tilt", "insertion")

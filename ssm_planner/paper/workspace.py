@@ -18,8 +18,7 @@ from ssm_planner.kinematics.workspace import (
 from ssm_planner.paper import published
 from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
 from ssm_planner.paper.section import Section
-from ssm_planner.problem.problem import Eye
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Eye, Robot
 from ssm_planner.reporting.figures.style import (
     COLOURS,
     LIMIT,

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ssm_planner.display import NOTHING, columns, format_fixed, number, percent, plain_words, signed
-from ssm_planner.problem.limits import (
+from ssm_planner.problem import (
+    JOINTS,
     JUMPS,
     READ_IN,
+    Free,
     LensClearance,
     MotorTorque,
     RetinaClearance,
     SelfLocking,
 )
-from ssm_planner.problem.motion import Free
-from ssm_planner.problem.robot import JOINTS
 from ssm_planner.sizing.assess import MotorVerdict
 from ssm_planner.sizing.requirements import PARTS, MotorRequirement
 from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf

@@ -22,8 +22,7 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.controller import Controller
-from ssm_planner.problem.robot import Joint
+from ssm_planner.problem import Controller, Joint
 from ssm_planner.typing import frozen
 
 MARGIN = 30.0

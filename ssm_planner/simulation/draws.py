@@ -11,7 +11,7 @@ from ssm_planner.codegen.vectorised import Vectorised
 from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.plant import FRICTION, Q, W
 from ssm_planner.simulation.playback import CURRENT, TRIP, Commands, ControlledArm

@@ -6,7 +6,7 @@ import casadi as ca
 
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
 from ssm_planner.dynamics.transmission import breakaway_torque, motor_acceleration, moving_torque
-from ssm_planner.problem.drive import Drive
+from ssm_planner.problem import Drive
 from ssm_planner.typing import frozen
 
 NOT_UNIQUE = (

@@ -23,8 +23,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import always_unique
 from ssm_planner.errors import GeometryError
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Drive, Robot
 from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia, stalled
 from ssm_planner.typing import Array, frozen, record
 

@@ -11,8 +11,7 @@ from ssm_planner.codegen.vectorised import dense
 from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.formats.epos4 import Stream
 from ssm_planner.formats.epos4_setup import Axis
-from ssm_planner.problem.controller import Controller
-from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
 from ssm_planner.simulation.plant import (
     FRICTION,

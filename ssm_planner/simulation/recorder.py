@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.atomic import replacing
-from ssm_planner.problem.robot import JOINTS
+from ssm_planner.problem import JOINTS
 from ssm_planner.simulation.simulate import SimulationResult
 from ssm_planner.typing import Array, Indices
 from ssm_planner.units import SPEEDS

@@ -18,8 +18,7 @@ from ssm_planner.formats.spline_points import at_times
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.plans import Plan, as_plan
-from ssm_planner.problem.controller import Controller
-from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.cascade import electrics_of
 from ssm_planner.simulation.draws import Draws, drawn_frictions, play_draws

@@ -13,8 +13,7 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.spread import FrictionSpread, spread_of
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motor import Motor
+from ssm_planner.problem import Drive, Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.checks import (
     TOLERANCE,

@@ -15,8 +15,7 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.spread import FrictionSpread
 from ssm_planner.dynamics.transmission import self_locking_margin
-from ssm_planner.problem.drive import Ratings, ScrewEnds
-from ssm_planner.problem.value import attributes
+from ssm_planner.problem import Ratings, ScrewEnds, attributes
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.joint_load import JointLoad

@@ -12,9 +12,7 @@ import numpy as np
 
 from ssm_planner.dynamics.rigid_body import with_payload
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.motion import Motorisation, Stroke
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.problem import JOINTS, Motorisation, Problem, Robot, Stroke
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import DEGREE, Span, Trajectory
 from ssm_planner.typing import Array, record

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.problem.motor import Motor
+from ssm_planner.problem import Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import thinned
 from ssm_planner.sizing.joint_load import JointLoad

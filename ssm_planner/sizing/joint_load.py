@@ -11,9 +11,7 @@ from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coeffi
 from ssm_planner.dynamics.motors import STILL, directions
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices, Mask, record

@@ -12,8 +12,7 @@ import math
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.value import Bound
+from ssm_planner.problem import Bound, Motor
 from ssm_planner.typing import Array, Range, frozen
 
 REFERENCE_TEMPERATURE = 298.15

@@ -16,10 +16,7 @@ import numpy as np
 from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import attributes, unchecked
+from ssm_planner.problem import Drive, Motor, Robot, attributes, unchecked
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import Trajectory

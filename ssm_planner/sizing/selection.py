@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
 from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.loading.catalogues import Part
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motor import Motor
+from ssm_planner.problem import Drive, Motor
 from ssm_planner.sizing.assess import (
     CONFIDENCE,
     MotorVerdict,

@@ -13,8 +13,7 @@ import numpy as np
 
 from ssm_planner.dynamics.spread import spread_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Motor, Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, band_of
 from ssm_planner.sizing.checks import Case, Check, all_of, binding, gear_checks

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from ssm_planner.problem.motor import Motor
+from ssm_planner.problem import Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.motor_limits import (
     COPPER,

@@ -24,10 +24,7 @@ from ssm_planner.loading.motors import motor_from
 from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import Drive, Motor, Problem, unchecked
 from ssm_planner.sizing.duty import pause_of
 from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.sizing.motor_limits import Conditions

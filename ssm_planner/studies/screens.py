@@ -21,10 +21,7 @@ from ssm_planner.kinematics.family import Family
 from ssm_planner.loading.files import of_data
 from ssm_planner.loading.load import problem_from_dict
 from ssm_planner.loading.robots import robot_from
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Straight, Task
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import JOINTS, Joint, Robot
+from ssm_planner.problem import JOINTS, TASK, Joint, Problem, Robot, Straight, Task
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.typing import Array, frozen, record
 from ssm_planner.units import quantity

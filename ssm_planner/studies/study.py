@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
-from ssm_planner.problem.value import NotNegative, Value
+from ssm_planner.problem import NotNegative, Value
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, Range, frozen, record
 from ssm_planner.units import BadQuantity, quantity

@@ -27,7 +27,7 @@ from ssm_planner.loading.schema import (
     wrong,
 )
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem.value import Bound
+from ssm_planner.problem import Bound
 from ssm_planner.sizing.selection import RANKS
 from ssm_planner.studies.study import (
     GEARS,

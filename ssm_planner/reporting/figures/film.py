@@ -18,8 +18,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.of_robot import fk
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.plans import Plan, as_plan
-from ssm_planner.problem.problem import Eye
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Eye, Robot
 from ssm_planner.publishing import publishing_results, replacing_result
 from ssm_planner.reporting.figures.style import new_panels
 from ssm_planner.reporting.figures.workspace import great_arc

@@ -9,9 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.problem.limits import JointAcceleration, JointPosition, JointVelocity, Limit
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.problem import (
+    JOINTS,
+    JointAcceleration,
+    JointPosition,
+    JointVelocity,
+    Limit,
+    Motor,
+    Robot,
+)
 from ssm_planner.reporting.figures.style import (
     COLOURS,
     DASHES,

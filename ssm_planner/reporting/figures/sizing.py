@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ssm_planner.display import plain_words
-from ssm_planner.problem.robot import JOINTS
+from ssm_planner.problem import JOINTS
 from ssm_planner.reporting.figures.style import (
     COLOURS,
     DASHES,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from ssm_planner.identification.fit import MapFit
     from ssm_planner.identification.prediction import Prediction
     from ssm_planner.identification.torque_map import TorqueMap
-    from ssm_planner.problem.drive import Drive
+    from ssm_planner.problem import Drive
     from ssm_planner.sizing.assess import MotorVerdict
     from ssm_planner.sizing.size import JointSizing, Sizing
 

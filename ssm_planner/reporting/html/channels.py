@@ -13,9 +13,15 @@ from ssm_planner.kinematics.forward import tip_position, tool_speed
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_rates
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TASK, LensClearance, RetinaClearance, SpeedLimit, TipSpeed
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import JOINTS
+from ssm_planner.problem import (
+    JOINTS,
+    TASK,
+    LensClearance,
+    RetinaClearance,
+    SpeedLimit,
+    TaskLimits,
+    TipSpeed,
+)
 from ssm_planner.sizing.duty import pause_of
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions, missing

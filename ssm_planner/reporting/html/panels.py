@@ -9,23 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import (
+from ssm_planner.problem import (
+    JOINTS,
     TASK,
+    Eye,
+    Joint,
     JointAcceleration,
     JointJerk,
     JointPosition,
     JointVelocity,
     Limit,
+    Motor,
     MotorSpeed,
     MotorTorque,
     RetinaClearance,
     SpeedLimit,
+    TaskLimits,
     TaskRange,
     TaskRate,
 )
-from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.problem import Eye, TaskLimits
-from ssm_planner.problem.robot import JOINTS, Joint
 from ssm_planner.reporting.figures.style import unit_of
 from ssm_planner.reporting.html.channels import CELSIUS, limited_speeds
 from ssm_planner.sizing.motor_limits import Conditions, available_torque, continuous_torque, missing

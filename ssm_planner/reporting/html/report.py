@@ -11,17 +11,17 @@ import numpy as np
 
 from ssm_planner.display import NOTHING, format_fixed, number
 from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import (
+from ssm_planner.problem import (
     JUMPS,
     TASK,
+    Joint,
     JointAcceleration,
     JointJerk,
     JointVelocity,
     MotorSpeed,
     MotorTorque,
+    plain,
 )
-from ssm_planner.problem.robot import Joint
-from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.figures.film import still
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH
 from ssm_planner.reporting.html.channels import channels_of, encode, time_grid

@@ -11,9 +11,7 @@ import numpy as np
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import pose_from_task
 from ssm_planner.kinematics.workspace import tilt_interval
-from ssm_planner.problem.problem import Eye, TaskLimits
-from ssm_planner.problem.robot import JOINTS, Robot
-from ssm_planner.problem.serialization import plain
+from ssm_planner.problem import JOINTS, Eye, Robot, TaskLimits, plain
 from ssm_planner.typing import Array, Range
 
 LINK = 0.11

@@ -15,8 +15,7 @@ from ssm_planner.display import number
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import MotorTorque
-from ssm_planner.problem.robot import JOINTS
+from ssm_planner.problem import JOINTS, MotorTorque
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.channels import channels_of, encode, time_grid
 from ssm_planner.reporting.html.page import render, write_page
