@@ -310,14 +310,6 @@ class RigidBody:
         """Return the symmetric mass matrix M(q) (n, 4, 4) for q (n, 4)."""
         return call(self._mass_matrix, q)[0].reshape(-1, 4, 4)
 
-    def energy(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        """Return the kinetic and the potential energy (n,) in J.
-
-        The potential energy is zero for all masses at the RCM.
-        """
-        kinetic, potential = call(self._energy, q, qd)
-        return kinetic[:, 0], potential[:, 0]
-
     def symbolic(self, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
         return inverse_dynamics_symbolic(self.geometry, self.bodies, self.gravity, q, qd, qdd=qdd)
 
@@ -362,27 +354,6 @@ class RigidBody:
         qdd = ca.SX.sym("qdd", 4)
         tau = self.symbolic(q, ca.SX.zeros(4), qdd)
         return ca.Function("mass_matrix", [q], [ca.vec(ca.densify(ca.jacobian(tau, qdd)))])
-
-    @cached_property
-    def _energy(self) -> ca.Function:
-        q = ca.SX.sym("q", 4)
-        qd = ca.SX.sym("qd", 4)
-        mass_matrix = ca.reshape(self._mass_matrix(q), 4, 4)
-        kinetic = ca.dot(qd, mass_matrix @ qd) / 2
-        return ca.Function("energy", [q, qd], [kinetic, self._potential(q)])
-
-    def _potential(self, q: ca.SX) -> ca.SX:
-        rotation = ca.SX.eye(3)
-        axes = (self.geometry.omega1, self.geometry.omega2, self.geometry.omega3)
-        potential = ca.SX(0)
-        for i, body in enumerate(self.bodies):
-            if i < 3:
-                rotation = rotation @ rotation_symbolic(axes[i], q[i])
-            com = rotation @ ca.DM(body.frame @ body.com)
-            if i == 3:
-                com += rotation @ ca.DM(axes[2]) * q[3]
-            potential -= body.mass * ca.dot(ca.DM(self.gravity), com)
-        return potential
 
 
 _last: tuple[tuple[Any, ...], bytes, RigidBody] | None = None

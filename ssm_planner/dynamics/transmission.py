@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY, namespace_of
-from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
+from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.problem import Drive
 from ssm_planner.typing import Array, Expression, record
 
@@ -247,19 +247,6 @@ def effective_inertia(
     return opposing, driving
 
 
-def always_unique(drive: Drive) -> bool:
-    """Return whether every torque gives this drive exactly one motion.
-
-    This holds if its effective inertia is positive at the largest friction.
-    """
-    friction = breakaway_coefficient(friction_of(drive))
-    return all(
-        inertia > 0
-        for direction in (1, -1)
-        for inertia in effective_inertia(drive, friction, direction)
-    )
-
-
 def motor_acceleration(
     drive: Drive,
     tau: Expression,
@@ -271,8 +258,8 @@ def motor_acceleration(
     """Return the motor acceleration in rad/s² and the mesh effort of a drive that moves.
 
     It solves motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction. The solution
-    is meaningful if `always_unique` is true. tau, w: motor torque and speed. load: effort on the
-    output besides its inertia and friction. direction: ±1.
+    is unique if the effective inertia at the largest friction is positive. tau, w: motor torque and
+    speed. load: effort on the output besides its inertia and friction. direction: ±1.
     """
     rows = motor_torque_rows(drive, direction, mu)
     effort = output_effort(drive, load, w / drive.ratio, 0.0, direction)

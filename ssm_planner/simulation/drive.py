@@ -9,10 +9,6 @@ from ssm_planner.dynamics.transmission import breakaway_torque, motor_accelerati
 from ssm_planner.problem import Drive
 from ssm_planner.typing import frozen
 
-NOT_UNIQUE = (
-    "the effective inertia with the load driving is negative: a rigid drive has no unique motion"
-)
-
 
 @frozen
 class DriveStep:

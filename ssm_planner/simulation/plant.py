@@ -21,10 +21,9 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import always_unique
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem import Drive, Robot
-from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia, stalled
+from ssm_planner.simulation.drive import drive_step, stalled
 from ssm_planner.typing import Array, frozen, record
 
 
@@ -92,35 +91,6 @@ class Compliance:
         return twist - xp.fmin(xp.fmax(twist, -free), free)
 
 
-@record
-class ArmMotion:
-    """A simulated motion at n instants. Joint and motor quantities are (n, 4), energies (n,).
-
-    Motor quantities are NaN for joints without a drive.
-    """
-
-    time: Array
-    """Instants (n,), s."""
-    q: Array
-    qd: Array
-    motor_angle: Array
-    w: Array
-    """Motor speed, rad/s."""
-    tau: Array
-    """Motor torque during the period that begins at each instant, N·m."""
-    work: Array
-    """Energy since the start from the motors and from prescribed accelerations, J."""
-    friction_loss: Array
-    """Energy that friction has dissipated since the start, J."""
-    damping_loss: Array
-    """Energy that the dampers have dissipated since the start, J."""
-    kinetic: Array
-    potential: Array
-    """Energy of gravity and of the springs, J."""
-    status: str
-    """`done`, or the reason why the motion is invalid."""
-
-
 FRICTION = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "b_ov")
 """Names of the parameters in Friction that may differ between simulations."""
 
@@ -128,7 +98,8 @@ Q, QD, MOTOR, W, INTEGRAL, REST, ENERGY = (slice(4 * k, 4 * k + 4) for k in rang
 """Slices of a state (28,).
 
 They contain joint positions, joint velocities, motor angles, motor speeds, integral terms of the
-controllers, times at rest, and energies.
+controllers, times at rest, and energies. The four energies are those of motors, of prescribed
+accelerations, of friction and of dampers.
 """
 STATE = 28
 """Length of a state."""
@@ -139,8 +110,6 @@ CORRECTIONS = 2
 
 Each correction reduces the error of the energy balance to a tenth.
 """
-_WORK, _LOCKED_WORK, _FRICTION, _DAMPING = range(4)
-"""Indices of the energies: of motors, of prescribed accelerations, of friction and of dampers."""
 
 
 @frozen
@@ -199,40 +168,6 @@ class ArmPlant:
             state[W][k] = self.drive(k).ratio * qd[k]
         state[REST] = np.where(state[W] == 0.0, 1e6, 0.0)
         return state
-
-    def motion(self, time: Array, x: Array, tau: Array) -> ArmMotion:
-        """Build a result with energies from states (n, 28) and torques (n, 4) at times (n,)."""
-        driven = list(self.driven)
-        kinetic, potential = self.body.energy(x[:, Q], x[:, QD])
-        for k in driven:
-            drive = self.drive(k)
-            motor, w = x[:, MOTOR][:, k], x[:, W][:, k]
-            kinetic = kinetic + 0.5 * moving_inertia(drive) * w**2
-            stretch = np.asarray(self.compliance.stretch(k, motor / drive.ratio - x[:, k]))
-            potential = potential + 0.5 * self.compliance.stiffness[k] * stretch**2
-        energy = x[:, ENERGY]
-        columns = {name: np.full((len(x), 4), np.nan) for name in ("motor", "w", "tau")}
-        for name, values in (("motor", x[:, MOTOR]), ("w", x[:, W]), ("tau", tau)):
-            columns[name][:, driven] = values[:, driven]
-        return ArmMotion(
-            time=time,
-            q=x[:, Q],
-            qd=x[:, QD],
-            motor_angle=columns["motor"],
-            w=columns["w"],
-            tau=columns["tau"],
-            work=energy[:, _WORK] + energy[:, _LOCKED_WORK],
-            friction_loss=energy[:, _FRICTION],
-            damping_loss=energy[:, _DAMPING],
-            kinetic=kinetic,
-            potential=potential,
-            status=self._status(x),
-        )
-
-    def _status(self, x: Array) -> str:
-        if not np.all(np.isfinite(x)):
-            return "diverged"
-        return "done" if all(always_unique(self.drive(k)) for k in self.driven) else NOT_UNIQUE
 
     def step_function(self) -> ca.Function:
         """Build the CasADi function that advances a state by one step of the midpoint rule.

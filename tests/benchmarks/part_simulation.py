@@ -15,9 +15,9 @@ from ssm_planner.simulation.simulate import Scenario, _Stage, simulate
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.verification.slower import check_speeds
 from tests.benchmarks.section import Section
+from tests.support.arm_motion import arm_motion, energy_error
 from tests.support.executions import FAULTS, Executions, kinds
 from tests.support.paths import RESULTS
-from tests.support.velocity_control import energy_error
 
 SHIPPED = ("tilt_insert", "eye_approach")
 
@@ -57,7 +57,7 @@ def _simulation(section: Section, plan: Plan) -> None:
     off = _Stage(plan, Scenario(), free)
     states = off.play().states[:, :STATE]
     times = off.period * np.arange(len(states))
-    error = energy_error(off.arm(0.0).motion(times, states, np.zeros((1, 4))))
+    error = energy_error(arm_motion(off.arm(0.0), times, states, np.zeros((1, 4))))
     section.asked("energy balance, motors without torque", "≤ 1e-6", f"{error:.1e}", error <= 1e-6)
     began = time.process_time()
     result = simulate(plan, Scenario(draws=1000, spread=0.15))

@@ -11,8 +11,9 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.errors import GeometryError
 from ssm_planner.loading.load import load_robot
 from tests.support.adaptive_arm import simulate_arm
+from tests.support.arm_motion import energy_error
 from tests.support.paths import PROBLEMS
-from tests.support.velocity_control import ArmSimulation, energy_error
+from tests.support.velocity_control import ArmSimulation
 
 ROBOT = PROBLEMS / "robots" / "vitreoretinal.yaml"
 Q0 = np.array([-0.98, 1.15, 0.26, 0.0])

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ssm_planner.dynamics.transmission import (
-    always_unique,
     breakaway_torque,
     effective_inertia,
     motor_acceleration,
@@ -21,7 +20,7 @@ from ssm_planner.dynamics.transmission import (
 )
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Friction
-from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step, moving_inertia, stalled
+from ssm_planner.simulation.drive import drive_step, moving_inertia, stalled
 from tests.support.adaptive_drive import (
     breaks_away,
     friction_power,
@@ -30,6 +29,7 @@ from tests.support.adaptive_drive import (
     slip_acceleration,
     with_load,
 )
+from tests.support.arm_motion import NOT_UNIQUE, always_unique
 from tests.support.paths import PROBLEMS
 from tests.support.velocity_control import Servo, servo_for
 

@@ -26,8 +26,9 @@ from ssm_planner.simulation.playback import CURRENT, STEPS, ControlledArm, compl
 from ssm_planner.simulation.recorder import write_recordings
 from ssm_planner.simulation.simulate import Scenario, _Stage, simulate
 from ssm_planner.trajectory import Trajectory
+from tests.support.arm_motion import arm_motion, energy_error
 from tests.support.paths import RESULTS
-from tests.support.velocity_control import ArmSimulation, energy_error
+from tests.support.velocity_control import ArmSimulation
 
 PLAN = RESULTS / "tilt_insert" / "plan.json"
 DRIVEN = ("roll", "tilt", "insertion")
@@ -96,8 +97,8 @@ def test_energy_and_momentum_balance_without_feedback(plan, torques):
     stage = stage_of(plan, replace(controller, torque_offset=torques), 1)
     played = stage.play()
     arm = stage.arm(0.0)
-    motion = arm.motion(
-        arm.period * np.arange(len(played.states)), played.states[:, :STATE], np.zeros((1, 4))
+    motion = arm_motion(
+        arm, arm.period * np.arange(len(played.states)), played.states[:, :STATE], np.zeros((1, 4))
     )
     assert np.ptp(motion.q[:, 2]) > 0.2  # what has no drive moves, and shakes the rest
     assert (np.ptp(motion.q[:, 0]) > 1.0) == torques

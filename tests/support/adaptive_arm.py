@@ -16,7 +16,6 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.problem.drive import Drive
-from ssm_planner.simulation.plant import ArmMotion
 from ssm_planner.typing import Array
 from tests.support.adaptive_drive import (
     breaks_away,
@@ -25,6 +24,7 @@ from tests.support.adaptive_drive import (
     servo_torque,
     slip_acceleration,
 )
+from tests.support.arm_motion import ArmMotion, arm_motion
 from tests.support.velocity_control import ArmSimulation
 
 Reference = Callable[[float], tuple[Array, Array, Array]]
@@ -90,7 +90,9 @@ def simulate_arm(
     states = np.array(kept)
     tau = np.array([plant.torques(s, row) for s, row in zip(times, states, strict=False)])
     full_states = np.hstack([states[:, :20], np.zeros((len(states), 4)), states[:, 20:]])
-    return AdaptiveMotion(arm.motion(times[: len(states)], full_states, tau), tuple(events), status)
+    return AdaptiveMotion(
+        arm_motion(arm, times[: len(states)], full_states, tau), tuple(events), status
+    )
 
 
 class _Arm:

@@ -15,15 +15,15 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
 from ssm_planner.dynamics.transmission import (
-    always_unique,
     breakaway_torque,
     mesh_coefficients,
     output_effort,
 )
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.drive import Drive
-from ssm_planner.simulation.drive import NOT_UNIQUE, drive_step
+from ssm_planner.simulation.drive import drive_step
 from ssm_planner.typing import Array
+from tests.support.arm_motion import NOT_UNIQUE, always_unique
 from tests.support.velocity_control import Servo, servo_step
 
 Outcome = Literal["unique", "none", "several"]

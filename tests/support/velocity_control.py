@@ -20,12 +20,12 @@ from ssm_planner.simulation.plant import (
     MOTOR,
     REST,
     STATE,
-    ArmMotion,
     ArmPlant,
     Compliance,
     W,
 )
 from ssm_planner.typing import Array
+from tests.support.arm_motion import ArmMotion, arm_motion
 
 PERIOD = 1e-3
 """Control period, s."""
@@ -113,7 +113,7 @@ class ArmSimulation(ArmPlant):
             torques.append(tau.full())
         state = np.hstack(states)[:, : len(q)].T
         time = self.period * np.arange(len(state), dtype=float)
-        return self.motion(time, state, np.hstack(torques)[:, : len(q)].T)
+        return arm_motion(self, time, state, np.hstack(torques)[:, : len(q)].T)
 
     def hold(self, q: Array, duration: float) -> ArmMotion:
         """Stay at q (4,) for a time (s): with servos holding it, or without power if there are none."""
@@ -153,12 +153,3 @@ def _default_servos(robot: Robot) -> tuple[Servo | None, ...]:
         else:
             servos.append(servo_for(joint.drive, joint.motor.max_torque))
     return tuple(servos)
-
-
-def energy_error(motion: ArmMotion) -> float:
-    """Return the largest |work − (kinetic + potential + dissipated)| over the largest of these."""
-    stored = motion.kinetic + motion.potential
-    lost = motion.friction_loss + motion.damping_loss
-    error = motion.work - (stored - stored[0]) - lost
-    scale = max(float(np.abs(x).max()) for x in (motion.work, lost, stored - stored[0]))
-    return float(np.abs(error).max() / scale) if scale > 1e-12 else 0.0
