@@ -1,4 +1,4 @@
-"""Kinds of drives and export formats: the examples of docs/architecture.md, and registries."""
+"""Kinds of drives, motions and export formats: the examples of docs/architecture.md, and registries."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ import shutil
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 import yaml
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats.format import FORMATS
-from ssm_planner.loading.load import load_drive
+from ssm_planner.loading import motions
+from ssm_planner.loading.load import load_drive, load_problem
+from ssm_planner.loading.motions import MotionKey
 from ssm_planner.problem.transmissions import TRANSMISSIONS
 from ssm_planner.registry import Registry
-from tests.extension import polynomials, rack
+from tests.extension import polynomials, rack, swing
 from tests.support.cli import environment, python
 from tests.support.paths import ROOT
 
@@ -36,15 +39,16 @@ def shipped(place: str) -> str:
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
-    """A folder in which a package with a drive and a format is installed."""
+    """A folder in which a package with a drive, a motion and a format is installed."""
     folder = tmp_path / "site"
     info = folder / "acme-1.0.dist-info"
     info.mkdir(parents=True)
-    for name in ("rack.py", "polynomials.py"):
+    for name in ("rack.py", "swing.py", "polynomials.py"):
         shutil.copy(EXAMPLES / name, folder)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
         "[ssm_planner.drives]\nrack = rack:Rack\n"
+        "[ssm_planner.motions]\nswing = swing:SWING\n"
         "[ssm_planner.formats]\npolynomials = polynomials:POLYNOMIALS\n"
     )
     return folder
@@ -112,7 +116,107 @@ def test_without_the_package_its_drive_and_format_are_refused(tmp_path: Path) ->
     assert refused.value.allowed == ", ".join(TRANSMISSIONS)
 
 
-@pytest.mark.parametrize("module", [rack, polynomials])
+WORDS = "swing: {low: -120 deg, high: -100 deg, times: 2}"
+
+
+@pytest.mark.slow
+def test_an_installed_package_adds_a_motion(site: Path, tmp_path: Path) -> None:
+    """It is planned, checked and exported like the motions that it stands for, and editors know it."""
+    installed = environment(PYTHONPATH=f"{ROOT}:{site}")
+    tilts = "\n".join(f"  - tilt: {{to: {tilt} deg}}" for tilt in (-120, -100, -120, -100))
+    plans = []
+    for name, motion in (("swing", f"  - {WORDS}"), ("tilts", tilts)):
+        text = shipped("tilt_insert.yaml").replace("robots/", f"{ROOT}/problems/robots/")
+        text = re.sub(r"motion:\n(  - .*\n)+", f"motion:\n{motion}\n", text)
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+        words = ("plan", tmp_path / f"{name}.yaml", "-o", tmp_path / name)
+        done = python("-m", "ssm_planner", *words, cwd=tmp_path, env=installed)
+        assert done.returncode == 0, done.stdout + done.stderr
+        plans.append(json.loads((tmp_path / name / "plan.json").read_text(encoding="utf-8")))
+    assert plans[0]["trajectory"]["coefficients"] == plans[1]["trajectory"]["coefficients"]
+    for words in (
+        ("check", tmp_path / "swing"),
+        ("export", tmp_path / "swing", "--to", "csv", "-o", tmp_path / "out"),
+    ):
+        assert python("-m", "ssm_planner", *words, cwd=tmp_path).returncode == 0
+    schema = python("-m", "ssm_planner", "schema", "problem", cwd=tmp_path, env=installed).stdout
+    assert "Motions to and fro between two tilts." in schema
+    assert "Number of motions to and fro." in schema
+
+
+@pytest.fixture
+def with_swing(monkeypatch: pytest.MonkeyPatch) -> None:
+    keys = (*motions.MOTIONS.values(), swing.SWING)
+    monkeypatch.setattr(motions, "MOTIONS", Registry("nobody.provides", "motion", *keys))
+    monkeypatch.setattr("ssm_planner.loading.problems.MOTIONS", motions.MOTIONS)
+
+
+def problem_with(motion: str, folder: Path) -> Path:
+    text = shipped("tilt_insert.yaml").replace("robots/", f"{ROOT}/problems/robots/")
+    file = folder / "problem.yaml"
+    file.write_text(re.sub(r"motion:\n", f"motion:\n  - {motion}\n", text), encoding="utf-8")
+    return file
+
+
+@pytest.mark.usefixtures("with_swing")
+def test_one_entry_can_mean_several_motions(tmp_path: Path) -> None:
+    problem = load_problem(problem_with(WORDS, tmp_path))
+    tilts = [getattr(motion, "tilt", None) for motion in problem.motion]
+    assert np.degrees(tilts[:4]).round(9).tolist() == [-120, -100, -120, -100]
+    assert [motion.name for motion in problem.motion] == [*["swing"] * 4, "tilt", "insert"]
+    lines = (tmp_path / "problem.yaml").read_text(encoding="utf-8").splitlines()
+    assert {lines[motion.line - 1].strip() for motion in problem.motion[:4]} == {f"- {WORDS}"}
+
+
+@pytest.mark.usefixtures("with_swing")
+@pytest.mark.parametrize(
+    ("words", "key"),
+    [
+        ("swing: {low: -100 deg, high: -120 deg}", "motion[0].swing.high"),
+        ("swing: {low: -300 deg, high: -120 deg}", "motion[0].swing.tilt"),
+        ("swing: {low: -120 deg, high: -100 deg, times: 0}", "motion[0].swing.times"),
+        ("swing: {low: -120 mm, high: -100 deg}", "motion[0].swing.low"),
+        ("swing: {low: -120 deg}", "motion[0].swing.high"),
+        ("swing: {low: -120 deg, high: -100 deg, time: 2}", "motion[0].swing.time"),
+    ],
+)
+def test_the_faults_of_a_motion_name_its_place_in_the_file(
+    words: str, key: str, tmp_path: Path
+) -> None:
+    file = problem_with(words, tmp_path)
+    with pytest.raises(ProblemError) as refused:
+        load_problem(file)
+    assert refused.value.key == key
+    assert refused.value.line == 1 + file.read_text(encoding="utf-8").splitlines().index(
+        f"  - {words}"
+    )
+
+
+@pytest.mark.usefixtures("with_swing")
+def test_a_motion_after_one_entry_for_several_is_found_in_the_file(tmp_path: Path) -> None:
+    file = problem_with(WORDS, tmp_path)
+    text = file.read_text(encoding="utf-8").replace("insert: {to: 20 mm}", "insert: {to: 90 mm}")
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ProblemError) as refused:
+        load_problem(file)
+    assert refused.value.key == "motion[2].insert.to"
+
+
+def test_without_the_package_its_motion_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="unknown key") as refused:
+        load_problem(problem_with(WORDS, tmp_path))
+    assert refused.value.key == "motion[0].swing"
+    assert set(motions.BUILT_IN) < set(str(refused.value.allowed).split(", "))
+
+
+def test_every_motion_is_declared_once() -> None:
+    keys: list[MotionKey] = list(motions.MOTIONS.values())
+    assert [key.name for key in keys] == list(motions.BUILT_IN)
+    page = (ROOT / "docs/motions.md").read_text(encoding="utf-8")
+    assert all(f"`{key.name}" in page for key in keys)
+
+
+@pytest.mark.parametrize("module", [rack, swing, polynomials])
 def test_the_guide_shows_the_examples(module: Any) -> None:
     text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     source = inspect.getsource(module)

@@ -11,8 +11,9 @@ from pydantic import Field, TypeAdapter
 from ssm_planner.arguments import checked
 from ssm_planner.loading.drives import drive_from, drive_model
 from ssm_planner.loading.files import find, follow, of_data, of_text, read
+from ssm_planner.loading.motions import MOTIONS, JointValues
 from ssm_planner.loading.motors import MotorModel, motor_from
-from ssm_planner.loading.problems import JointValues, ProblemModel, problem_from
+from ssm_planner.loading.problems import problem_from, problem_model
 from ssm_planner.loading.robots import RobotModel, robot_from
 from ssm_planner.loading.schema import (
     SOURCE,
@@ -193,7 +194,7 @@ Kind = Literal["problem", "robot", "drive", "motor", "motorisation", "controller
 
 def _models(file_kind: Kind) -> tuple[Any, ...]:
     models = {
-        "problem": ProblemModel,
+        "problem": problem_model(tuple(MOTIONS)),
         "robot": RobotModel,
         "motor": MotorModel,
         "motorisation": MotorisationModel,

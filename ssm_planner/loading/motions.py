@@ -1,0 +1,458 @@
+"""Keys of the motion list of problem files: points, and the motions that each key describes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from ssm_planner import units
+from ssm_planner.loading.missions import LONGEST_MOTION
+from ssm_planner.loading.path_file import path_from
+from ssm_planner.loading.schema import Field as Reader
+from ssm_planner.loading.schema import (
+    Model,
+    Part,
+    Text,
+    located,
+    model_from,
+    model_of,
+    nested,
+    optional,
+    positive,
+    quantity,
+    reading,
+    required,
+    vector,
+    wrong,
+)
+from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.problem import (
+    LARGEST_GRID,
+    TASK,
+    Bound,
+    Dwell,
+    Follow,
+    Free,
+    Joints,
+    Motion,
+    Point,
+    Scan,
+    Straight,
+    Task,
+    Tip,
+)
+from ssm_planner.registry import Registry
+from ssm_planner.typing import frozen
+
+JointValues = Annotated[
+    tuple[float, float, float, float], vector("angle", "angle", "angle", "length")
+]
+MOST_POINTS = 200
+"""Largest number of points that one motion passes without stopping."""
+PATTERNS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
+"""Keys of each pattern of a scan in addition to the common ones."""
+Place = tuple[str | int, ...]
+"""Keys and list positions that lead to a value of the file."""
+_FORMS = (
+    "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] "
+    "with spin"
+)
+
+
+class _NamedModel(Model):
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> dict[str, Any]:
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        return {"anyOf": [schema, {"type": "string", "description": "A name among `points`."}]}
+
+
+class _PointModel(_NamedModel):
+    @model_validator(mode="before")
+    @classmethod
+    def _one_form(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        if not data:
+            raise wrong("the point is empty", _FORMS)
+        if "joints" in data and len(data) > 1:
+            other_key = next(key for key in data if key != "joints")
+            raise wrong("redundant: joints determine the point", _FORMS, other_key)
+        if "tip" in data:
+            for key in ("roll", "tilt", "depth"):
+                if key in data:
+                    raise wrong("redundant: tip determines roll, tilt and depth", _FORMS, key)
+            if "spin" not in data:
+                raise wrong("missing: a tip position does not determine the spin", _FORMS, "spin")
+        return data
+
+
+class _ScanModel(Model):
+    pattern: Literal["raster", "ring", "triple ring"]
+    """Grid, or one or three circles of spots."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_of_its_pattern(cls, data: Any) -> Any:
+        pattern = data.get("pattern") if isinstance(data, dict) else None
+        if pattern not in PATTERNS:
+            return data
+        for key in (
+            key
+            for pattern_name, keys in PATTERNS.items()
+            if pattern_name != pattern
+            for key in keys
+        ):
+            if key in data:
+                raise wrong(
+                    f"not allowed for the pattern {pattern!r}",
+                    f"for it: {', '.join(PATTERNS[pattern])}",
+                    key,
+                )
+        for key in PATTERNS[pattern]:
+            if key not in data and key != "diameters":
+                raise wrong(f"missing: the pattern {pattern!r} needs it", None, key)
+        return data
+
+
+def or_word(reader: Reader, keyword: str, allowed: str) -> Reader:
+    """Return a reader that also accepts one word."""
+
+    def read(value: object) -> object:
+        try:
+            return keyword if value == keyword else reader.read(value)
+        except units.BadQuantity as error:
+            raise units.BadQuantity(error.reason, f"{error.allowed}, or {keyword}") from None
+
+    return replace(
+        reader,
+        read=read,
+        json_schema={"anyOf": [reader.json_schema, {"const": keyword}]},
+        allowed=allowed,
+    )
+
+
+TaskModel = model_of(Task, base=_NamedModel)
+_LENGTHS = Annotated[Any, vector("length", "length", "length")]
+_FORMS_OF_POINT = {
+    "joints": optional(JointValues, "Positions of the four joints, instead of all other keys."),
+    "tip": optional(
+        _LENGTHS, "Position of the tool tip in the base frame, instead of roll, tilt and depth."
+    ),
+}
+PointModel = model_of(Task, _FORMS_OF_POINT, base=_PointModel)
+FREE = "free"
+"""Spin of a target that the planner chooses."""
+_ANY_SPIN = or_word(quantity("angle"), FREE, "an angle, or free to choose the fastest one")
+FreeTargetModel = model_of(
+    Task,
+    {
+        "spin": optional(
+            Annotated[Any, _ANY_SPIN], "Rotation of the tool about its own axis, or free."
+        ),
+        **_FORMS_OF_POINT,
+    },
+    base=_PointModel,
+)
+_COUNT = Annotated[Any, quantity("number", Bound(at_least=1, at_most=LARGEST_GRID), integer=True)]
+ScanModel = model_of(
+    Scan,
+    {
+        "at": (nested(TaskModel), ...),
+        "diameter": optional(positive("length"), "Diameter of a ring."),
+        "diameters": (_LENGTHS, (1e-3, 2e-3, 3e-3)),
+        "rows": optional(_COUNT),
+        "columns": optional(_COUNT),
+    },
+    without=("name",),
+    base=_ScanModel,
+)
+
+
+class RepeatModel(Model):
+    """Motions to repeat."""
+
+    times: Annotated[
+        Any, quantity("number", Bound(at_least=1, at_most=LONGEST_MOTION), integer=True)
+    ]
+    """Number of repetitions."""
+    motion: list[Any]
+    """Motions to repeat, in order."""
+
+
+class _EntryModel(Model):
+    @model_validator(mode="before")
+    @classmethod
+    def _one_key(cls, data: Any) -> Any:
+        if isinstance(data, dict) and len(data) != 1:
+            several = f"{len(data)} motions in one entry ({', '.join(map(str, data))})"
+            reason = several if data else "the entry has no motion"
+            raise wrong(reason, f"one motion per list entry: {', '.join(cls.model_fields)}")
+        return data
+
+
+def _motion_to(
+    to: Any, extra_keys: Mapping[str, Any] | None = None, without: tuple[str, ...] = ()
+) -> Any:
+    """Return the type of a mapping with the key `to`, duration and blend."""
+    keys = {"to": required(to, "End point."), **(extra_keys or {})}
+    return nested(model_of(Straight, keys, without=(*TASK, "name", *without)))
+
+
+def _through(model: Any, description: str) -> dict[str, Any]:
+    """Return the optional key of the points between the start and the end."""
+    points = Annotated[tuple[Annotated[Any, Part(model)], ...], Field(max_length=MOST_POINTS)]
+    return {"through": (points, Field((), description=description))}
+
+
+_PASSED = _through(PointModel, "Points passed without stopping, in order.")
+_CORNERS = "Corners of the path, rounded according to `blend`."
+_CONSTANT = {
+    "constant_speed": optional(
+        reading(Follow, "constant_speed"), "Speed of the tip outside the ramps."
+    )
+}
+_OVER = _CONSTANT | {
+    "distance": required(positive("length"), "Distance of the tip from the retina.")
+}
+_BY = {"through": required(nested(PointModel), "Point that the arc passes.")}
+_OF_ONE_COORDINATE = {"tilt": "tilt", "roll": "roll", "spin": "spin", "insert": "depth"}
+"""Task coordinates that change, by the key of the motion."""
+
+
+@frozen
+class MotionKey:
+    """Key of the motion list of problem files.
+
+    To add a key, create an object and register it (docs/architecture.md).
+    """
+
+    name: str
+    description: str
+    """Meaning of the key, for schema and reference."""
+    value_type: Any
+    """Type of the value in the file, such as `nested(model_of(cls))` for the fields of a class."""
+    motions: Callable[[Section, Any], Iterable[Motion]]
+    """Function that returns the motions that a value describes.
+
+    Its arguments are the section of the file, for lines and messages, and the value in SI units.
+    """
+
+
+def _straight(section: Section, model: Any) -> Iterator[Motion]:
+    name = str(section.path[-1])
+    coordinate = _OF_ONE_COORDINATE.get(name)
+    to = {coordinate: model.to} if coordinate else set_coordinates(model.to)
+    line = section.line()
+    yield Straight(**to, duration=model.duration, name=name, line=line, blend=model.blend)
+
+
+def _free(section: Section, model: Any) -> Iterator[Motion]:
+    yield Free(
+        point_from(section.sub("to"), model.to),
+        _points_between(section, model),
+        model.duration,
+        line=section.line(),
+        spin_free=model.to.spin == FREE,
+    )
+
+
+def _spline(section: Section, model: Any) -> Iterator[Motion]:
+    end = point_from(section.sub("to"), model.to)
+    between = _points_between(section, model)
+    yield Follow(end, between, "spline", line=section.line(), duration=model.duration)
+
+
+def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
+    return tuple(
+        point_from(section.sub("through", k), point) for k, point in enumerate(model.through)
+    )
+
+
+def _curve(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the line or the arc of the tip that a value describes."""
+    name: Any = section.path[-1]
+    middle = () if name == "line" else (point_from(section.sub("through"), model.through),)
+    yield Follow(
+        point_from(section.sub("to"), model.to),
+        middle,
+        name,
+        name,
+        line=section.line(),
+        duration=model.duration,
+        blend=model.blend,
+        constant_speed=model.constant_speed,
+    )
+
+
+def _retina(section: Section, model: Any) -> Iterator[Motion]:
+    if model.to.depth is not None:
+        reason = "do not give depth: distance already determines it"
+        raise section.error(reason, "to", "depth", allowed="roll, tilt, spin")
+    yield Follow(
+        Task(**set_coordinates(model.to), line=section.line("to")),
+        (),
+        "retina",
+        "retina",
+        line=section.line(),
+        duration=model.duration,
+        constant_speed=model.constant_speed,
+        distance=model.distance,
+    )
+
+
+def _path(section: Section, file: str) -> Iterator[Motion]:
+    yield path_from(section, "path", section.line())
+
+
+def _dwell(section: Section, duration: float) -> Iterator[Motion]:
+    yield Dwell(duration, "dwell", section.line())
+
+
+def _scan(section: Section, model: Any) -> Iterator[Motion]:
+    low, middle, high = model.diameters
+    if not 0 < low < middle < high:
+        reason = "rings must be concentric"
+        raise section.error(reason, "diameters", allowed="three increasing lengths")
+    diameters = {"raster": (), "ring": (model.diameter,), "triple ring": model.diameters}[
+        model.pattern
+    ]
+    yield Scan(
+        Task(**set_coordinates(model.at), line=section.line("at")),
+        model.distance,
+        diameters,
+        rows=model.rows or 0,
+        columns=model.columns or 0,
+        spacing=model.spacing,
+        dwell=model.dwell,
+        order=model.order,
+        name=model.pattern,
+        line=section.line(),
+    )
+
+
+_KEYS = (
+    *(
+        MotionKey(
+            key,
+            f"Motion to a {coordinate}. The other task coordinates stay constant.",
+            _motion_to(reading(Task, coordinate)),
+            _straight,
+        )
+        for key, coordinate in _OF_ONE_COORDINATE.items()
+    ),
+    MotionKey(
+        "straight",
+        "Straight motion in task coordinates. Missing ones stay constant.",
+        _motion_to(nested(TaskModel), _through(TaskModel, _CORNERS)),
+        _straight,
+    ),
+    MotionKey(
+        "free",
+        "Motion along the fastest path that the planner finds.",
+        _motion_to(nested(FreeTargetModel), _PASSED, ("blend",)),
+        _free,
+    ),
+    MotionKey(
+        "line",
+        "Straight line of the tip, with proportional spin.",
+        _motion_to(nested(PointModel), _through(PointModel, _CORNERS) | _CONSTANT),
+        _curve,
+    ),
+    MotionKey(
+        "arc",
+        "Circular arc of the tip, with proportional spin.",
+        _motion_to(nested(PointModel), _BY | _CONSTANT),
+        _curve,
+    ),
+    MotionKey(
+        "retina",
+        "Motion along the retina at a constant distance.",
+        _motion_to(nested(TaskModel), _OVER, ("blend",)),
+        _retina,
+    ),
+    MotionKey(
+        "spline",
+        "Smooth curve of the joints through points.",
+        _motion_to(nested(PointModel), _PASSED, ("blend",)),
+        _spline,
+    ),
+    MotionKey(
+        "path",
+        "CSV with joints, task coordinates, or tip and spin, and units in the headings.",
+        Text,
+        _path,
+    ),
+    MotionKey("dwell", "Pause at rest.", reading(Dwell, "duration"), _dwell),
+    MotionKey("scan", "Spots on the retina.", nested(ScanModel), _scan),
+)
+MOTIONS: Registry[MotionKey] = Registry("ssm_planner.motions", "motion", *_KEYS)
+"""All keys that describe motions."""
+BUILT_IN = tuple(key.name for key in _KEYS)
+"""Keys of this package."""
+_EXPANDED = {
+    "repeat": optional(nested(RepeatModel), "Motions to repeat."),
+    "include": optional(
+        Text, "Problem file whose motions are inserted. It has separate names of points."
+    ),
+}
+"""Keys that `missions` replaces by the motions that they mean."""
+
+
+def motion_list(names: tuple[str, ...]) -> Any:
+    """Return the type of a motion list whose entries have these keys of MOTIONS."""
+    keys = {name: optional(MOTIONS[name].value_type, MOTIONS[name].description) for name in names}
+    entry = Annotated[Any, Part(model_from(keys | _EXPANDED, base=_EntryModel))]
+    return Annotated[list[entry], Field(min_length=1, max_length=LONGEST_MOTION)]
+
+
+def motions_from(section: Section, value: Any) -> tuple[Motion, ...]:
+    """Return the motions that the value of a key describes. Raises ProblemError."""
+    with located(section):
+        return tuple(MOTIONS[str(section.path[-1])].motions(section, value))
+
+
+def key_locations(field: str, place: Place, value: Any) -> dict[str, Place]:
+    """Return where the file states the parts of a motion, by their names in messages.
+
+    `field` is the name of the motion, such as motion[2]. `place` leads to the value of its key.
+    """
+    name = place[-1]
+    keys = ("blend", "duration", "constant_speed", "distance")
+    locations = {f"{field}.{key}": (*place, key) for key in keys}
+    points: dict[str, Place] = {f"{field}.to": (*place, "to")}
+    if name in ("free", "spline"):
+        indices = range(len(value.through))
+        points |= {f"{field}.through[{k}]": (*place, "through", k) for k in indices}
+    if name == "arc":
+        points[f"{field}.through[0]"] = (*place, "through")
+    for point, location in points.items():
+        locations |= {
+            f"{point}.values": (*location, "joints"),
+            f"{point}.position": (*location, "tip"),
+            point: location,
+        }
+    if name == "scan" and value.pattern == "ring":
+        locations[f"{field}.diameters"] = (*place, "diameter")
+    if name in _OF_ONE_COORDINATE:
+        locations[f"{field}.{_OF_ONE_COORDINATE[str(name)]}"] = (*place, "to")
+    locations[field] = (*place, "to") if name == "straight" else place
+    return locations
+
+
+def set_coordinates(model: Any) -> dict[str, float]:
+    """Return the stated task coordinates or rates."""
+    return {name: value for name in TASK if (value := getattr(model, name)) not in (None, FREE)}
+
+
+def point_from(section: Section, model: Any) -> Point:
+    """Return the point that a section describes. Raises ProblemError."""
+    line = section.line()
+    with located(section, {"values": ("joints",), "position": ("tip",)}):
+        if model.joints is not None:
+            return Joints(model.joints, line)
+        if model.tip is not None:
+            return Tip(model.tip, 0.0 if model.spin == FREE else model.spin, line)
+        return Task(**set_coordinates(model), line=line)
