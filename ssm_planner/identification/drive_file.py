@@ -10,20 +10,9 @@ from typing import Any
 from ssm_planner.atomic import replacing
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.identification.fit import Estimate, MapFit
-from ssm_planner.problem import LOAD_OFFSET, Drive, Posterior, Ripple
+from ssm_planner.problem import LOAD_OFFSET, Drive, Friction, Posterior, Rig, Ripple, quantities
 from ssm_planner.publishing import one_line
-
-_UNITS = {
-    "b_c": "N*m",
-    "b_v": "N*m*s/rad",
-    "stribeck_speed": "rad/s",
-    "dwell_constant": "s",
-    "memory": "s",
-    "identified_speed": "rad/s",
-    "preload": "N",
-}
-_ROTARY_UNITS = {"b_oc": "N*m", "b_ov": "N*m*s/rad", "load_offset": "N*m"}
-_LINEAR_UNITS = {"b_oc": "N", "b_ov": "N*s/m", "load_offset": "N"}
+from ssm_planner.units import KINDS
 
 
 def write_drive(
@@ -145,7 +134,9 @@ def _origin(name: str, estimate: Estimate | None) -> str:
 
 def unit_of(drive: Drive, name: str) -> str | None:
     """Return the SI unit of a parameter in files, or None for a pure number."""
-    return {**_UNITS, **(_LINEAR_UNITS if drive.slides else _ROTARY_UNITS)}.get(name)
+    of_field = {**quantities(Rig), **quantities(Drive), **quantities(Friction)}.get(name)
+    kind = of_field and KINDS.get(of_field.unit_kind(drive.slides))
+    return kind.unit if kind else None
 
 
 def _quantity(drive: Drive, name: str, value: float) -> Any:

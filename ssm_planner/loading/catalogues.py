@@ -68,10 +68,7 @@ def entries(path: Path, gear: bool = False) -> JsonObject:
     """
     file = catalogue_file(path)
     if file.is_dir():
-        return _check_count(
-            file,
-            {entry_file.stem: read(entry_file).value for entry_file in sorted(file.glob("*.yaml"))},
-        )
+        return {label: section.value for label, section in _sections(file).items()}
     rows = rows_of(file)
     if gear:
         return {
@@ -105,13 +102,8 @@ def motors_of(path: Path) -> list[Part[Motor]]:
     """Read the motors of a catalogue. Raises ProblemError if it is missing or invalid."""
     file = catalogue_file(path)
     if file.is_dir():
-        motors = {
-            entry_file.stem: motor_from(read(entry_file))
-            for entry_file in sorted(file.glob("*.yaml"))
-        }
-        return [
-            Part(label, motor, motor.mass) for label, motor in _check_count(file, motors).items()
-        ]
+        motors = {label: motor_from(section) for label, section in _sections(file).items()}
+        return [Part(label, motor, motor.mass) for label, motor in motors.items()]
     entries = []
     for row in rows_of(file):
         motor = motor_from(_section(file, row, _motor(row, file.name)))
@@ -129,17 +121,10 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
     """
     file = catalogue_file(path)
     if file.is_dir():
-        gear_files = {
-            entry_file.stem: read(entry_file) for entry_file in sorted(file.glob("*.yaml"))
-        }
-        kinds = {
-            label: section.value.get("kind")
-            for label, section in _check_count(file, gear_files).items()
-        }
         return [
-            Part(label, drive_from(gear_files[label]))
-            for label, drive_kind in kinds.items()
-            if drive_kind == drive.kind
+            Part(label, drive_from(section))
+            for label, section in _sections(file).items()
+            if section.value.get("kind") == drive.kind
         ]
     if not drive.threaded:
         return []
@@ -212,6 +197,11 @@ def rows_of(file: Path) -> list[Row]:
             raise ProblemError(reason, file=file, line=reader.line_num)
         rows[label] = Row(label, row, reader.line_num)
     return list(_check_count(file, rows).values())
+
+
+def _sections(folder: Path) -> dict[str, Section]:
+    """Read the YAML files of a folder, by name. Raises ProblemError."""
+    return _check_count(folder, {file.stem: read(file) for file in sorted(folder.glob("*.yaml"))})
 
 
 C = TypeVar("C")

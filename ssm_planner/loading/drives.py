@@ -48,13 +48,12 @@ from ssm_planner.problem import (
     Friction,
     Harmonics,
     Posterior,
-    Quantity,
     Ratings,
     Rig,
     Ripple,
     Transmission,
     hints,
-    strip_annotations,
+    quantities,
 )
 
 TO_IDENTIFY = "to_identify"
@@ -122,10 +121,7 @@ def _range(name: str, slides: bool) -> Any:
     """Return the optional range of a friction parameter due to lubrication, temperature and
     wear.
     """
-    (unit_mark,) = (
-        mark for mark in strip_annotations(hints(Friction)[name])[1] if isinstance(mark, Quantity)
-    )
-    unit_kind = unit_mark.unit_kind(slides)
+    unit_kind = quantities(Friction)[name].unit_kind(slides)
     # the bounds of a dimensionless number may be equal
     return optional(
         Annotated[

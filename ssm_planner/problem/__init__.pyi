@@ -129,6 +129,7 @@ from .value import (
     built as built,
     descriptions as descriptions,
     hints as hints,
+    quantities as quantities,
     strip_annotations as strip_annotations,
     unchecked as unchecked,
 )

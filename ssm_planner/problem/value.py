@@ -172,6 +172,12 @@ def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
     return hint, ()
 
 
+def quantities(cls: Any) -> dict[str, Quantity]:
+    """Return the units of the numeric fields of a value, by field name."""
+    marks = {name: strip_annotations(hint)[1] for name, hint in hints(cls).items()}
+    return {name: mark for name in marks for mark in marks[name] if isinstance(mark, Quantity)}
+
+
 def descriptions(cls: type) -> dict[str, str]:
     """Return the docstrings below the fields of a class, each on one line, by field name."""
     texts: dict[str, str] = {}
