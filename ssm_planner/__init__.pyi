@@ -167,7 +167,11 @@ from .typing import (
     Range as Range,
 )
 from .units import deg as deg, mm as mm, mNm as mNm, ms as ms, rpm as rpm
-from .verification.certificate import Certificate as Certificate, LimitCheck as LimitCheck
+from .verification.certificate import (
+    Certificate as Certificate,
+    LimitCheck as LimitCheck,
+    Unjudged as Unjudged,
+)
 from .verification.slower import SpeedRange as SpeedRange, WorstSpeed as WorstSpeed
 
 __version__: str

@@ -129,7 +129,7 @@ COMMANDS = {
 A module is imported only if one of its commands is used. For each command, the module defines two
 functions. `<command>_arguments(parser)` adds the arguments. `run_<command>(options)` runs the
 command and returns the exit status: 0 if all checks passed, 1 if the problem is infeasible or a
-check failed, and 2 if the input is invalid.
+check failed, 2 if the input is invalid, and 4 if a limit could not be judged.
 """
 
 
@@ -325,7 +325,8 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
         description="Plan, verify and export motions of serial spherical mechanisms with "
         "self-locking drives.",
         epilog="Exit status: 0 all checks passed; 1 infeasible or a check failed; 2 invalid input; "
-        "3 a fault of this program; 130 interrupted; 143 ended by SIGTERM.",
+        "3 a fault of this program; 4 a limit could not be judged; 130 interrupted; 143 ended by "
+        "SIGTERM.",
     )
     parser.add_argument(
         "--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
+    UNJUDGED,
     output_arguments,
     part_quantity,
     progress_reporter,
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from ssm_planner.verification.slower import SpeedRange
 
 PLAN_FILE = "plan.json"
+STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
+DYNAMIC = ("acceleration", "jerk", "motor torque", "continuous torque", "nut contact")
+"""Limits that --allow-unjudged may name even if the robot does not have them."""
 
 
 def check_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,6 +62,13 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
             "default: the speeds that the plan, problem or export declares, otherwise rest",
         )
     parser.add_argument(
+        "--allow-unjudged",
+        metavar="NAME[,NAME]",
+        default="",
+        help="limits that may remain unjudged, such as acceleration,torque; without this option, "
+        "the exit status is 4 if no limit is violated but one that counts could not be judged",
+    )
+    parser.add_argument(
         "--speed",
         metavar="PERCENT",
         help="playback speed such as 10%%, or a range of speeds such as 1%%..100%%",
@@ -85,6 +96,7 @@ def run_check(options: argparse.Namespace) -> int:
         interpolation=reading.interpolation,
         resolution=reading.resolution,
     ).with_more(reading.checks)
+    certificate = _allowing(certificate, options.allow_unjudged)
     progress("done")
     document = {
         "trajectory": str(options.trajectory),
@@ -93,7 +105,26 @@ def run_check(options: argparse.Namespace) -> int:
     }
     document |= certificate.to_dict()
     show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
-    return OK if certificate.passed else FAILED
+    return STATUS[certificate.verdict]
+
+
+def _allowing(certificate: Certificate, text: str) -> Certificate:
+    """Return the certificate with the limits that the option --allow-unjudged names.
+
+    Raises ProblemError if no limit has such a name.
+    """
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    judged, unjudged = certificate.limits, certificate.unjudged
+    known = {*DYNAMIC, *(line.name for line in judged), *(line.name for line in unjudged)}
+    for name in names:
+        if not any(f" {limit}".endswith(f" {name}") for limit in known):
+            raise ProblemError(
+                "unknown limit",
+                key="--allow-unjudged",
+                value=name,
+                allowed=", ".join(sorted(known)),
+            )
+    return certificate.allowing(*names)
 
 
 def _check_speeds(
@@ -138,7 +169,7 @@ def _check_speeds(
         document,
         lambda: [*lines, heading, *certificate_lines(certificate, reading.notes, robot)],
     )
-    return OK if certificate.passed else FAILED
+    return STATUS[certificate.verdict]
 
 
 def speed_lines(speeds: SpeedRange) -> list[str]:
@@ -274,9 +305,14 @@ def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: R
     bound, the margin, the joint and the time.
     """
     from ssm_planner.reporting.text import limits_table
+    from ssm_planner.verification.certificate import subjects
 
     count, broken = len(certificate.limits), len(certificate.violations)
     verdict = f"PASSED: {count} limits kept"
+    unjudged = subjects(certificate.unjudged)
+    if unjudged:
+        names = ",".join(dict.fromkeys(line.name for line in certificate.unjudged))
+        verdict = f"NOT JUDGED: no limit exceeded, but see above (--allow-unjudged {names!r})"
     if broken:
         verdict = f"FAILED: {broken} of {count} limits exceeded"
     return [
@@ -287,5 +323,6 @@ def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: R
         "",
         *(f"note: {note}" for note in notes),
         *(f"not checked: {name}" for name in certificate.unchecked),
+        *(f"not judged: {subject}: {reason}" for subject, reason in unjudged),
         f"check: {verdict}",
     ]

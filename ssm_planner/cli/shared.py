@@ -18,7 +18,7 @@ from ssm_planner.cli.terminal import print_lines
 from ssm_planner.display import columns
 from ssm_planner.errors import ProblemError
 
-OK, FAILED = 0, 1
+OK, FAILED, UNJUDGED = 0, 1, 4
 
 
 def plan_argument(

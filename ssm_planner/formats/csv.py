@@ -255,10 +255,11 @@ def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
         resolution=reading.resolution,
         interpolation=reading.interpolation,
     )
-    if certificate.passed:
+    if not certificate.violations:
+        unjudged = ", ".join(dict.fromkeys(line.name for line in certificate.unjudged))
         return [
             "the rows keep every limit in a controller that interpolates them "
-            f"({reading.interpolation})"
+            f"({reading.interpolation}{f'; not judged: {unjudged}' if unjudged else ''})"
         ]
     violation = certificate.worst
     return [

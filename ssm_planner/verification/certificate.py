@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from operator import is_
 from typing import Any
@@ -26,6 +27,8 @@ from ssm_planner.typing import frozen
 
 TOLERANCE = 1e-6
 """Relative excess of a limit that counts as rounding."""
+KEPT, VIOLATED, NOT_JUDGED = VERDICTS = ("kept", "violated", "not judged")
+"""Verdicts on a limit and on a motion."""
 
 
 @frozen
@@ -88,10 +91,20 @@ class LimitCheck(ShortRepr):
 
 
 @frozen
+class Unjudged(ShortRepr):
+    """A limit that the motion may violate, although no violation was found."""
+
+    name: str
+    joint: str | None
+    reason: str
+
+
+@frozen
 class Certificate(ShortRepr):
     """The result of checking one trajectory.
 
-    `unchecked` lists what could not be checked and why.
+    `unchecked` lists what is not a limit of this motion, and limits that the caller allowed to
+    remain unjudged, with reasons.
     """
 
     limits: tuple[LimitCheck, ...]
@@ -100,6 +113,11 @@ class Certificate(ShortRepr):
     unchecked: tuple[str, ...] = ()
     sha256: str | None = None
     """Seal of the check (see `sealed`). None if no seal was requested."""
+    unjudged: tuple[Unjudged, ...] = ()
+    """Limits that count but could not be judged, with reasons.
+
+    A limit may also have an entry in `limits`, which then covers the part that could be judged.
+    """
 
     def __getitem__(self, key: tuple[str, str]) -> LimitCheck:
         """Return the check of a limit by its name and joint, such as ("velocity", "tilt").
@@ -112,13 +130,48 @@ class Certificate(ShortRepr):
         raise KeyError(key)
 
     def with_more(self, checks: tuple[LimitCheck, ...]) -> Certificate:
-        """Return the certificate with further limits."""
-        return replace(self, limits=(*self.limits, *checks)) if checks else self
+        """Return the certificate with further limits, which are judged then."""
+        judged = {(limit.name, limit.joint) for limit in checks}
+        unjudged = tuple(u for u in self.unjudged if (u.name, u.joint) not in judged)
+        return replace(self, limits=(*self.limits, *checks), unjudged=unjudged)
+
+    def allowing(self, *names: str) -> Certificate:
+        """Return the certificate in which limits with these names may remain unjudged.
+
+        A last word such as "torque" stands for all names that end with it.
+        """
+        allowed = [u for u in self.unjudged if any(f" {u.name}".endswith(f" {n}") for n in names)]
+        return replace(
+            self,
+            unjudged=tuple(u for u in self.unjudged if u not in allowed),
+            unchecked=(
+                *self.unchecked,
+                *(f"{subject}: {reason} (allowed)" for subject, reason in subjects(allowed)),
+            ),
+        )
+
+    @property
+    def verdict(self) -> str:
+        """One of "kept", "violated" and "not judged".
+
+        It is "violated" if a limit is violated, and "kept" if there are limits and each of them
+        was judged and is kept.
+        """
+        if self.violations:
+            return VIOLATED
+        return NOT_JUDGED if self.unjudged or not self.limits else KEPT
+
+    def verdict_of(self, limit: LimitCheck) -> str:
+        """Return the verdict on one limit."""
+        unjudged = {(u.name, u.joint) for u in self.unjudged}
+        if not limit.passed:
+            return VIOLATED
+        return NOT_JUDGED if (limit.name, limit.joint) in unjudged else KEPT
 
     @property
     def passed(self) -> bool:
-        """True if there are limits and all of them are kept."""
-        return bool(self.limits) and all(limit.passed for limit in self.limits)
+        """True if the verdict is "kept"."""
+        return self.verdict == KEPT
 
     @property
     def worst(self) -> LimitCheck:
@@ -144,9 +197,13 @@ class Certificate(ShortRepr):
         """Return the certificate as plan.json stores it, in SI units."""
         return {
             "passed": self.passed,
+            "verdict": self.verdict,
             "interpolation": self.interpolation,
             "instants": self.instants,
-            "limits": [limit.to_dict() for limit in self.limits],
+            "limits": [
+                {**limit.to_dict(), "verdict": self.verdict_of(limit)} for limit in self.limits
+            ],
+            "unjudged": [dict(vars(u)) for u in self.unjudged],
             "unchecked": list(self.unchecked),
             "sha256": self.sha256,
         }
@@ -160,7 +217,13 @@ class Certificate(ShortRepr):
             instants = data["instants"]
             if type(instants) is not int:
                 raise TypeError(f"instants = {instants!r} is no whole number")
-            certificate = cls(limits, str(data["interpolation"]), instants, unchecked)
+            unjudged = tuple(
+                Unjudged(str(u["name"]), u["joint"] and str(u["joint"]), str(u["reason"]))
+                for u in data.get("unjudged", ())
+            )
+            certificate = cls(
+                limits, str(data["interpolation"]), instants, unchecked, unjudged=unjudged
+            )
             # one that contradicts itself has no seal
             seal = (
                 str(data["sha256"])
@@ -170,6 +233,17 @@ class Certificate(ShortRepr):
             return replace(certificate, sha256=seal)
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a certificate: {error!r}") from error
+
+
+def subjects(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
+    """Return pairs (limit with its joints, reason) in words, one for each name and reason."""
+    joints: dict[tuple[str, str], list[str]] = {}
+    for u in unjudged:
+        joints.setdefault((u.name, u.reason), []).extend([u.joint] if u.joint else [])
+    return [
+        (f"{name} of {', '.join(of)}" if of else name, reason)
+        for (name, reason), of in joints.items()
+    ]
 
 
 def sealed(
@@ -219,6 +293,11 @@ def _digest(
             _promise(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))
         ]
     content = {**certificate.to_dict(), "sha256": None}
+    # verdicts follow from the rest; earlier versions wrote none
+    del content["verdict"]
+    content["limits"] = [limit.to_dict() for limit in certificate.limits]
+    if not certificate.unjudged:
+        del content["unjudged"]
     text = json.dumps({"found": content, "limits": {**plain(limits), **rates}}, sort_keys=True)
     # one object with its keys in order; the robot's text is known from plan to plan
     digest = hashlib.sha256(f'{text[:-1]}, "robot": {robot_text(robot)}}}'.encode())

@@ -23,7 +23,7 @@ from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import BLOCK, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.cases import worst_cases
-from ssm_planner.verification.certificate import Certificate, LimitCheck, sealed
+from ssm_planner.verification.certificate import Certificate, LimitCheck, Unjudged, sealed
 from ssm_planner.verification.ends import Jumps, end_checks
 from ssm_planner.verification.limits import Quantity, Worst, quantities
 from ssm_planner.verification.pieces import find_extremes, pieces_of
@@ -41,6 +41,7 @@ INSTANTS = 3_000_000
 
 Longer trajectories are sampled at a lower rate first.
 """
+UNDEFINED = "not defined on straight pieces (linear interpolation)"
 NONE = TaskLimits()
 
 
@@ -83,6 +84,7 @@ def check(
     checked = [item for item in quantities(robot, limits) if not straight or item.limit.order < 2]
     checked += [] if straight else worst_cases(trajectory, robot, limits)
     checks, sampled = _worst_values(trajectory, robot, limits, checked, rate, jumps=jumps)
+    unjudged: list[Unjudged] = []
     unchecked = [
         f"motor torque and speed of joint {joint.name}: {_lacking(joint)}"
         for joint in robot.joints
@@ -96,10 +98,15 @@ def check(
     else:
         checks += sampled.rms.checks(robot, trajectory, limits.duty)
     if resolution is not None:
-        checks, undefined = linear_limits(
+        checks, rounded, unjudged = linear_limits(
             trajectory, robot, limits, resolution, dict(zip(checked, checks, strict=True))
         )
-        unchecked += undefined
+        unchecked += rounded
+        dynamic = [item.limit for item in quantities(robot, limits) if item.limit.order > 1]
+        if limits.duty is not None:
+            dynamic += [k for j in robot.joints for k in j.limits if type(k) is ContinuousTorque]
+        dynamic += [limits.stop_travel] if limits.stop_travel else []
+        unjudged += [Unjudged(limit.name, limit.joint, UNDEFINED) for limit in dynamic]
         checks += _dynamics_of_smooth_pieces(trajectory, robot, limits, rate)
     checks += jumps.checks(straight)
     checks = _worst_of_each(checks)
@@ -114,7 +121,9 @@ def check(
             f"that the tip keeps to the path of {limits.promising}: a table does not say when it "
             "begins"
         )
-    certificate = Certificate(tuple(checks), interpolation, sampled.instants, tuple(unchecked))
+    certificate = Certificate(
+        tuple(checks), interpolation, sampled.instants, tuple(unchecked), unjudged=tuple(unjudged)
+    )
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
 
 

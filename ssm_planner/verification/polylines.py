@@ -23,13 +23,15 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices
-from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification.certificate import LimitCheck, Unjudged
 from ssm_planner.verification.ends import declared_velocities
 from ssm_planner.verification.limits import Quantity
 from ssm_planner.verification.pieces import BLOCK
 
 FINEST = 1e-12
 """Best accuracy of positions that is ever assumed, rad or m."""
+EXCUSED = 1e-3
+"""Relative excess of a speed that the rounding of the points excuses."""
 
 
 def linear_limits(
@@ -38,11 +40,12 @@ def linear_limits(
     limits: TaskLimits,
     resolution: Array,
     checks: Mapping[Quantity, LimitCheck],
-) -> tuple[list[LimitCheck], list[str]]:
+) -> tuple[list[LimitCheck], list[str], list[Unjudged]]:
     """Return the limits of a trajectory that consists of linear pieces.
 
-    Speeds and velocity jumps that the rounding of the points can explain do not count. The second
-    result lists what is undefined. resolution (4,): largest rounding error of a point, rad or m.
+    Velocity jumps that the rounding of the points can explain do not count. A speed that exceeds
+    its limit although rounding can explain the excess is not judged (third result). The second
+    result has notes. resolution (4,): largest rounding error of a point, rad or m.
     """
     resolution = np.maximum(resolution, FINEST)
     speeds = _Speeds(robot, resolution, declared_velocities(trajectory, robot, limits)[0])
@@ -50,22 +53,18 @@ def linear_limits(
         block = slice(start, min(start + BLOCK, len(trajectory.breaks) - 1))
         speeds.look(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
     speeds.end(declared_velocities(trajectory, robot, limits)[1])
-    results = [
-        _within_rounding(quantity, limit, trajectory, robot, speeds)
-        for quantity, limit in checks.items()
-    ]
+    results, unjudged = [], []
+    for quantity, limit in checks.items():
+        result = _within_rounding(quantity, limit, trajectory, robot, speeds)
+        if result.passed and limit.margin < -EXCUSED:
+            reason = f"{-100 * limit.margin:.3g} % above the limit, which rounding may explain"
+            unjudged.append(Unjudged(limit.name, limit.joint, reason))
+        results.append(result)
     results += speeds.checks()
-    undefined = "acceleration, jerk, motor torque and continuous torque: "
-    undefined += "not defined on straight pieces (linear interpolation); "
-    undefined += (
-        "velocity jumps are held against what the acceleration limit allows within one interval"
-    )
-    notes = [undefined]
+    note = "velocity jumps are held against what the acceleration limit allows within one interval"
     if resolution.max() > FINEST:
-        notes.append(
-            "speeds and jumps that the rounding of the positions can explain are not counted"
-        )
-    return results, notes
+        note += ", less what the rounding of the positions can explain"
+    return results, [note], unjudged
 
 
 class _Speeds:
@@ -163,8 +162,38 @@ def _within_rounding(
         :, 2:
     ].any():  # of points with velocities: nothing is explained by rounding
         return limit
-    speed = abs(quantity.scale) * float(speeds.fastest[quantity.index])
-    return _replaced(limit, speed, float(speeds.fastest_time[quantity.index]))
+    scale = abs(quantity.scale)
+    i = quantity.index
+    fastest = float(speeds.fastest[i]), float(speeds.fastest_time[i])
+    if not limit.passed:
+        bound = limit.limit / scale
+        fastest = max(fastest, _longer_windows(trajectory, i, bound, float(speeds.resolution[i])))
+    return _replaced(limit, scale * fastest[0], fastest[1])
+
+
+def _longer_windows(
+    trajectory: Trajectory, i: int, bound: float, resolution: float
+) -> tuple[float, float]:
+    """Return the mean speed of joint i, less rounding, over a window, and the start of the window.
+
+    A motion with |q̇| ≤ bound passes all points within their rounding if and only if
+    |q(t) − q(s)| ≤ bound (t − s) + 2 resolution for all points s < t (McShane's extension). The
+    window exceeds this by most, so the mean speed is above the bound exactly if there is no such
+    motion. It ends where q(t) − bound t is farthest above its lowest earlier value.
+    """
+    t = trajectory.breaks
+    blocks = (t[k : k + BLOCK] for k in range(0, len(t), BLOCK))
+    q = np.concatenate([trajectory.positions(block)[:, i] for block in blocks])
+    best = (0.0, 0.0, 0.0)
+    for direction in (1.0, -1.0):
+        ahead = direction * q - bound * (t - t[0])
+        rise = ahead - np.minimum.accumulate(ahead)
+        last = int(rise.argmax())
+        first = int(ahead[: last + 1].argmin())
+        if rise[last] > best[0]:
+            speed = (abs(q[last] - q[first]) - 2 * resolution) / (t[last] - t[first])
+            best = float(rise[last]), float(speed), float(t[first])
+    return best[1:]
 
 
 def _of_tool(

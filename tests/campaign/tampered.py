@@ -159,7 +159,7 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
         _, manifest = export(plan, form, folder / form, **options)
         names = sorted(manifest["files"])
         healthy = command("check", str(folder / form), "--robot", str(ROBOT))
-        if healthy[0] != 0:
+        if healthy[0] not in (0, 4):
             counted.add(f"the healthy folder does not pass: {healthy[2][-200:]}")
         for _ in range(count // len(forms)):
             file = folder / form / rng.choice(names)
@@ -171,7 +171,7 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
             file.write_bytes(other)
             status, out, err, fault = command("check", str(folder / form), "--robot", str(ROBOT))
             file.write_bytes(data)
-            passed = status == 0 or "PASSED" in out
+            passed = status in (0, 4) or "PASSED" in out
             named = file.name in err
             counted.add(
                 fault

@@ -238,7 +238,7 @@ def test_round_trip(
             resolution=reading.resolution,
             interpolation=reading.interpolation,
         )
-        assert found.passed
+        assert found.verdict == ("not judged" if to == "epos4" else "kept")
         compared = 0
         for limit in found.limits:
             if limit.name.endswith("jump") or (to == "epos4" and limit.name == "acceleration"):

@@ -51,7 +51,7 @@ def test_a_limit_is_kept_up_to_rounding() -> None:
     assert not both.passed
     assert both.worst == bad
     assert both.violations == (bad,)
-    assert good.with_more(()) is good
+    assert good.with_more(()) == good
 
 
 def test_a_certificate_survives_json_and_refuses_what_is_none() -> None:
