@@ -479,9 +479,7 @@ class Plan(ShortRepr):
             **attributes(self, SUMMARY),
             "motors": [requirement.to_dict() for requirement in self.requirements],
             "sizing": None if self.sizing is None else self.sizing.to_dict(),
-            "limits": []
-            if self.certificate is None
-            else [limit.to_dict() for limit in self.certificate.limits],
+            "limits": self.certificate.to_dict()["limits"] if self.certificate else [],
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),
             "phases": [phase.to_dict() for phase in self.phases],

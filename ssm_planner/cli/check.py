@@ -65,8 +65,8 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
         "--allow-unjudged",
         metavar="NAME[,NAME]",
         default="",
-        help="limits that may remain unjudged, such as acceleration,torque; without this option, "
-        "the exit status is 4 if no limit is violated but one that counts could not be judged",
+        help="limits that may remain unjudged, such as acceleration,torque; the exit status is 4 "
+        "if other limits could not be judged",
     )
     parser.add_argument(
         "--speed",
@@ -87,8 +87,13 @@ def run_check(options: argparse.Namespace) -> int:
         limits = TipSpeed(options.tip_speed).on(limits)
     limits = reading.ends_on(_declared(options, limits))
     progress("checking")
+    document: dict[str, Any] = {
+        "trajectory": str(options.trajectory),
+        "robot": robot.name,
+        "notes": list(reading.notes),
+    }
     if options.speed is not None:
-        return _check_speeds(options, reading, robot, limits)
+        return _check_speeds(options, reading, robot, limits, document)
     certificate = check(
         reading.trajectory,
         robot,
@@ -98,11 +103,6 @@ def run_check(options: argparse.Namespace) -> int:
     ).with_more(reading.checks)
     certificate = _allowing(certificate, options.allow_unjudged)
     progress("done")
-    document = {
-        "trajectory": str(options.trajectory),
-        "robot": robot.name,
-        "notes": list(reading.notes),
-    }
     document |= certificate.to_dict()
     show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
     return STATUS[certificate.verdict]
@@ -128,9 +128,15 @@ def _allowing(certificate: Certificate, text: str) -> Certificate:
 
 
 def _check_speeds(
-    options: argparse.Namespace, reading: Reading, robot: Robot, limits: TaskLimits
+    options: argparse.Namespace,
+    reading: Reading,
+    robot: Robot,
+    limits: TaskLimits,
+    document: dict[str, Any],
 ) -> int:
     """Check the motion at one lower speed or at all speeds of a range, and return the exit status.
+
+    document: beginning of the output of --json.
 
     Raises ProblemError if the option --speed or the trajectory does not permit such a check.
     """
@@ -141,11 +147,6 @@ def _check_speeds(
             "the trajectory has straight segments", key="--speed", allowed="smooth motions"
         )
     slowest, dots, fastest = options.speed.partition("..")
-    document: dict[str, Any] = {
-        "trajectory": str(options.trajectory),
-        "robot": robot.name,
-        "notes": list(reading.notes),
-    }
     speed, lines = share(slowest), []
     if dots:
         if share(fastest) != 1.0:

@@ -27,7 +27,7 @@ from ssm_planner.typing import frozen
 
 TOLERANCE = 1e-6
 """Relative excess of a limit that counts as rounding."""
-KEPT, VIOLATED, NOT_JUDGED = VERDICTS = ("kept", "violated", "not judged")
+KEPT, VIOLATED, NOT_JUDGED = "kept", "violated", "not judged"
 """Verdicts on a limit and on a motion."""
 
 
@@ -157,16 +157,13 @@ class Certificate(ShortRepr):
         It is "violated" if a limit is violated, and "kept" if there are limits and each of them
         was judged and is kept.
         """
-        if self.violations:
-            return VIOLATED
-        return NOT_JUDGED if self.unjudged or not self.limits else KEPT
+        unjudged = self.unjudged or not self.limits
+        return VIOLATED if self.violations else NOT_JUDGED if unjudged else KEPT
 
     def verdict_of(self, limit: LimitCheck) -> str:
         """Return the verdict on one limit."""
-        unjudged = {(u.name, u.joint) for u in self.unjudged}
-        if not limit.passed:
-            return VIOLATED
-        return NOT_JUDGED if (limit.name, limit.joint) in unjudged else KEPT
+        unjudged = [u for u in self.unjudged if (u.name, u.joint) == (limit.name, limit.joint)]
+        return VIOLATED if not limit.passed else NOT_JUDGED if unjudged else KEPT
 
     @property
     def passed(self) -> bool:

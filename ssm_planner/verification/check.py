@@ -28,7 +28,7 @@ from ssm_planner.verification.ends import Jumps, end_checks
 from ssm_planner.verification.limits import Quantity, Worst, quantities
 from ssm_planner.verification.pieces import find_extremes, pieces_of
 from ssm_planner.verification.polylines import linear_limits
-from ssm_planner.verification.promises import path_checks
+from ssm_planner.verification.promises import promises_kept
 from ssm_planner.verification.sampled_extremes import SampledExtremes
 from ssm_planner.verification.stops import StopMotions, quickest_stops
 
@@ -109,20 +109,25 @@ def check(
         unjudged += [Unjudged(limit.name, limit.joint, UNDEFINED) for limit in dynamic]
         checks += _dynamics_of_smooth_pieces(trajectory, robot, limits, rate)
     checks += jumps.checks(straight)
-    checks = _worst_of_each(checks)
     checks += end_checks(trajectory, robot, limits, straight)
     checks += _locking(robot, limits.friction)
     if not straight:
         checks += _farthest_stop(trajectory, robot, limits)
     if trajectory.phases:
-        checks += path_checks(trajectory, Mechanism.from_geometry(robot.geometry), limits)
+        mechanism = Mechanism.from_geometry(robot.geometry)
+        for promise in promises_kept(trajectory, mechanism, limits):
+            checks += promise.checks
     elif limits.promising:
         unchecked.append(
             f"that the tip keeps to the path of {limits.promising}: a table does not say when it "
             "begins"
         )
     certificate = Certificate(
-        tuple(checks), interpolation, sampled.instants, tuple(unchecked), unjudged=tuple(unjudged)
+        _worst_of_each(checks),
+        interpolation,
+        sampled.instants,
+        tuple(unchecked),
+        unjudged=tuple(unjudged),
     )
     return sealed(certificate, trajectory, robot, limits) if seal else certificate
 
@@ -169,14 +174,14 @@ def _dynamics_of_smooth_pieces(
     return [replace(item, time=float(t)) for item, t in zip(checks, times, strict=True)]
 
 
-def _worst_of_each(checks: list[LimitCheck]) -> list[LimitCheck]:
+def _worst_of_each(checks: list[LimitCheck]) -> tuple[LimitCheck, ...]:
     """Return one result for each limit and joint: the worst of all cases."""
     tightest: dict[tuple[str, str | None], LimitCheck] = {}
     for check_ in checks:
         key = check_.name, check_.joint
         if key not in tightest or check_.margin < tightest[key].margin:
             tightest[key] = check_
-    return list(tightest.values())
+    return tuple(tightest.values())
 
 
 def _lacking(joint: Joint) -> str:
@@ -232,9 +237,7 @@ def check_stops(
     of_stops = tuple(
         limit_check for limit_check in certificate.limits if limit_check.name not in excluded
     )
-    return Certificate(
-        of_stops, certificate.interpolation, certificate.instants, certificate.unchecked
-    )
+    return replace(certificate, limits=of_stops)
 
 
 def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:

@@ -155,13 +155,8 @@ def _within_rounding(
         return limit
     if quantity.order is None:
         return _of_tool(quantity, limit, trajectory, robot, speeds.resolution)
-    there = np.concatenate(
-        [trajectory.piece_of(np.array([limit.time]), side) for side in ("left", "right")]
-    )
-    if trajectory.pieces(there)[
-        :, 2:
-    ].any():  # of points with velocities: nothing is explained by rounding
-        return limit
+    if trajectory.pieces(_meeting_at(trajectory, limit.time))[:, 2:].any():
+        return limit  # of points with velocities: nothing is explained by rounding
     scale = abs(quantity.scale)
     i = quantity.index
     fastest = float(speeds.fastest[i]), float(speeds.fastest_time[i])
@@ -214,9 +209,7 @@ def _of_tool(
         rounding = sum(values(q, np.eye(4)[i] * wrong) for i in range(4))
         return np.maximum(values(q, speeds) - rounding, 0.0)
 
-    # the two pieces that meet where the worst was found, if it is at a point
-    there = np.array([limit.time])
-    pieces = np.concatenate([trajectory.piece_of(there, side) for side in ("left", "right")])
+    pieces = _meeting_at(trajectory, limit.time)
     q_worst = trajectory.sample_pieces(pieces, limit.time - trajectory.breaks[pieces]).q
     speeds_left = unexplained(q_worst, trajectory.pieces(pieces)[:, 1], pieces)
     highest = float(speeds_left.max())
@@ -236,6 +229,11 @@ def _of_tool(
             highest = float(speeds_left[k])
             time = float(trajectory.breaks[block[faster][k]])
     return _replaced(limit, highest, time)
+
+
+def _meeting_at(trajectory: Trajectory, time: float) -> Indices:
+    """Return the two pieces that meet at a time, or twice the piece that contains it."""
+    return np.concatenate([trajectory.piece_of(np.array([time]), s) for s in ("left", "right")])
 
 
 def _replaced(limit: LimitCheck, value: float, time: float) -> LimitCheck:

@@ -114,19 +114,6 @@ def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) 
     ]
 
 
-def path_checks(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[LimitCheck]:
-    """Return the worst result of every promise over all phases."""
-    checks = (
-        check for result in promises_kept(motion, mechanism, limits) for check in result.checks
-    )
-    tightest: dict[str, LimitCheck] = {}
-    for check in checks:
-        tightest[check.name] = min(
-            tightest.get(check.name, check), check, key=lambda item: item.margin
-        )
-    return list(tightest.values())
-
-
 def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Iterator[Way]:
     """Return the promises of the motions of a problem with their phases.
 

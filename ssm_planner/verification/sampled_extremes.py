@@ -15,8 +15,6 @@ a reversal, where friction changes quickly, or if a torque has a kink in it. Int
 brackets
 exceed the worst value are then halved until none is left, or until the bracket is within the
 fraction CLOSE of the limit. No other interval can contain a worse value according to its bracket.
-For very
-long trajectories, `prefilter` excludes whole pieces by a similar bracket around their middle.
 
 `RmsTorques` integrates the torques at these instants.
 """
@@ -54,7 +52,6 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices, Mask, record
-from ssm_planner.verification import prefilter
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import Case, Quantity, Worst
 from ssm_planner.verification.pieces import Pieces, State, still
@@ -84,8 +81,6 @@ BLOCK = 2500
 """Number of intervals that are sampled together, so that temporaries stay in the cache."""
 INSTANTS = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
 """Instants of an interval as fractions of its width."""
-LONG = 10.0
-"""Length of a piece in mean lengths above which its middle does not represent it."""
 FOUR_EIGHTHS = np.array([1.0, 3.0, 3.0, 1.0]) / 8
 """Weights of four equidistant instants, exact for cubics (Simpson's 3/8 rule)."""
 WITHOUT_FIRST = np.array([0.0, 3.0, 0.0, 1.0]) / 4
@@ -127,23 +122,12 @@ class SampledExtremes:
         self.instants = 0
         count = len(trajectory.breaks) - 1
         self.most = int(np.clip(INTERVALS // count, *PIECE))
-        self.longest = LONG * trajectory.duration / count
-        self.slopes: Array | None = None
-        if self.quantities and len(trajectory.breaks) > prefilter.WORTHWHILE:
-            self.slopes = prefilter.sensitivity(trajectory, robot, self.evaluate)
 
     def search(self, pieces: Pieces) -> None:
         """Update the worst values with these pieces."""
         if not self.quantities:
             return
         piece_index, start, end = pieces.segments(self.robot)
-        if self.slopes is not None:
-            certain = pieces.length > self.longest
-            certain[piece_index[end - start < 1.0]] = True
-            searched = (certain | self._suspicious(pieces, self.slopes, certain))[piece_index]
-            piece_index = piece_index[searched]
-            start = start[searched]
-            end = end[searched]
         rate = self.rate / PARTS
         most_intervals = -(-self.most // PARTS)
         intervals = Intervals.of_segments(
@@ -208,39 +192,14 @@ class SampledExtremes:
         static = np.zeros_like(direction)
         static[: len(intervals.piece)] = intervals.starting
         results = self.evaluate((q, qd, qdd), direction, static)
-        self._keep_worst(
-            results,
-            np.append(pieces.time(intervals.piece, s), pieces.time(intervals.piece[final], end)),
-        )
-        values[:3] = results[: s.size].reshape(3, len(intervals.piece), -1)
-        values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
-
-    def _suspicious(self, pieces: Pieces, slopes: Array, certain: Mask) -> Mask:
-        """Return which pieces (m,) may contain static friction or a worse value than the known one.
-
-        The other pieces contribute to the RMS torque by their middle, except for the `certain`
-        ones, which are always searched.
-        """
-        state = prefilter.middle(pieces)
-        moving = pieces.moving(self.robot)
-        values = self.evaluate(state, np.sign(state[1]) * moving, np.zeros_like(state[1]))
-        self._keep_worst(
-            values, pieces.time(np.arange(len(pieces.start)), np.full(len(pieces.start), 0.5))
-        )
-        around = prefilter.spread(pieces, state, slopes)
-        suspicious = (self._gain(values - around, values + around) > 0) | prefilter.starting(
-            pieces, self.robot
-        )
-        self.rms.add_middles(values, np.where(suspicious | certain, 0.0, pieces.length))
-        return suspicious
-
-    def _keep_worst(self, values: Array, time: Array) -> None:
-        """Offer the values (n, k) at times (n,) to the worst known ones."""
+        time = np.append(pieces.time(intervals.piece, s), pieces.time(intervals.piece[final], end))
         self.instants += len(time)
-        for entry, value in zip(self.worst, values.T, strict=True):
+        for entry, value in zip(self.worst, results.T, strict=True):
             excess = entry.quantity.excess(value, value)
             k = int(np.argmax(excess))
             entry.offer(float(excess[k]), float(value[k]), float(time[k]))
+        values[:3] = results[: s.size].reshape(3, len(intervals.piece), -1)
+        values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
     def _gain(self, lowest: Array, highest: Array) -> Array:
         """Return by how much a quantity within these bounds (n, k) may exceed the worst
@@ -404,10 +363,6 @@ class RmsTorques:
             square = values[:, :, column] ** 2
             mean = np.where(starting[:, joint], WITHOUT_FIRST @ square, FOUR_EIGHTHS @ square)
             self.integrals[i] += (mean * duration).sum()
-
-    def add_middles(self, values: Array, duration: Array) -> None:
-        """Add n short pieces with values (n, k) at their middle and durations (n,)."""
-        self.integrals += duration @ values[:, self.columns] ** 2
 
     def checks(self, robot: Robot, trajectory: Trajectory, pause: float) -> list[LimitCheck]:
         """Compare the RMS torque of each motor over the whole motion with its continuous torque.

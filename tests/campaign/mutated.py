@@ -247,7 +247,7 @@ class Kinds:
                 path.write_bytes(original)
         if fault is not None:
             return f"{fault}: {content[:80]!r}"
-        if status not in (0, 1, 2):
+        if status not in (0, 1, 2, 4):
             return f"exit status {status}: {err[-200:]}"
         if status == 2 and path.name not in err and str(path.parent) not in err:
             return f"the message does not name the file: {err[-200:]}"

@@ -19,8 +19,8 @@ from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.problem import Eye, Lens
 from ssm_planner.problem.robot import Robot, read_only_array
 from ssm_planner.sizing.joint_load import joint_loads
-from ssm_planner.trajectory import Samples, Span, Trajectory, hermite
-from ssm_planner.verification import prefilter, sampled_extremes
+from ssm_planner.trajectory import Samples, Trajectory, hermite
+from ssm_planner.verification import sampled_extremes
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 from tests.support.paths import ROOT
@@ -285,34 +285,6 @@ def test_blocks_make_no_difference(robot: Robot, monkeypatch: pytest.MonkeyPatch
         assert a.margin == pytest.approx(b.margin, abs=3e-8)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_screen_of_long_trajectories_hides_nothing(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int
-) -> None:
-    """Many short pieces with noise, starts and reversals: the same worst values with the screen and without."""
-    rng = np.random.default_rng(seed)
-    t = np.linspace(0, 3, 600)
-    scale = np.array([0.3, 0.3, 0.3, 0.005])
-    phase, rate = rng.uniform(0, 6, (3, 4)), rng.uniform(1.0, 3.0, (3, 4))
-    angle = t[:, None, None] * rate + phase
-    q = (np.sin(angle) * scale / 3).sum(axis=1) + [0.0, 0.6, 0.0, -0.015]
-    qd = (np.cos(angle) * rate * scale / 3).sum(axis=1)
-    qdd = -(np.sin(angle) * rate**2 * scale / 3).sum(axis=1)
-    k = rng.integers(100, 500)
-    qdd[k] += scale * 3
-    coefficients = hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:]))
-    trajectory = Trajectory(t, coefficients, (Span("all", 0.0, 3.0),))
-    full = check(trajectory, robot, LIMITS)
-    monkeypatch.setattr(prefilter, "WORTHWHILE", 10)
-    screened = check(trajectory, robot, LIMITS)
-    assert screened.instants < full.instants / 2
-    for a, b in zip(full.limits, screened.limits, strict=True):
-        # a mean of one look at the middle of most pieces
-        assert a.margin == pytest.approx(
-            b.margin, abs=1e-4 if a.name == "continuous torque" else 3e-8
-        )
-
-
 def test_a_jerk_limit_is_checked(robot: Robot) -> None:
     joints = tuple(dataclasses.replace(joint, jerk=50.0) for joint in robot.joints)
     certificate = check(smooth(robot), dataclasses.replace(robot, joints=joints))
@@ -370,31 +342,6 @@ def test_the_samples_of_a_trajectory_are_not_changed(robot: Robot) -> None:
     check(trajectory, robot)
     assert np.array_equal(before, trajectory.coefficients)
     assert isinstance(trajectory.sample(np.zeros(1)), Samples)
-
-
-def test_short_moves_among_many_pieces_at_rest_are_judged_as_by_a_full_look(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    count = 25_000
-    breaks = np.arange(count + 1) * 0.001
-    q = np.tile([0.3, 1.15, 0.1, -0.01], (count + 1, 1)) + 1e-4 * np.sin(breaks)[:, None] * [
-        1,
-        1,
-        1,
-        0.01,
-    ]
-    v, a = np.zeros_like(q), np.zeros_like(q)
-    rng = np.random.default_rng(3)
-    for k in rng.choice(count - 60, 12, replace=False) + 25:
-        q[k + 1 :] += rng.choice((-1, 1)) * rng.uniform(1e-4, 6e-3, 4) * [1, 1, 1, 0.02]
-        v[k] = rng.normal(size=4) * [0.3, 0.3, 0.3, 0.005]
-    long = Trajectory(breaks, hermite(breaks, (q[:-1], v[:-1], a[:-1]), (q[1:], v[1:], a[1:])), ())
-    found = check(long, robot)
-    monkeypatch.setattr(prefilter, "WORTHWHILE", 10**9)
-    full = check(long, robot)
-    for one, other in zip(found.limits, full.limits, strict=True):
-        assert (one.name, one.joint) == (other.name, other.joint)
-        assert one.worst == pytest.approx(other.worst, rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -15,7 +15,6 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.requirements import motor_requirements
 from ssm_planner.trajectory import Trajectory, hermite
-from ssm_planner.verification import prefilter
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 from tests.support.paths import ROOT
@@ -133,35 +132,6 @@ def test_static_friction_is_a_peak_and_no_heat(robot: Robot) -> None:
         assert continuous(high)[joint].worst == pytest.approx(
             continuous(low)[joint].worst, rel=1e-12
         )
-
-
-def test_many_short_pieces_give_what_few_give(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With the prefilter, one look at the middle of most pieces."""
-    trajectory = back_and_forth(robot, 4001)
-    full = continuous(check(trajectory, robot))
-    monkeypatch.setattr(prefilter, "WORTHWHILE", 10)
-    screened = check(trajectory, robot)
-    assert screened.instants < 3 * 4000
-    for joint, limit in continuous(screened).items():
-        assert limit.worst == pytest.approx(full[joint].worst, rel=1e-6)
-
-
-def test_one_long_piece_among_many_short_ones_is_not_judged_by_its_middle(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A slow turn of the roll, in which its weight shifts, after much quicker motion that holds all the peaks."""
-    quick = back_and_forth(robot, 2001)
-    breaks = np.append(quick.breaks / 4, 11.0)
-    coefficients = quick.coefficients * 4.0 ** np.arange(6)[:, None]
-    rate = np.array([[0.01, 0.0, 0.0, 0.0]])
-    slow = hermite(breaks[-2:], (HOME - [[1.3, 0.0, 0.0, 0.0]], rate, ZERO), (HOME, rate, ZERO))
-    trajectory = Trajectory(breaks, np.concatenate([coefficients, slow]), ())
-    full = continuous(check(trajectory, robot))
-    monkeypatch.setattr(prefilter, "WORTHWHILE", 10)
-    for joint, limit in continuous(check(trajectory, robot)).items():
-        assert limit.worst == pytest.approx(full[joint].worst, rel=1e-5)
 
 
 def test_it_is_left_out_where_there_is_no_acceleration(robot: Robot) -> None:

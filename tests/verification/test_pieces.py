@@ -9,7 +9,6 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification import pieces as module
-from ssm_planner.verification import prefilter
 from ssm_planner.verification.ends import Jumps
 from ssm_planner.verification.limits import Worst, quantities
 from ssm_planner.verification.pieces import Pieces, find_extremes, pieces_of, still
@@ -56,15 +55,11 @@ def test_values_and_times_are_those_of_the_trajectory(motion: Trajectory, whole:
     assert whole.speeds(piece, s[0]) == pytest.approx(out[1].T)
 
 
-def test_ends_and_middles_are_values_there(whole: Pieces) -> None:
+def test_ends_are_values_there(whole: Pieces) -> None:
     every = np.arange(COUNT)
     for ends, s in zip(whole.ends, (0.0, 1.0), strict=True):
         for order, values in enumerate(whole.evaluate(every, np.full(COUNT, s))):
             assert ends[:, order] == pytest.approx(values, rel=1e-9, abs=1e-9)
-    for values, expected in zip(
-        prefilter.middle(whole), whole.evaluate(every, np.full(COUNT, 0.5)), strict=True
-    ):
-        assert values == pytest.approx(expected)
 
 
 def test_bounds_hold_every_value(whole: Pieces) -> None:
@@ -172,66 +167,3 @@ def with_jerk(robot: Robot) -> tuple[object, ...]:
     from dataclasses import replace
 
     return (replace(robot.joints[0], jerk=100.0), *robot.joints[1:])
-
-
-def test_sensitivities_of_linear_quantities_are_their_coefficients(
-    motion: Trajectory, robot: Robot
-) -> None:
-    rng = np.random.default_rng(2)
-    matrix = rng.normal(size=(3, 4, 5))
-
-    def evaluate(state: tuple[np.ndarray, ...], way: np.ndarray, away: np.ndarray) -> np.ndarray:
-        assert np.array_equal(way, np.sign(way))
-        assert not away.any()
-        return sum(values @ rows for values, rows in zip(state, matrix, strict=True))
-
-    slopes = prefilter.sensitivity(motion, robot, evaluate)
-    assert slopes == pytest.approx(np.abs(matrix), rel=1e-6)
-    (pieces,) = pieces_of(motion)
-    middle = prefilter.middle(pieces)
-    spread = prefilter.spread(pieces, middle, slopes)
-    centre = evaluate(middle, np.sign(middle[1]), np.zeros((COUNT, 4)))
-    largest = np.zeros_like(centre)
-    for s in GRID:
-        state = pieces.evaluate(np.arange(COUNT), np.full(COUNT, s))
-        largest = np.maximum(
-            largest, np.abs(evaluate(state, np.sign(state[1]), 0 * state[1]) - centre)
-        )
-    assert np.all(largest <= spread)
-    assert np.all(spread <= 40 * largest.max())
-    moved = [
-        np.abs(coefficients - at[:, None]).max(axis=1)
-        for coefficients, at in zip(pieces.bernstein, middle, strict=False)
-    ]
-    expected = 2.0 * sum(way @ slope for way, slope in zip(moved, slopes, strict=True))
-    assert spread == pytest.approx(expected)
-
-
-def test_sensitivities_are_looked_for_where_joints_are_extreme(
-    motion: Trajectory, robot: Robot
-) -> None:
-    """exp(x) changes most where x is largest, exp(−x) where it is smallest."""
-
-    def evaluate(state: tuple[np.ndarray, ...], way: np.ndarray, away: np.ndarray) -> np.ndarray:
-        return np.hstack([np.exp(sign * values) for values in state for sign in (1, -1)])
-
-    (pieces,) = pieces_of(motion)
-    slopes = prefilter.sensitivity(motion, robot, evaluate)
-    for order, values in enumerate(prefilter.middle(pieces)):
-        for i in range(4):
-            for side, sign in enumerate((1, -1)):
-                expected = np.exp(sign * values[:, i]).max()
-                assert slopes[order, i, 8 * order + 4 * side + i] == pytest.approx(
-                    expected, rel=1e-4
-                )
-
-
-def test_a_piece_starts_where_a_driven_joint_stands_at_one_of_its_ends(robot: Robot) -> None:
-    coefficients = np.zeros((5, 6, 4))
-    coefficients[0, 2, 0] = 1.0  # from rest
-    coefficients[1, 1:3, 0] = (2.0, -1.0)  # to rest after 1 s
-    coefficients[2, 1, 0] = 1.0  # never at rest
-    coefficients[3, 2, 2] = 1.0  # a joint without a drive
-    (pieces,) = pieces_of(Trajectory(np.arange(6.0), coefficients, ()))
-    assert robot.joints[2].drive is None
-    assert prefilter.starting(pieces, robot).tolist() == [True, True, False, False, False]
