@@ -114,8 +114,8 @@ def _allowing(certificate: Certificate, text: str) -> Certificate:
     Raises ProblemError if no limit has such a name.
     """
     names = [name.strip() for name in text.split(",") if name.strip()]
-    judged, unjudged = certificate.limits, certificate.unjudged
-    known = {*DYNAMIC, *(line.name for line in judged), *(line.name for line in unjudged)}
+    known = {*DYNAMIC, *(limit.name for limit in certificate.limits)}
+    known.update(limit.name for limit in certificate.unjudged)
     for name in names:
         if not any(f" {limit}".endswith(f" {name}") for limit in known):
             raise ProblemError(
