@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 PLAN_FILE = "plan.json"
 STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
-DYNAMIC = ("acceleration", "jerk", "motor torque", "continuous torque", "nut contact")
-"""Limits that --allow-unjudged may name even if the robot does not have them."""
 
 
 def check_arguments(parser: argparse.ArgumentParser) -> None:
@@ -113,6 +111,8 @@ def _allowing(certificate: Certificate, text: str) -> Certificate:
 
     Raises ProblemError if no limit has such a name.
     """
+    from ssm_planner.verification.limits import DYNAMIC
+
     names = [name.strip() for name in text.split(",") if name.strip()]
     known = {*DYNAMIC, *(limit.name for limit in certificate.limits)}
     known.update(limit.name for limit in certificate.unjudged)

@@ -11,6 +11,8 @@ from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.limits import (
     TASK,
     ContinuousTorque,
+    JointAcceleration,
+    JointJerk,
     Limit,
     MotorSpeed,
     MotorTorque,
@@ -30,6 +32,11 @@ JUMP = 1e-6
 
 Jumps of velocity and acceleration are relative to their limits.
 """
+DYNAMIC = tuple(
+    str(kind.name)
+    for kind in (JointAcceleration, JointJerk, MotorTorque, ContinuousTorque, NutContact)
+)
+"""Names of the limits that straight pieces leave undefined."""
 JUMP_RATE = 1e-3
 """Share of a limit by which jumps of the quantity below it may add up.
 
@@ -65,7 +72,7 @@ class Quantity:
     @property
     def kinked(self) -> bool:
         """True if the quantity may have a kink between two instants, which no cubic predicts."""
-        return isinstance(self.limit, RetinaClearance)
+        return isinstance(self.limit, (MotorTorque, RetinaClearance))
 
     def excess(self, lowest: Array, highest: Array) -> Array:
         """Return the negative margin of values between `lowest` and `highest`.

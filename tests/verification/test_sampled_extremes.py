@@ -126,10 +126,6 @@ def test_means_of_squares_are_integrals(robot: Robot) -> None:
     square = begin**2 + begin * slope + slope**2 / 3
     expected = (duration[:, None] * square).sum(axis=0)[1:]
     assert rms.integrals == pytest.approx(expected)
-    middles = rng.normal(size=(6, 3))
-    rms.add_middles(middles, duration)
-    expected = expected + (duration[:, None] * middles**2).sum(axis=0)[1:]
-    assert rms.integrals == pytest.approx(expected)
     motion = random_motion(5)
     checks = rms.checks(robot, motion, pause=0.5)
     whole = motion.breaks[-1] - motion.breaks[0] + 0.5
