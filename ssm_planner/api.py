@@ -16,9 +16,7 @@ from ssm_planner.formats.read import read_trajectory
 from ssm_planner.loading.load import load_motor
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import Motor, Robot, TaskLimits
-from ssm_planner.sizing.duty import DutyCycle, pause_of
-from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.sizing.size import Sizing
+from ssm_planner.sizing import Conditions, DutyCycle, Sizing, pause_of
 from ssm_planner.sizing.size import size as size_duty
 from ssm_planner.stopping import INSTANTS, Stops
 from ssm_planner.trajectory import Trajectory

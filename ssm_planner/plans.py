@@ -21,7 +21,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import Mechanism
 from ssm_planner.loading.json_files import parse_json, read_json_in_parts
 from ssm_planner.problem import (
     JOINTS,
@@ -40,9 +40,7 @@ from ssm_planner.problem import (
 )
 from ssm_planner.publishing import check_generation, file_name
 from ssm_planner.representation import ShortRepr, html_table
-from ssm_planner.sizing.duty import pause_of
-from ssm_planner.sizing.requirements import MotorRequirement
-from ssm_planner.sizing.size import Sizing, size_motion
+from ssm_planner.sizing import MotorRequirement, Sizing, pause_of, size_motion
 from ssm_planner.stopping import Stops, controlled_stops
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import JsonObject, frozen, record

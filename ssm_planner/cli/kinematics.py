@@ -20,7 +20,7 @@ from ssm_planner.display import format_fixed
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
-    from ssm_planner.kinematics.of_robot import JointSolutions
+    from ssm_planner.kinematics import JointSolutions
     from ssm_planner.problem import Robot
     from ssm_planner.typing import Range
 
@@ -39,7 +39,7 @@ def ik_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_ik(options: argparse.Namespace) -> int:
-    from ssm_planner.kinematics.of_robot import ik
+    from ssm_planner.kinematics import ik
     from ssm_planner.loading.load import load_robot
     from ssm_planner.problem import TASK
 
@@ -105,7 +105,7 @@ def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
 
     result = workspace(robot).to_dict()
     if output is not None:
-        from ssm_planner.kinematics.mechanism import Mechanism
+        from ssm_planner.kinematics import Mechanism
         from ssm_planner.reporting.figures.workspace import publish_figures, workspace_figures
 
         result["files"] = publish_figures(
@@ -135,8 +135,8 @@ def _designs(
     dict
         Keys alpha, beta, region, margin, reachable, and optionally robot and files.
     """
+    from ssm_planner.kinematics import design_margin, design_region
     from ssm_planner.kinematics.of_robot import workspace
-    from ssm_planner.kinematics.workspace import design_margin, design_region
 
     region = design_region(*reach, margin)
     alpha, beta = region.smallest_alpha

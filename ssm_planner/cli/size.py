@@ -25,9 +25,7 @@ from ssm_planner.errors import ProblemError, TrajectoryError
 
 if TYPE_CHECKING:
     from ssm_planner.problem import Drive, Motor
-    from ssm_planner.sizing.duty import DutyCycle
-    from ssm_planner.sizing.motor_limits import Conditions
-    from ssm_planner.sizing.size import Sizing
+    from ssm_planner.sizing import Conditions, DutyCycle, Sizing
 
 
 def size_arguments(parser: argparse.ArgumentParser) -> None:
@@ -123,7 +121,7 @@ def run_size(options: argparse.Namespace) -> int:
     document: dict[str, Any] = {"motion": duty.name, **sizing.to_dict(), "notes": list(duty.notes)}
     lines = [duty.name, *duty.notes, "", *sizing_lines(sizing)]
     if options.what_if:
-        from ssm_planner.sizing.size import largest_payload, shortest_duration
+        from ssm_planner.sizing import largest_payload, shortest_duration
 
         progress("what if")
         motors = chosen_motors(sizing)
@@ -156,7 +154,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     """Check every motor of a catalogue with every gear, and return the exit status."""
     from ssm_planner.loading.catalogues import Part, gears_of, motors_of
     from ssm_planner.reporting.text import VERDICT_LABELS, selection_lines
-    from ssm_planner.sizing.selection import select
+    from ssm_planner.sizing import select
 
     if options.motor or options.what_if or options.catalogue is None:
         key = "--motor" if options.motor else "--what-if" if options.what_if else "--gears"
@@ -214,7 +212,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     ProblemError
         If the motorisation or robot file is invalid.
     """
-    from ssm_planner.sizing.duty import DutyCycle, pause_of
+    from ssm_planner.sizing import DutyCycle, pause_of
 
     if robot_file is not None:
         from ssm_planner.formats.read import read_trajectory
@@ -286,7 +284,7 @@ def chosen_motors(sizing: Sizing) -> dict[str, Motor]:
 
 
 def _conditions(options: argparse.Namespace, duty: DutyCycle) -> Conditions:
-    from ssm_planner.sizing.motor_limits import REFERENCE_TEMPERATURE, Conditions
+    from ssm_planner.sizing import REFERENCE_TEMPERATURE, Conditions
 
     return Conditions(
         ambient=REFERENCE_TEMPERATURE if options.ambient is None else options.ambient,

@@ -6,10 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.motors import directions, drive_torque, motor_motion
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.spread import drive_with
+from ssm_planner.dynamics import (
+    RigidBody,
+    directions,
+    drive_torque,
+    drive_with,
+    friction_of,
+    motor_motion,
+)
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Joint, Robot
 from ssm_planner.trajectory import Trajectory

@@ -18,7 +18,7 @@ import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout, call
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.rotations import constant, rotation, rotation_symbolic
+from ssm_planner.kinematics import constant, rotation, rotation_symbolic
 from ssm_planner.problem import Body, Geometry, Robot, read_only_array
 from ssm_planner.typing import Array, record
 

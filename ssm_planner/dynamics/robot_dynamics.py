@@ -9,7 +9,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.dynamics import motors
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.rotations import batch
+from ssm_planner.kinematics import batch
 from ssm_planner.problem import Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array

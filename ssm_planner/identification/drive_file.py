@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.atomic import replacing
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics import friction_of
 from ssm_planner.identification.fit import Estimate, MapFit
 from ssm_planner.problem import LOAD_OFFSET, Drive, Friction, Posterior, Rig, Ripple, quantities
 from ssm_planner.publishing import one_line

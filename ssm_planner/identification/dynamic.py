@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics import friction_of
 from ssm_planner.identification.fit import Estimate
 from ssm_planner.identification.prediction import Motion, departure, predict_torque
 from ssm_planner.identification.recordings import Recording

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.transmission import nut_contact, output_effort
+from ssm_planner.dynamics import friction_of, nut_contact, output_effort
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import (
     ALL,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.arguments import checked
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.drive_file import write_drive
 from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic

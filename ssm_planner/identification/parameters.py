@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, cast
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics import friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem import LAWS, Drive, Friction, FrictionLawName, unchecked

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics.transmission import mesh_coefficients
+from ssm_planner.dynamics import mesh_coefficients
 from ssm_planner.identification.parameters import TYPICAL_MU, map_torque, with_parameters
 from ssm_planner.problem import LOAD_OFFSET, Drive, Posterior
 from ssm_planner.typing import Array, Indices, Mask, record

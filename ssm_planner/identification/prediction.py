@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import (
+from ssm_planner.dynamics import (
     STANDSTILL,
+    drive_with,
     friction_coefficient,
     friction_of,
     remembered_speed,
     static_coefficient,
     stribeck_shape,
 )
-from ssm_planner.dynamics.spread import drive_with
 from ssm_planner.dynamics.transmission import (
     holding_torque,
     motor_torque,

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.dynamics.friction import STANDSTILL
+from ssm_planner.dynamics import STANDSTILL
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.recorder_csv import (
     MOST_LEFT_OUT,

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import STANDSTILL
+from ssm_planner.dynamics import STANDSTILL
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.harmonics import ripple_rms, travelled
 from ssm_planner.identification.recordings import Recording

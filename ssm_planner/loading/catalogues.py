@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import read, shipped_folder

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field as PydanticField
 from pydantic import FiniteFloat, field_validator
 
-from ssm_planner.dynamics.transmission import of_efficiencies
+from ssm_planner.dynamics import of_efficiencies
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.schema import (
     POSITIVE,

@@ -41,9 +41,7 @@ from ssm_planner.problem import (
     Robot,
     Stroke,
 )
-from ssm_planner.problem import (
-    Problem as Problem,
-)
+from ssm_planner.problem import Problem as Problem
 
 
 @checked

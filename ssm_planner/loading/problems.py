@@ -274,9 +274,7 @@ def _robot(section: Section, model: Any) -> Robot:
     robot = replace(robot, joints=(joints[0], joints[1], joints[2], joints[3]), gravity=gravity)
     if not model.tip_payload:
         return robot
-    from ssm_planner.dynamics.rigid_body import (
-        with_payload,
-    )  # with CasADi, which takes longer than to read a problem
+    from ssm_planner.dynamics import with_payload
 
     return with_payload(robot, model.tip_payload)
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics import RigidBody, friction_coefficient, friction_of, stribeck_shape
 from ssm_planner.identification.fit import fit_map
 from ssm_planner.paper.friction import RigResult, published_drive
 from ssm_planner.paper.motions import RUNS, SpeedRun
@@ -26,8 +25,7 @@ from ssm_planner.problem import (
     unchecked,
 )
 from ssm_planner.reporting.figures.style import COLOURS, finish, legend, new_figure
-from ssm_planner.sizing.duty import DutyCycle
-from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+from ssm_planner.sizing import DutyCycle, JointLoad, joint_loads
 from ssm_planner.typing import Array, frozen, record
 
 if TYPE_CHECKING:

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
-from ssm_planner.kinematics.workspace import joint_speed_per_tilt_speed, tilt_rate_bound
+from ssm_planner.kinematics import (
+    Mechanism,
+    joint_speed_per_tilt_speed,
+    task_rates,
+    tilt_rate_bound,
+)
 from ssm_planner.paper import published
 from ssm_planner.paper.friction import with_rows
 from ssm_planner.paper.published import (
@@ -47,9 +50,7 @@ from ssm_planner.reporting.figures.style import (
     new_figure,
     shade_phases,
 )
-from ssm_planner.sizing.duty import DutyCycle
-from ssm_planner.sizing.joint_load import JointLoad, joint_loads
-from ssm_planner.sizing.requirements import MotorRequirement
+from ssm_planner.sizing import DutyCycle, JointLoad, MotorRequirement, joint_loads
 from ssm_planner.sizing.size import Sizing, size
 from ssm_planner.typing import record
 from ssm_planner.units import RPM

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ssm_planner.display import minus
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import (
+from ssm_planner.kinematics import (
     DesignRegion,
+    Mechanism,
     design_region,
     joint_speed_per_tilt_speed,
     tilt_interval,

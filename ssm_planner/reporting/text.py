@@ -22,9 +22,7 @@ from ssm_planner.problem import (
     RetinaClearance,
     SelfLocking,
 )
-from ssm_planner.sizing.assess import MotorVerdict
-from ssm_planner.sizing.requirements import PARTS, MotorRequirement
-from ssm_planner.sizing.size import JointSizing, Sizing, WhatIf
+from ssm_planner.sizing import PARTS, JointSizing, MotorRequirement, MotorVerdict, Sizing, WhatIf
 from ssm_planner.typing import frozen
 from ssm_planner.units import RPM, display_unit
 from ssm_planner.verification.certificate import LimitCheck

@@ -20,7 +20,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Controller, Joint
 from ssm_planner.typing import frozen

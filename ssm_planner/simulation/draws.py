@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.codegen.vectorised import Vectorised
-from ssm_planner.dynamics.spread import drive_with, spread_of
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.dynamics import drive_with, spread_of
+from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.plant import FRICTION, Q, W

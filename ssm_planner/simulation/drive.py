@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
-from ssm_planner.dynamics.transmission import breakaway_torque, motor_acceleration, moving_torque
+from ssm_planner.dynamics import (
+    breakaway_torque,
+    friction_coefficient,
+    friction_of,
+    motor_acceleration,
+    moving_torque,
+    static_coefficient,
+)
 from ssm_planner.problem import Drive
 from ssm_planner.typing import frozen
 

@@ -19,8 +19,7 @@ from dataclasses import field
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics import RigidBody, friction_of
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem import Drive, Robot
 from ssm_planner.simulation.drive import drive_step, stalled

@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.spread import FrictionSpread, spread_of
+from ssm_planner.dynamics import FrictionSpread, friction_of, spread_of
 from ssm_planner.problem import Drive, Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.checks import (

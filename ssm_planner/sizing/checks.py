@@ -12,9 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.spread import FrictionSpread
-from ssm_planner.dynamics.transmission import self_locking_margin
+from ssm_planner.dynamics import FrictionSpread, friction_of, self_locking_margin
 from ssm_planner.problem import Ratings, ScrewEnds, attributes
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import Band, DemandName

@@ -10,8 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.spread import LINEAR_DRAWS, SEED, FrictionSpread, drive_with
+from ssm_planner.dynamics import LINEAR_DRAWS, SEED, FrictionSpread, drive_with, friction_of
 from ssm_planner.problem import Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import JointLoad

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ssm_planner.dynamics.rigid_body import with_payload
+from ssm_planner.dynamics import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import JOINTS, Motorisation, Problem, Robot, Stroke
 from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads

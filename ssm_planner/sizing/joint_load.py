@@ -7,9 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
-from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
-from ssm_planner.dynamics.motors import STILL, directions
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics import (
+    STILL,
+    RigidBody,
+    breakaway_coefficient,
+    directions,
+    friction_coefficient,
+    friction_of,
+)
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr

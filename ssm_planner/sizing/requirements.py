@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics import friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot, attributes, unchecked
 from ssm_planner.representation import ShortRepr

@@ -15,8 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
-from ssm_planner.dynamics.spread import drive_with, spread_of
+from ssm_planner.dynamics import RigidBody, drive_with, spread_of, with_payload
 from ssm_planner.loading.catalogues import Part
 from ssm_planner.problem import Drive, Motor
 from ssm_planner.sizing.assess import (

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics.spread import spread_of
+from ssm_planner.dynamics import spread_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Motor, Robot
 from ssm_planner.representation import ShortRepr

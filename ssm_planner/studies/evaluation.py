@@ -25,11 +25,16 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Drive, Motor, Problem, unchecked
-from ssm_planner.sizing.duty import pause_of
-from ssm_planner.sizing.joint_load import joint_loads
-from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.sizing.selection import MARGINS, JointSelection, select_joint
-from ssm_planner.sizing.size import Sizing, size_motion
+from ssm_planner.sizing import (
+    MARGINS,
+    Conditions,
+    JointSelection,
+    Sizing,
+    joint_loads,
+    pause_of,
+    select_joint,
+    size_motion,
+)
 from ssm_planner.studies.screens import Rejection
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import PACE, Choice, Design, Study
@@ -426,8 +431,7 @@ def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
 
 def _geometry_figures(problem: Problem) -> JsonObject:
     """Return α, β and the tilt range of a robot, rad."""
-    from ssm_planner.kinematics.mechanism import Mechanism
-    from ssm_planner.kinematics.workspace import tilt_interval
+    from ssm_planner.kinematics import Mechanism, tilt_interval
 
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     low, high = tilt_interval(mechanism)

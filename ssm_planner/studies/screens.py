@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics.rigid_body import static_loads
-from ssm_planner.dynamics.transmission import breakaway_torque
+from ssm_planner.dynamics import breakaway_torque, static_loads
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.family import Family
+from ssm_planner.kinematics import Family
 from ssm_planner.loading.files import of_data
 from ssm_planner.loading.load import problem_from_dict
 from ssm_planner.loading.robots import robot_from

@@ -28,7 +28,7 @@ from ssm_planner.loading.schema import (
 )
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import Bound
-from ssm_planner.sizing.selection import RANKS
+from ssm_planner.sizing import RANKS
 from ssm_planner.studies.study import (
     GEARS,
     OBJECTIVES,

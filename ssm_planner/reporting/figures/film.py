@@ -14,9 +14,7 @@ import numpy as np
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.of_robot import fk
-from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.kinematics import Mechanism, fk, rotation
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import Eye, Robot
 from ssm_planner.publishing import publishing_results, replacing_result

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ssm_planner.simulation.simulate import SimulationResult
-    from ssm_planner.sizing.requirements import MotorRequirement
+    from ssm_planner.sizing import MotorRequirement
 
 SAMPLES = 1200
 WIDE = 9.0

@@ -211,7 +211,7 @@ def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> dict
     ExportError
         If a file cannot be written.
     """
-    from ssm_planner.sizing.requirements import motor_requirements
+    from ssm_planner.sizing import motor_requirements
 
     trajectory, robot = plan.motion, plan.robot
     requirements = motor_requirements(trajectory, robot)

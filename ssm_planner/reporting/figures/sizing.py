@@ -25,7 +25,7 @@ from ssm_planner.reporting.figures.style import (
     save_figures,
     zero_lines,
 )
-from ssm_planner.sizing.motor_limits import available_torque, continuous_torque
+from ssm_planner.sizing import available_torque, continuous_torque
 from ssm_planner.typing import Array, Indices
 from ssm_planner.units import RPM
 
@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from ssm_planner.identification.prediction import Prediction
     from ssm_planner.identification.torque_map import TorqueMap
     from ssm_planner.problem import Drive
-    from ssm_planner.sizing.assess import MotorVerdict
-    from ssm_planner.sizing.size import JointSizing, Sizing
+    from ssm_planner.sizing import JointSizing, MotorVerdict, Sizing
 
 
 PART_COLOURS = ("#56B4E9", "#009E73", "#0072B2", "#D55E00", "#E69F00")
@@ -233,7 +232,7 @@ def _bands(axes: Axes, drive: Drive, w: Array, load: float, with_labels: bool) -
 
     A drive without a posterior has no bands. `load` is the load effort, N·m or N.
     """
-    from ssm_planner.dynamics.friction import friction_of
+    from ssm_planner.dynamics import friction_of
     from ssm_planner.identification.parameters import map_torque
     from ssm_planner.identification.prediction import Motion, band_of, departure
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.display import minus
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import (
+from ssm_planner.kinematics import (
     DesignRegion,
+    Mechanism,
     design_region,
     joint_speed_per_tilt_speed,
     smallest_singular_value,

@@ -8,10 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.kinematics.eye import eye_limits
-from ssm_planner.kinematics.forward import tip_position, tool_speed
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints, task_rates
+from ssm_planner.kinematics import (
+    Mechanism,
+    eye_limits,
+    task_from_joints,
+    task_rates,
+    tip_position,
+    tool_speed,
+)
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (
     JOINTS,
@@ -22,11 +26,18 @@ from ssm_planner.problem import (
     TaskLimits,
     TipSpeed,
 )
-from ssm_planner.sizing.duty import pause_of
-from ssm_planner.sizing.joint_load import JointLoad, joint_loads
-from ssm_planner.sizing.motor_limits import Conditions, missing
-from ssm_planner.sizing.requirements import torque_split
-from ssm_planner.sizing.thermal_network import FIGURES, Cycle, ThermalModel, steady_state
+from ssm_planner.sizing import (
+    FIGURES,
+    Conditions,
+    Cycle,
+    JointLoad,
+    ThermalModel,
+    joint_loads,
+    missing,
+    pause_of,
+    steady_state,
+    torque_split,
+)
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 

@@ -30,9 +30,14 @@ from ssm_planner.problem import (
 )
 from ssm_planner.reporting.figures.style import unit_of
 from ssm_planner.reporting.html.channels import CELSIUS, limited_speeds
-from ssm_planner.sizing.motor_limits import Conditions, available_torque, continuous_torque, missing
-from ssm_planner.sizing.requirements import PARTS
-from ssm_planner.sizing.thermal_network import FIGURES
+from ssm_planner.sizing import (
+    FIGURES,
+    PARTS,
+    Conditions,
+    available_torque,
+    continuous_torque,
+    missing,
+)
 from ssm_planner.typing import Array
 from ssm_planner.units import RPM
 

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import pose_from_task
-from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.kinematics import Mechanism, pose_from_task, tilt_interval
 from ssm_planner.problem import JOINTS, Eye, Robot, TaskLimits, plain
 from ssm_planner.typing import Array, Range
 

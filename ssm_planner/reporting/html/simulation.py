@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.display import number
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, MotorTorque
 from ssm_planner.reporting.figures.style import COLOURS
