@@ -181,21 +181,37 @@ class Study(ShortRepr):
 
         An empty design gives the study's own robot.
         """
-        tree = copy.deepcopy(dict(self.robot))
-        for variable in (*self.vary, *self.selected):
-            if variable.path not in design or variable.path == PACE:
-                continue
-            content = design[variable.path]
-            if isinstance(variable, Choice):
-                content = variable.contents[content]
-            _put(tree, variable.path, content)
-        for path in design:
-            if path.startswith("joints.") and path.endswith(".motor"):
-                joint = path.split(".")[1]
-                _replace_rotor(tree["joints"][joint], self.robot["joints"][joint])
-        return tree
+        choices = (each for each in (*self.vary, *self.selected) if isinstance(each, Choice))
+        return changed_robot(self.robot, {each.path: each.contents for each in choices}, design)
 
     whole = Renamed("complete_design")
+
+
+def changed_robot(
+    robot: Mapping[str, Any], contents: Mapping[str, Mapping[str, Any]], design: Design
+) -> JsonObject:
+    """Return the content of a robot file with the values of a design.
+
+    `robot` is the original content, in which drives and motors replace the names of their files.
+    `contents` has the contents of all entries by name, by the path of a choice.
+    """
+    tree = copy.deepcopy(dict(robot))
+    for path, text in design.items():
+        if path != PACE:
+            _put(tree, path, contents[path][text] if path in contents else _bare(text))
+    for path in design:
+        if path.startswith("joints.") and path.endswith(".motor"):
+            joint = path.split(".")[1]
+            _replace_rotor(tree["joints"][joint], robot["joints"][joint])
+    return tree
+
+
+def _bare(text: str) -> str | float:
+    """Return the number in a text without a unit, or a text with a unit unchanged."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def sobol(dimensions: int, points: int, seed: int) -> Array:

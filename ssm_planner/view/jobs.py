@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import secrets
 import tempfile
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ssm_planner.errors import ProblemError, SsmPlannerError
-from ssm_planner.problem.limits import TaskRange
-from ssm_planner.problem.motion import Dwell, Straight, Task
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
 from ssm_planner.studies.workers import Workers
-from ssm_planner.typing import Range, frozen
-from ssm_planner.view.page import Pose, Study, number, pose, tilt_range
+from ssm_planner.typing import frozen
+from ssm_planner.view.page import Study
 
+if TYPE_CHECKING:
+    from ssm_planner.plans import Plan
+
+T = TypeVar("T")
 KEPT = 8
 """Number of runs whose results stay available."""
-LONGEST_DWELL = 3600.0
-"""Longest dwell, s."""
 
 
 @frozen
@@ -33,13 +31,11 @@ class Outcome:
     """Answer of the planner's process."""
 
     message: str
-    report: str | None = None
-    """HTML of the report."""
-    plan: str | None = None
-    """Content of plan.json."""
+    plan: Plan | None = None
     relaxation: str | None = None
-    """Description of the relaxation in `relaxed`."""
-    relaxed: Problem | None = None
+    """Description of the smallest relaxation that gives a motion."""
+    desk: dict[str, Any] | None = None
+    """Curves and answers of the motions, as in `comparison_data`."""
 
 
 @dataclass
@@ -54,16 +50,13 @@ class Job:
         """Return the object that the page receives."""
         outcome = self.outcome  # read once: the planner may finish while this is written
         result = outcome or Outcome("")
-        texts = {"report": result.report, "plan": result.plan}
         return {
             "steps": self.steps.read_text(encoding="utf-8").splitlines(),
             "done": outcome is not None,
             "message": result.message,
-            "relaxation": result.relaxation if result.relaxed is not None else None,
-            **{
-                name: None if text is None else f"/{name}/{self.identity}"
-                for name, text in texts.items()
-            },
+            "relaxation": result.relaxation,
+            "desk": result.desk,
+            "plan": None if result.plan is None else f"/plan/{self.identity}",
         }
 
 
@@ -78,13 +71,17 @@ class Jobs:
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
     def start(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Answer a motion as in `wanted`, {own: true} or {relaxed: job} with {job}.
+        """Answer a request as in `Study.problem_content` with {job}.
 
-        Raises ProblemError.
+        `relaxed` replaces an infeasible problem by its relaxation. `pinned` is a request with which
+        the motion is compared. Raises ProblemError.
         """
-        problem = (
-            self._relaxed(request) if "relaxed" in request else self.requested_problem(request)
-        )
+        named = {"A": request.get("pinned"), "B": request}
+        requests = [
+            (name, self.study.requested_problem(each), each.get("relaxed") is True)
+            for name, each in named.items()
+            if isinstance(each, dict)
+        ]
         with self._lock:
             if any(job.outcome is None for job in self._jobs.values()):
                 raise ProblemError("a plan is being made; one at a time")
@@ -93,9 +90,7 @@ class Jobs:
             job.steps.touch()
             for old in list(self._jobs)[:-KEPT]:
                 del self._jobs[old]
-            if self._workers is None:
-                self._workers = Workers(1, attempts=1)
-            self._workers.submit(run_plan, problem, job.steps).add_done_callback(
+            self._submit(run_plan, requests, job.steps).add_done_callback(
                 lambda done: self._finish(job, done)
             )
         return {"job": identity}
@@ -117,51 +112,28 @@ class Jobs:
         return job.to_dict()
 
     def text(self, kind: str, identity: str) -> str | None:
-        """Return the "report" or "plan" of a run, or None if it does not exist."""
+        """Return the "report" or "plan" of a run, or None if it does not exist.
+
+        The planner's process writes it.
+        """
         job = self._jobs.get(identity)
-        return None if job is None or job.outcome is None else getattr(job.outcome, kind)
+        if job is None or job.outcome is None or job.outcome.plan is None:
+            return None
+        with self._lock:
+            future = self._submit(text_of, kind, job.outcome.plan)
+        return future.result()
+
+    def _submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
+        """Run a function in the planner's process. The caller holds the lock."""
+        if self._workers is None:
+            self._workers = Workers(1, attempts=1)
+        return self._workers.submit(function, *arguments)
 
     def close(self) -> None:
         """Kill the planner's process and delete its files."""
         with self._lock:
             self._end()
         self._folder.cleanup()
-
-    def requested_problem(self, request: Mapping[str, Any]) -> Problem:
-        """Return the problem of a request.
-
-        The request is {alpha, beta, start, tilt_range, target or motion: [{pose} or {dwell}, …]} or
-        {own: true}. Raises ProblemError.
-        """
-        original = self.study.problem
-        if original is None:
-            raise ProblemError(
-                "planning needs a robot with drives: start the view with a problem file"
-            )
-        if request.get("own") is True:
-            return original
-        robot = self.study.robot(original.robot, request)
-        steps = request.get("motion", [{"pose": request.get("target")}])
-        if (
-            not isinstance(steps, list)
-            or not steps
-            or not all(isinstance(step, dict) for step in steps)
-        ):
-            raise ProblemError("not a motion", key="motion", allowed="a list of poses and dwells")
-        return posed_problem(
-            original,
-            robot,
-            pose(request, "start"),
-            [_step(step) for step in steps],
-            tilt_range(request),
-        )
-
-    def _relaxed(self, request: Mapping[str, Any]) -> Problem:
-        """Return the relaxed problem of an earlier run. Raises ProblemError."""
-        outcome = self._job(request, "relaxed").outcome
-        if outcome is None or outcome.relaxed is None:
-            raise ProblemError("no relaxation is known", key="relaxed")
-        return outcome.relaxed
 
     def _job(self, request: Mapping[str, Any], key: str) -> Job:
         """Return the run that a request names. Raises ProblemError."""
@@ -190,10 +162,11 @@ class Jobs:
             self._workers = None
 
 
-def run_plan(problem: Problem, steps: Path) -> Outcome:
-    """Plan a problem in the planner's process.
+def run_plan(requests: Sequence[tuple[str, Problem, bool]], steps: Path) -> Outcome:
+    """Plan problems in the planner's process, and compare their motions.
 
-    steps: file for the progress. Raises ProblemError.
+    requests: name, problem, and whether a relaxation replaces an infeasible problem. The answer is
+    that of the last one. steps: file for the progress. Raises ProblemError.
     """
     start = time.perf_counter()
 
@@ -204,45 +177,38 @@ def run_plan(problem: Problem, steps: Path) -> Outcome:
     progress("loading the planner")
     from ssm_planner.pipeline.run import plan
     from ssm_planner.pipeline.thermal import quickly
-    from ssm_planner.reporting.html.report import report_page
+    from ssm_planner.reporting.html.compare import comparison_data
+    from ssm_planner.reporting.text import answers
 
-    relaxed: list[Problem] = []
-    result = plan(quickly(problem), progress, on_relaxation=relaxed.append)
+    plans: dict[str, Plan] = {}
+    for name, problem, is_relaxed in requests:
+        relaxed: list[Problem] = []
+        result = plan(quickly(problem), progress, on_relaxation=relaxed.append)
+        if is_relaxed and result.trajectory is None and relaxed:
+            result = plan(quickly(relaxed[-1]), progress)
+        if result.trajectory is not None:
+            plans[name] = result
+    desk = None
+    if plans:
+        answered = [{text[:9]: text[9:] for text in answers(each)} for each in plans.values()]
+        rows = [[key, *(texts.get(key, "") for texts in answered)] for key in answered[-1]]
+        data = comparison_data(tuple(plans.values()))
+        panels = [panel for panel in data["panels"] if panel["section"] == "Motors"]
+        desk = {**data, "panels": panels, "names": list(plans), "rows": rows}
     if result.trajectory is None:
         reason = result.reason
-        message = reason.message if reason else result.status
         return Outcome(
-            message,
-            relaxation=reason.relaxation if reason else None,
-            relaxed=relaxed[-1] if relaxed else None,
+            reason.message if reason else result.status,
+            relaxation=reason.relaxation if reason and relaxed else None,
+            desk=desk,
         )
-    progress("writing the report")
     verdict = "passed" if result.passed else "failed"
     text = f"planned: {result.duration:.4f} s, independent check {verdict}"
-    return Outcome(text, report_page(result), json.dumps(result.to_dict(), allow_nan=False))
+    return Outcome(text, result, desk=desk)
 
 
-def posed_problem(
-    problem: Problem, robot: Robot, start: Pose, steps: Sequence[Pose | float], tilt: Range
-) -> Problem:
-    """Return the problem of straight motions of a robot through poses (rad and m) and dwells (s).
+def text_of(kind: str, plan: Plan) -> str:
+    """Return the report of a plan as HTML, or the content of plan.json."""
+    from ssm_planner.reporting.html.report import report_page
 
-    The limits are those of `problem` within the tilt range `tilt` (rad). Raises ProblemError.
-    """
-    low, high = problem.ranges.get("tilt", tilt)
-    tilt_limit = TaskRange("tilt", max(low, tilt[0]), min(high, tilt[1]))
-    return Problem(
-        robot,
-        start=Task(*start),
-        motion=tuple(Dwell(step) if isinstance(step, float) else Straight(*step) for step in steps),
-        limits=(*(limit for limit in problem.limits if limit.key != tilt_limit.key), tilt_limit),
-        eye=problem.eye,
-        name=f"{problem.name}, from the view",
-    )
-
-
-def _step(step: Mapping[str, Any]) -> Pose | float:
-    """Return a pose or a dwell of a request. Raises ProblemError."""
-    return (
-        number(step, "dwell", 1e-3, LONGEST_DWELL, "s") if "dwell" in step else pose(step, "pose")
-    )
+    return report_page(plan) if kind == "report" else plan.to_json()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +16,21 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import design_region, tilt_interval
-from ssm_planner.loading.files import follow, of_data, read, shipped_names
-from ssm_planner.loading.robots import robot_from
+from ssm_planner.loading.catalogues import entries
+from ssm_planner.loading.files import follow, read, shipped_folder
+from ssm_planner.loading.problems import problem_from
+from ssm_planner.loading.yaml_nodes import Section, plain_node
 from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Dwell, Task
+from ssm_planner.problem.motion import Task
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.robot import JOINTS
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render
 from ssm_planner.reporting.html.scene import link_sides, mechanism_scene
+from ssm_planner.studies.study import Choice, Variable, Varied, changed_robot
 from ssm_planner.studies.study_file import robot_content
-from ssm_planner.typing import Range, record
-from ssm_planner.units import display_unit
+from ssm_planner.typing import JsonObject, Range, record
+from ssm_planner.units import display_unit, quantity
 
 PUBLISHED = math.radians(30.0), math.radians(109.778)
 """α and β of the paper's robot, for a page without a problem."""
@@ -36,16 +40,25 @@ Pose = tuple[float, float, float, float]
 """Roll, tilt, spin and depth, rad and m."""
 MARGINS = tuple(math.radians(degrees) for degrees in (5.0, 2.0, 1.0))
 """Margins of the tilt range for suggested α and β, rad, largest first."""
+PARTS = (("geometry", "ratio"), ("geometry", "lead"), ("friction", "mu"))
+"""Groups and keys of the quantities of a drive that the page changes."""
+SPAN = 3.0
+"""Largest factor by which the page changes such a quantity, up or down."""
+LONGEST_DWELL = 3600.0
+"""Longest dwell, s."""
+LARGEST_PAYLOAD = 0.5
+"""Largest payload, kg."""
 LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
 
 
-def _coordinates(point: Any) -> dict[str, str]:
-    """Return the task coordinates of a point as a problem file states them."""
-    return {
-        name: _in_units(name, getattr(point, name))
-        for name in TASK
-        if getattr(point, name) is not None
-    }
+def _coordinates(pose: Pose) -> dict[str, str]:
+    """Return a pose (rad and m) as a problem file states it."""
+    return {name: _in_units(name, value) for name, value in zip(TASK, pose, strict=True)}
+
+
+def _stated(value: Any) -> Any:
+    """Return the value of an entry that may also state its source."""
+    return value["value"] if isinstance(value, dict) else value
 
 
 def _in_units(name: str, value: float) -> str:
@@ -53,11 +66,15 @@ def _in_units(name: str, value: float) -> str:
     return f"{1e3 * value:.12g} mm" if name == "depth" else f"{math.degrees(value):.14g} deg"
 
 
-def view_page(start: dict[str, Any], token: str) -> str:
-    """Return the HTML document. start: Study.start(); token: secret that every POST must carry."""
-    title = f"{start['name']} – mechanism" if start["name"] else "Mechanism"
+def view_page(study: Study, token: str) -> str:
+    """Return the HTML document. token: secret that every POST must carry."""
+    start = study.start()
     return render(
-        "view.html", {"start": start, "token": token, "colours": list(COLOURS)}, title=title
+        "view.html",
+        {"start": start, "token": token, "colours": list(COLOURS)},
+        title=f"{start['name']} – mechanism" if start["name"] else "Mechanism",
+        parts=study.parts if start["can_plan"] else (),
+        joints=JOINTS,
     )
 
 
@@ -91,46 +108,96 @@ class Study:
         sign = original.insertion_sign
         return Mechanism.from_angles(alpha, beta, home, insertion_sign=sign), False
 
-    def robot_file(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the content of the problem's robot file with the angles of a request.
+    @cached_property
+    def document(self) -> JsonObject:
+        """Content of the problem file, with the content of its robot, drives and motors.
 
-        Its roll at q = 0 stays 0, so that its tilt at q = 0 follows from cos β = cos α cos φ.
-        Raises ProblemError.
+        It thus means the same elsewhere. Raises ProblemError if the problem has no file.
         """
+        file = read(self._file)
+        return file.value | {"robot": robot_content(follow(file, "robot"))}
+
+    @property
+    def _file(self) -> Path:
+        """Problem file. Raises ProblemError if the problem was not read from a file."""
         file = None if self.problem is None else self.problem.file
         if file is None or not Path(file).is_file():
-            raise ProblemError("the problem was not read from a file")
-        mechanism, _ = self.mechanism(request)
-        content = robot_content(follow(read(Path(file)), "robot"))
-        if "home_tilt" not in content["geometry"] or abs(mechanism.home_roll) > SAME:
             raise ProblemError(
-                "the frames of the robot's links do not follow these angles",
-                key="beta",
-                allowed="β between α and 180° − α, and a robot file with alpha and home_tilt",
+                "planning needs a robot with drives: start the view with a problem file"
             )
-        geometry = {
-            name: _in_units(name, getattr(mechanism, name)) for name in ("alpha", "home_tilt")
-        }
-        content["geometry"] = {**content["geometry"], **geometry}
-        content["geometry"].pop("beta", None)
-        changed = f"α {math.degrees(mechanism.alpha):.6g}°, β {math.degrees(mechanism.beta):.6g}°"
-        content["name"] = f"{content.get('name', 'robot')} with {changed}"
-        return content
+        return Path(file)
 
-    def robot(self, original: Robot, request: Mapping[str, Any]) -> Robot:
-        """Return the robot of the problem with the angles of a request.
+    @cached_property
+    def parts(self) -> tuple[Variable, ...]:
+        """Variables of a study that the page offers: motors, gear ratios, leads and friction."""
+        folder = shipped_folder()
+        motors = entries(folder / "motors") | entries(folder / "catalogues" / "motors_24v.csv")
+        parts: list[Variable] = []
+        for name, joint in self.document["robot"]["joints"].items():
+            if "motor" in joint:
+                own = {"": joint["motor"]}
+                parts.append(Choice(f"joints.{name}.motor", own | motors))
+            for group, key in PARTS:
+                value = joint.get("drive", {}).get(group, {}).get(key)
+                text, _, unit = str(_stated(value)).partition(" ")
+                with suppress(ValueError):
+                    size = float(text)
+                    path = f"joints.{name}.drive.{group}.{key}"
+                    parts.append(Varied(path, size / SPAN, SPAN * size, unit))
+        return tuple(parts)
 
-        Its links keep their masses and shapes. Their frames follow the angles. Raises ProblemError.
+    def changed_robot(self, request: Mapping[str, Any]) -> JsonObject:
+        """Return the content of the robot file with the angles and the design of a request.
+
+        The design gives values to variables in `parts`, by path. Static friction keeps its ratio to
+        kinetic friction. The roll at q = 0 stays 0, so that the tilt at q = 0 follows from
+        cos β = cos α cos φ. Links keep their masses and shapes; their frames follow the angles.
+        Raises ProblemError.
         """
-        if self.mechanism(request)[1]:
-            return original
-        turned = robot_from(of_data(self.robot_file(request)))
-        first, second, third, fourth = (
-            replace(body, frame=other.frame)
-            for body, other in zip(original.bodies, turned.bodies, strict=True)
-        )
-        bodies = first, second, third, fourth
-        return replace(original, name=turned.name, geometry=turned.geometry, bodies=bodies)
+        mechanism, own = self.mechanism(request)
+        design = self._design(request)
+        changes = [f"{path.removeprefix('joints.')} {text}" for path, text in design.items()]
+        content = self.document["robot"]
+        for path, text in list(design.items()):
+            if path.endswith(".mu"):
+                friction = content["joints"][path.split(".")[1]]["drive"]["friction"]
+                static = friction.get("mu_static", friction["mu"])
+                ratio = _stated(static) / _stated(friction["mu"])
+                design[f"{path}_static"] = f"{float(text) * ratio:.12g}"
+        if not own:
+            if "home_tilt" not in content["geometry"] or abs(mechanism.home_roll) > SAME:
+                raise ProblemError(
+                    "the frames of the robot's links do not follow these angles",
+                    key="beta",
+                    allowed="β between α and 180° − α, and a robot file with alpha and home_tilt",
+                )
+            for name in ("alpha", "home_tilt"):
+                design[f"geometry.{name}"] = _in_units(name, getattr(mechanism, name))
+            angles = math.degrees(mechanism.alpha), math.degrees(mechanism.beta)
+            changes.insert(0, "α {:.6g}°, β {:.6g}°".format(*angles))
+        contents = {part.path: part.contents for part in self.parts if isinstance(part, Choice)}
+        content = changed_robot(content, contents, design)
+        if not own:
+            content["geometry"].pop("beta", None)
+        return content | {"name": f"{content.get('name', 'robot')} with {', '.join(changes)}"}
+
+    def _design(self, request: Mapping[str, Any]) -> dict[str, str]:
+        """Return the design of a request. Raises ProblemError for a bad value or unknown path."""
+        given = request.get("design") or {}
+        paths = {part.path: part for part in self.parts}
+        if not isinstance(given, dict) or given.keys() - paths.keys():
+            raise ProblemError("not a design", key="design", allowed=", ".join(paths))
+        design = {}
+        for path, value in given.items():
+            part = paths[path]
+            if isinstance(part, Varied):
+                size = number(given, path, part.low, part.high, part.unit)
+                design[path] = f"{size:.12g} {part.unit}".rstrip()
+            elif value in list(part.contents):
+                design[path] = value
+            else:
+                raise ProblemError("no such motor", key=path, value=value)
+        return design
 
     def start(self) -> dict[str, Any]:
         """Return the initial values of the page, such as angles, ranges and joints."""
@@ -142,16 +209,17 @@ class Study:
         pose = [
             coordinates.get(name, mechanism.home_tilt if name == "tilt" else 0.0) for name in TASK
         ]
-        joints = None if self.problem is None else self.problem.robot.joints
+        ends = ranges.get("tilt", (low, high))
+        values: dict[str, Any] = {"alpha": mechanism.alpha, "beta": mechanism.beta}
+        values |= {"low": ends[0], "high": ends[1], **dict(zip(TASK, pose, strict=True))}
+        if self.problem is not None:
+            values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
+            for part in self.parts:
+                values[part.path] = part.low * SPAN if isinstance(part, Varied) else ""
         return {
-            "alpha": mechanism.alpha,
-            "beta": mechanism.beta,
-            "tilt_range": list(ranges.get("tilt", (low, high))),
+            "values": values,
             "depth_range": list(ranges.get("depth", (0.0, 0.03))),
-            "pose": pose,
-            "joints": ["roll", "tilt", "spin", "insertion"]
-            if joints is None
-            else [joint.name for joint in joints],
+            "joints": list(JOINTS),
             "can_plan": self.problem is not None,
             "name": None if self.problem is None else self.problem.name,
         }
@@ -199,38 +267,51 @@ class Study:
                 return {"alpha": alpha, "beta": beta, "margin": margin}
         raise ProblemError("no α and β reach this range", key="tilt_range")
 
-    def problem_file(self, request: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
-        """Return the YAML of a motion from the view, completed by the view's problem file.
+    def problem_content(self, request: Mapping[str, Any]) -> JsonObject:
+        """Return the content of a problem file with the robot and the motion of a request.
 
-        The file holds the robot if its angles have changed. Raises ProblemError.
+        The request is {alpha, beta, design, payload} with {own: true} for the motion of the file,
+        or with {start, tilt_range, motion: [{pose} or {dwell}, …]}. Raises ProblemError.
+        """
+        content = dict(self.document)
+        if request.get("design") or not self.mechanism(request)[1]:
+            content["robot"] = self.changed_robot(request)
+        if "payload" in request:
+            mass = number(request, "payload", 0.0, LARGEST_PAYLOAD, "kg")
+            content["tip_payload"] = f"{mass:.12g} kg"
+            if not mass:
+                del content["tip_payload"]
+        if request.get("own") is True:
+            return content
+        motion = request.get("motion")
+        if not isinstance(motion, list) or not all(isinstance(step, dict) for step in motion):
+            raise ProblemError("not a motion", key="motion", allowed="a list of poses and dwells")
+        content["start"] = _coordinates(pose(request, "start"))
+        content["motion"] = [
+            {"dwell": f"{number(step, 'dwell', 1e-3, LONGEST_DWELL, 's'):.12g} s"}
+            if "dwell" in step
+            else {"straight": {"to": _coordinates(pose(step, "pose"))}}
+            for step in motion
+        ]
+        low, high = tilt_range(request)
+        if self.problem is not None and (limit := self.problem.ranges.get("tilt")) is not None:
+            low, high = max(low, limit[0]), min(high, limit[1])
+        tilts = [_in_units("tilt", end) for end in (low, high)]
+        return content | {"limits": {**content.get("limits", {}), "tilt": tilts}}
+
+    def requested_problem(self, request: Mapping[str, Any]) -> Problem:
+        """Return the problem of a request as in `problem_content`. Raises ProblemError."""
+        return problem_from(Section(self._file, plain_node(self.problem_content(request))))
+
+    def problem_file(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """Answer a request as in `problem_content` with {text}, YAML that plans the same elsewhere.
+
+        Raises ProblemError.
         """
         import yaml
 
-        file = (
-            None if self.problem is None or self.problem.file is None else Path(self.problem.file)
-        )
-        if file is None or not file.is_file():
-            raise ProblemError("the problem was not read from a file")
-        document = yaml.safe_load(file.read_text(encoding="utf-8"))
-        robot = Path(str(document["robot"]))
-        shipped = shipped_names("robots").get(robot.stem)
-        if shipped is not None and (file.parent / robot).resolve() == shipped.resolve():
-            document["robot"] = robot.stem  # The name also works in another folder.
-        if self.problem is not None and problem.robot is not self.problem.robot:
-            document["robot"] = self.robot_file(request)
-        document["start"] = _coordinates(problem.start)
-        document["motion"] = [
-            {"dwell": f"{step.duration:.12g} s"}
-            if isinstance(step, Dwell)
-            else {"straight": {"to": _coordinates(step)}}
-            for step in problem.motion
-        ]
-        low, high = problem.ranges["tilt"]
-        document.setdefault("limits", {})["tilt"] = [
-            _in_units("tilt", low),
-            _in_units("tilt", high),
-        ]
-        return {"text": yaml.safe_dump(document, sort_keys=False, allow_unicode=True)}
+        content = self.problem_content(request)
+        return {"text": yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}
 
     def ik(self, request: Mapping[str, Any]) -> dict[str, Any]:
         """Answer {alpha, beta, pose} with {reachable, error, branches}.

@@ -16,7 +16,7 @@ from ssm_planner.view.jobs import Jobs
 from ssm_planner.view.page import Study, view_page
 
 ADDRESS = "127.0.0.1"
-LONGEST = 4096
+LONGEST = 16384
 """Largest number of bytes of a request."""
 HEADERS = {
     "Cache-Control": "no-store",
@@ -49,9 +49,7 @@ class ViewServer(ThreadingHTTPServer):
             "/progress": self.jobs.progress,
             "/cancel": self.jobs.cancel,
             "/suggest": study.suggest,
-            "/yaml": lambda request: study.problem_file(
-                request, self.jobs.requested_problem(request)
-            ),
+            "/yaml": study.problem_file,
         }
 
     def server_close(self) -> None:
@@ -84,9 +82,7 @@ class Handler(BaseHTTPRequestHandler):
         if not self._known_host():
             return
         if self.path == "/":
-            self._send(
-                HTTPStatus.OK, view_page(self.server.study.start(), self.server.token), "text/html"
-            )
+            self._send(HTTPStatus.OK, view_page(self.server.study, self.server.token), "text/html")
             return
         kind, _, identity = self.path.removeprefix("/").partition("/")
         text = self.server.jobs.text(kind, identity) if kind in KINDS else None

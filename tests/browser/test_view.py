@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import math
+import os
 import random
 import threading
 from collections.abc import Callable, Iterator
@@ -47,11 +50,10 @@ def test_sliders_move_band_and_mechanism(visit: Open, server: ViewServer) -> Non
     )
     page.wait_for_timeout(300)
     assert canvas.screenshot() != wider
-    assert not page.is_disabled("#plan")
     assert "masses" in page.inner_text("#why")
     page.click("#own")
     opened.wait("document.getElementById('why').textContent === ''")
-    assert opened.said == []
+    assert opened.said == [] or all("400" in text for text in opened.said)
     assert all(
         address.startswith(server.url) or address.startswith("data:") for address in opened.fetched
     )
@@ -60,12 +62,13 @@ def test_sliders_move_band_and_mechanism(visit: Open, server: ViewServer) -> Non
 def test_branches_are_selectable_and_reach_the_same_tip(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     page = opened.page
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
     page.fill("#depth", "15")
-    opened.wait("SSM.scene.tip(0).some((x) => Math.abs(x) > 0.01)")
+    opened.wait(f"SSM.scene.tip(0).some((x) => Math.abs(x) > 0.01) && {IDLE}")
     page.wait_for_timeout(200)
     canvas = page.locator("#scene canvas")
     first, tip = canvas.screenshot(), page.evaluate("SSM.scene.tip(0)")
-    page.locator("#branches input").nth(1).check()
+    page.select_option("#branches", index=1)
     page.wait_for_timeout(200)
     assert canvas.screenshot() != first
     assert page.evaluate("SSM.scene.tip(0)") == pytest.approx(tip, abs=1e-6)
@@ -77,18 +80,185 @@ def test_outside_the_workspace_is_said(visit: Open, server: ViewServer) -> None:
     opened.wait("document.getElementById('reached').textContent.includes('19.78')")
 
 
+PLANNED = "document.querySelector('.outcome')?.textContent.includes('check passed')"
+IDLE = "document.getElementById('cancel').disabled && document.getElementById('stale').style.visibility === 'hidden'"
+
+
 def test_plans_the_motion_and_shows_the_report(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     page = opened.page
+    opened.wait(PLANNED, seconds=60)
+    own = page.inner_text("#outcome")
     page.fill("#tilt", "-100")
-    page.click("#plan")
-    opened.wait(
-        "document.querySelector('.outcome')?.textContent.includes('check passed')", seconds=60
-    )
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    assert page.inner_text("#outcome") != own, "the motion to the pose replaces that of the file"
+    assert page.locator("#plots .plot").count() == 9
+    page.click("#read")
     frame = page.frame_locator("iframe")
     assert "limits kept" in frame.locator(".verdict").inner_text(timeout=20_000)
-    assert page.locator(".steps li").count() >= 3
     assert opened.said == []
+
+
+def test_parts_change_the_plan_and_a_pinned_plan_stays(visit: Open, server: ViewServer) -> None:
+    opened = visit(server.url)
+    page = opened.page
+    opened.wait(PLANNED, seconds=60)
+    time = page.inner_text("#outcome tr:first-child td")
+    page.click("#pin")
+    opened.wait(f"document.querySelectorAll('#outcome tr:first-child td').length === 2 && {IDLE}")
+    type_in(page, "joints.roll.drive.friction.mu", "0.3")
+    opened.wait(f"{PLANNED} && {IDLE}")
+    assert "static friction" in page.inner_text("#why")
+    cells = page.locator("#outcome tr").nth(1).locator("td").all_inner_texts()
+    assert cells[0] == time
+    assert cells[1] != time
+    address = page.url
+    reloaded = visit(address)
+    reloaded.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    texts = reloaded.page.locator("#outcome tr").nth(1).locator("td").all_inner_texts()
+    assert texts == cells, "the address holds the design and what is pinned"
+    page.select_option("[id='joints.roll.motor']", "maxon_ec_13_6w")
+    opened.wait("document.querySelector('.outcome').textContent.includes('too weak')", seconds=60)
+    page.click("#own")
+    opened.wait(f"{PLANNED} && {IDLE}")
+    assert page.locator("#outcome tr").nth(1).locator("td").all_inner_texts() == [time, time]
+    type_in(page, "joints.roll.drive.friction.mu", "0.05")
+    page.fill("[id='joints.roll.drive.geometry.ratio']", "45")
+    opened.wait("document.getElementById('joints.roll.drive.friction.mu-error').textContent !== ''")
+    assert page.inner_text(".outcome") == "not planned"
+    assert opened.said == [] or all("400" in text for text in opened.said)
+
+
+# Settings as a reader sees them, and the request whose answer the page shows as current.
+SHOWN = """() => {
+  const stale = document.getElementById("stale").style.visibility !== "hidden";
+  const read = (name) => Number(document.getElementById(name).value);
+  const parts = document.querySelectorAll("#controls [type=range][id^=joints], #controls .slider select");
+  return { stale, text: document.querySelector(".outcome")?.textContent ?? "",
+    alpha: read("alpha"), beta: read("beta"), payload: read("payload"), tilt: read("tilt"), low: read("low"),
+    parts: Object.fromEntries([...parts].map(({ id, value }) => [id, value])) };
+}"""
+# Answers after a random delay, in the order of the requests; the message of a plan is its request.
+STUB = """() => {
+  const rest = window.fetch;
+  const jobs = [];
+  window.asked = 0;
+  window.fetch = async (path, options) => {
+    if (!["/plan", "/progress"].includes(path)) return rest(path, options);
+    const request = JSON.parse(options.body);
+    await new Promise((resolve) => setTimeout(resolve, 3 * Math.random()));
+    const answer = (body, ok = true) => ({ ok, json: async () => body });
+    if (path === "/plan") {
+      window.asked += 1;
+      if (Math.random() < 0.1) return answer({ error: "refused", key: "beta", reason: "refused" }, false);
+      jobs.push(options.body);
+      return answer({ job: String(jobs.length - 1) });
+    }
+    if (Math.random() < 0.5) return answer({ done: false, steps: ["under way"] });
+    const message = `planned ${jobs[request.job]}`;
+    return answer({ done: true, steps: [], message, relaxation: null, desk: null, plan: "x" });
+  };
+}"""
+# One random interaction, as the browser tells the page of it.
+ACT = """() => {
+  const draw = (list) => list[Math.floor(Math.random() * list.length)];
+  const tell = (node, kind) => node.dispatchEvent(new Event(kind, { bubbles: true }));
+  const sliders = [...document.querySelectorAll("#controls [type=range]")];
+  const kind = Math.random();
+  if (kind < 0.6) {
+    const node = draw(sliders);
+    for (let i = 0; i < 1 + 3 * Math.random(); i++) {
+      node.value = Number(node.min) + Math.random() * (node.max - node.min);
+      tell(node, "input");
+    }
+    if (Math.random() < 0.9) tell(node, "change");
+  } else if (kind < 0.75) {
+    const node = document.getElementById(`${draw(sliders).id}-number`);
+    node.value = draw(["", "1e9", "0.13", "30", "-100", "109.778"]);
+    tell(node, "change");
+  } else if (kind < 0.85) {
+    const node = draw([...document.querySelectorAll("#controls .slider select")]);
+    node.value = draw([...node.options]).value;
+    tell(node, "change");
+  } else draw([...document.querySelectorAll("#whole, #here, #waypoint, #dwell, #own, #pin, #plan, #steps button")]).click();
+}"""
+
+
+def contradiction(shown: dict[str, Any]) -> str:
+    """What the shown verdict judged and the page no longer says, if it is not marked as stale."""
+    if shown["stale"] or not shown["text"].startswith("planned {"):
+        return ""
+    request = json.loads(shown["text"].removeprefix("planned "))
+    for name, scale in (("alpha", 180 / math.pi), ("beta", 180 / math.pi), ("payload", 1e3)):
+        if abs(shown[name] - scale * request[name]) > 0.06:
+            return f"{name}: {shown[name]} judged {scale * request[name]}"
+    for path, value in shown["parts"].items():
+        judged = request["design"].get(path)
+        if judged is not None and isinstance(judged, str) and judged != value:
+            return path
+        if isinstance(judged, float) and abs(float(value) - judged) > 1e-6 * abs(judged):
+            return path
+    if not request.get("own") and abs(shown["low"] - math.degrees(request["tilt_range"][0])) > 0.06:
+        return "low"
+    return ""
+
+
+def test_no_verdict_is_stale_in_10_000_random_interactions(visit: Open, server: ViewServer) -> None:
+    """The planner is replaced by random answers, so that ten thousand interactions take a minute."""
+    opened = visit(server.url)
+    page = opened.page
+    opened.wait(PLANNED, seconds=60)
+    page.evaluate(STUB)
+    current = 0
+    for _ in range(500):
+        shown = page.evaluate(
+            f"""async () => {{
+              const states = [];
+              for (let i = 0; i < 20; i++) {{
+                ({ACT})();
+                states.push(({SHOWN})());
+                if (Math.random() < 0.3) await new Promise((resolve) => setTimeout(resolve, 60 * Math.random()));
+                states.push(({SHOWN})());
+              }}
+              return states;
+            }}"""
+        )
+        assert [name for state in shown if (name := contradiction(state))] == []
+        current += sum(
+            not state["stale"] and state["text"].startswith("planned {") for state in shown
+        )
+    assert current > 100, "verdicts that hold were seen"
+    assert page.evaluate("window.asked") > 300
+
+
+def test_curves_follow_a_slider(visit: Open, server: ViewServer) -> None:
+    """A hundred real plans: each answer is of the slider as it stands, soon after its release."""
+    opened = visit(server.url)
+    page, draw = opened.page, random.Random(7)
+    opened.wait(PLANNED, seconds=60)
+    seconds = []
+    for _ in range(100):
+        mu = draw.uniform(0.1, 0.2)
+        path = draw.choice(["joints.roll.drive.friction.mu", "joints.tilt.drive.friction.mu"])
+        seconds.append(
+            page.evaluate(
+                f"""async ([path, mu]) => {{
+                  const node = document.getElementById(path);
+                  const before = performance.now();
+                  node.value = mu;
+                  node.dispatchEvent(new Event("input", {{ bubbles: true }}));
+                  node.dispatchEvent(new Event("change", {{ bubbles: true }}));
+                  if (document.getElementById("stale").style.visibility === "hidden") return 1e9;
+                  while (!({IDLE} && {PLANNED})) await new Promise((resolve) => setTimeout(resolve, 5));
+                  await new Promise((resolve) => requestAnimationFrame(resolve));
+                  return (performance.now() - before) / 1000;
+                }}""",
+                [path, mu],
+            )
+        )
+    median = sorted(seconds)[50]
+    print(f"slider released to new curves: median {median:.2f} s, largest {max(seconds):.2f} s")
+    assert median <= 0.7 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 @pytest.mark.parametrize("width", [1280, 390])
@@ -105,8 +275,8 @@ FIELDS = ("alpha", "beta", "low", "high", "roll", "tilt", "spin", "depth")
 
 
 def type_in(page: Any, field: str, text: str) -> None:
-    page.fill(f"#{field}-number", text)
-    page.press(f"#{field}-number", "Tab")
+    page.fill(f"[id='{field}-number']", text)
+    page.press(f"[id='{field}-number']", "Tab")
 
 
 def test_bad_entries_are_refused_beside_their_fields(visit: Open, server: ViewServer) -> None:
@@ -187,6 +357,7 @@ def test_what_is_set_stands_in_the_address(visit: Open, server: ViewServer) -> N
     page.click("#waypoint")
     page.click("#dwell")
     type_in(page, "depth", "7.5")
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
     address = page.url
     for reloaded in (visit(address), visit(address)):
         assert reloaded.page.input_value("#tilt-number") == "-101.25"
@@ -201,7 +372,6 @@ def test_a_motion_that_cannot_be_is_refused_at_its_field(visit: Open, server: Vi
     page = opened.page
     page.fill("#low", "-110")
     page.fill("#tilt", "-125")
-    page.click("#plan")
     opened.wait("document.getElementById('tilt-error').textContent !== ''")
     assert "deg" in page.inner_text("#tilt-error")
     assert page.locator("#outcome").bounding_box()["y"] < page.evaluate("scrollY + innerHeight")
@@ -210,44 +380,43 @@ def test_a_motion_that_cannot_be_is_refused_at_its_field(visit: Open, server: Vi
 def test_a_verdict_holds_for_its_settings_only(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     page = opened.page
-    assert page.is_disabled("#plan"), "a motion to its own start goes nowhere"
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    page.click("#here")
+    assert page.is_disabled("#save"), "a motion to its own start goes nowhere"
     assert "Move a slider" in page.inner_text("#why")
+    assert page.is_visible("#stale")
     type_in(page, "tilt", "-100")
-    page.click("#plan")
-    opened.wait("document.querySelector('.outcome')?.textContent.includes('check')", seconds=60)
-    assert not page.is_visible("#stale")
+    opened.wait(f"{PLANNED} && {IDLE}")
+    page.click("#read")
     assert page.is_visible("#result iframe")
     page.evaluate("document.getElementById('result').scrollIntoView()")
     scene, result = (page.locator(name).bounding_box() for name in (".stage", "#result"))
     assert scene["y"] + scene["height"] <= result["y"], "the scene covers the report"
-    draw = random.Random(4)
-    for field in ("alpha", "beta", "tilt", "depth", "roll", "low"):
+    held: list[Any] = []
+    page.route("**/plan", lambda route: held.append(route))
+    for field in ("alpha", "beta", "tilt", "depth", "roll", "low", "payload"):
         before = page.input_value(f"#{field}-number")
-        low, high = (float(page.get_attribute(f"#{field}", end)) for end in ("min", "max"))
-        type_in(page, field, f"{float(before) + draw.choice([0.1, 0.3]):.3f}")
-        assert low < high
+        type_in(page, field, f"{float(before) + 0.2:.3f}")
         assert page.is_visible("#stale"), field
         assert not page.is_visible("#result iframe")
-        reloaded = visit(page.url).page
-        reloaded.wait_for_timeout(500)
-        assert reloaded.is_visible("#stale"), "after a reload too"
         type_in(page, field, before)
-        if field in ("alpha", "beta"):
-            page.click("#own")
-        page.wait_for_timeout(50)
-    page.click("#own")
 
 
 def test_cancel_and_plan_again(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     page = opened.page
-    page.fill("#tilt", "-100")
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    page.evaluate(
+        """() => {
+          document.getElementById("plan").click();
+          const cancel = document.getElementById("cancel");
+          const wait = () => (cancel.disabled ? setTimeout(wait, 1) : cancel.click());
+          wait();
+        }"""
+    )
+    opened.wait("document.querySelector('.outcome').textContent === 'cancelled'", seconds=5)
     page.click("#plan")
-    page.wait_for_timeout(500)
-    page.click("#cancel")
-    opened.wait("document.querySelector('.outcome').textContent === 'cancelled'", seconds=0.6)
-    page.wait_for_timeout(200)
-    assert not page.is_disabled("#plan")
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
 
 
 def test_axe_finds_nothing_serious(visit: Open, server: ViewServer) -> None:

@@ -24,17 +24,21 @@ from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.loading.load import load_problem
+from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.serialization import plain
-from ssm_planner.view.jobs import Job, Outcome, posed_problem
+from ssm_planner.view.jobs import Job, Outcome
 from ssm_planner.view.page import Study
 from ssm_planner.view.server import LONGEST, ViewServer
-from tests.support.paths import PROBLEMS
+from tests.support.paths import PROBLEMS, ROOT
 
 APPROACH = PROBLEMS / "eye_approach.yaml"
+PLAN = ROOT / "results/tilt_insert/plan.json"
 ANGLES = {"alpha": 0.6, "beta": 1.8}
 POSE = [0.2, -1.7, 0.3, 0.012]
+MU = "joints.roll.drive.friction.mu"
+RATIO = "joints.tilt.drive.geometry.ratio"
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +82,12 @@ def ask(server: ViewServer, path: str, body: Any) -> dict[str, Any]:
     assert status == 200, text
     found: dict[str, Any] = json.loads(text)
     return found
+
+
+def own_motion(server: ViewServer, **more: Any) -> dict[str, Any]:
+    """Request for the motion of the problem file."""
+    own = server.study.own
+    return {"alpha": own.alpha, "beta": own.beta, "own": True, **more}
 
 
 def test_listens_on_the_loopback_interface_only(server: ViewServer) -> None:
@@ -162,9 +172,21 @@ def test_other_paths_and_methods_are_refused(server: ViewServer) -> None:
         ("/workspace", {**ANGLES, "tilt_range": [1, 0]}, "tilt_range"),
         (
             "/plan",
-            {"alpha": 0.6, "beta": 0.4, "start": POSE, "target": POSE, "tilt_range": [-2, -1]},
+            {
+                "alpha": 0.6,
+                "beta": 0.4,
+                "start": POSE,
+                "motion": [{"pose": POSE}],
+                "tilt_range": [-2, -1],
+            },
             "beta",
         ),
+        ("/plan", {**ANGLES, "own": True, "design": {"joints.spin.mass": 1.0}}, "design"),
+        ("/plan", {**ANGLES, "own": True, "design": ["joints.roll.motor"]}, "design"),
+        ("/plan", {**ANGLES, "own": True, "design": {"joints.roll.motor": "none"}}, "motor"),
+        ("/plan", {**ANGLES, "own": True, "design": {MU: "0.1"}}, MU),
+        ("/plan", {**ANGLES, "own": True, "design": {MU: 1e3}}, MU),
+        ("/plan", {**ANGLES, "own": True, "payload": -0.1}, "payload"),
         ("/progress", {"job": "../x"}, "job"),
     ],
 )
@@ -221,7 +243,7 @@ def test_plan_runs_with_progress_and_gives_a_report(
         "alpha": own.alpha,
         "beta": own.beta,
         "start": start,
-        "target": target,
+        "motion": [{"pose": target}],
         "tilt_range": [-2.4, -1.45],
     }
     job = ask(server, "/plan", request)["job"]
@@ -235,7 +257,7 @@ def test_plan_runs_with_progress_and_gives_a_report(
         time.sleep(0.05)
     assert "check passed" in answer["message"]
     assert len(answer["steps"]) >= 3
-    status, page = send(server, "GET", answer["report"])
+    status, page = send(server, "GET", answer["plan"].replace("plan", "report", 1))
     assert status == 200
     data = json.loads(re.search(r'id="data">(.*?)</script>', page).group(1))  # type: ignore[union-attr]
     q = [np.frombuffer(base64.b64decode(data["channels"][f"q{i}"]), "<f8")[-1] for i in range(4)]
@@ -248,12 +270,13 @@ def test_motion_outside_the_limits_is_explained(server: ViewServer, tilt_insert:
         "alpha": own.alpha,
         "beta": own.beta,
         "start": [0.0, -1.6, 0.0, 0.0],
-        "target": [0.0, -2.2, 0.0, 0.0],
+        "motion": [{"pose": [0.0, -2.2, 0.0, 0.0]}],
     }
     status, text = send(server, "POST", "/plan", {**request, "tilt_range": [-2.0, -1.5]})
     found = json.loads(text)
     assert status == 400
-    assert found["key"].endswith("motion[0].tilt")
+    assert found["key"].endswith("tilt")
+    assert "motion[0]" in found["key"]
     assert "deg" in found["reason"]
 
 
@@ -270,14 +293,17 @@ def finished(server: ViewServer, job: str, seconds: float = 60.0) -> dict[str, A
 def test_a_plan_is_cancelled_at_once_and_the_next_one_works(
     server: ViewServer, tilt_insert: Problem
 ) -> None:
-    job = ask(server, "/plan", {"own": True})["job"]
+    job = ask(server, "/plan", own_motion(server))["job"]
     for _ in range(12_000):
         if ask(server, "/progress", {"job": job})["steps"]:
             break
         time.sleep(0.005)
     assert ask(server, "/cancel", {"job": job})["done"]
     assert ask(server, "/progress", {"job": job})["message"] == "cancelled"
-    assert "check passed" in finished(server, ask(server, "/plan", {"own": True})["job"])["message"]
+    assert (
+        "check passed"
+        in finished(server, ask(server, "/plan", own_motion(server))["job"])["message"]
+    )
 
 
 def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time(
@@ -285,12 +311,12 @@ def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time
 ) -> None:
     class Steps(type(tmp_path)):  # type: ignore[misc]
         def read_text(self, *_: Any, **__: Any) -> str:
-            job.outcome = Outcome("planned", "page", "{}")
+            job.outcome = Outcome("planned", load_plan(PLAN))
             return ""
 
     job = Job("identity", Steps(tmp_path / "steps"))
     assert job.to_dict() == {
-        **dict.fromkeys(("report", "plan", "relaxation")),
+        **dict.fromkeys(("desk", "plan", "relaxation")),
         "steps": [],
         "done": False,
         "message": "",
@@ -317,7 +343,7 @@ def test_waypoints_and_dwells_are_planned_and_saved(
     }
     path = tmp_path / "saved.yaml"
     path.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
-    saved, made = load_problem(path), server.jobs.requested_problem(request)
+    saved, made = load_problem(path), server.study.requested_problem(request)
     assert saved.start == made.start
     assert [step.kind for step in saved.motion] == ["straight", "dwell", "straight"]
     ends = [
@@ -340,13 +366,14 @@ def test_other_angles_are_planned_with_the_links_of_the_robot(
         "motion": [{"pose": [0.0, math.radians(-100), 0.0, 0.004]}],
         "tilt_range": [math.radians(-130), math.radians(-81)],
     }
-    made = server.jobs.requested_problem(request)
+    made = server.study.requested_problem(request)
     turned, original = made.robot, tilt_insert.robot
     mechanism = Mechanism.from_geometry(turned.geometry)
     assert (mechanism.alpha, mechanism.beta) == pytest.approx(
         (request["alpha"], request["beta"]), abs=1e-12
     )
-    assert turned.joints == original.joints
+    for joint, own in zip(turned.joints, original.joints, strict=True):
+        assert joint == replace(own, alternatives=())
     assert turned.name == "vitreoretinal with α 38°, β 104°"
     for body, known in zip(turned.bodies, original.bodies, strict=True):
         assert replace(body, frame=known.frame) == known
@@ -368,19 +395,111 @@ def test_other_angles_are_planned_with_the_links_of_the_robot(
     assert robot.bodies[1].frame == pytest.approx(turned.bodies[1].frame, abs=1e-12)
 
 
-def test_a_relaxation_can_be_planned(tilt_insert: Problem) -> None:
-
-    weak = replace(tilt_insert, motion=(replace(tilt_insert.motion[0], duration=0.5),))
-    with ViewServer(Study(weak)) as running:
+def test_a_relaxation_can_be_planned(tmp_path: Path) -> None:
+    file = tmp_path / "weak.yaml"
+    text = (PROBLEMS / "tilt_insert.yaml").read_text(encoding="utf-8")
+    text = text.replace("to: -135 deg", "to: -135 deg, duration: 0.5 s")
+    file.write_text(text.replace("robots/vitreoretinal.yaml", "vitreoretinal"), encoding="utf-8")
+    with ViewServer(Study(load_problem(file))) as running:
         threading.Thread(
             target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
         ).start()
-        first = finished(running, ask(running, "/plan", {"own": True})["job"])
-        assert first["report"] is None
+        request = own_motion(running)
+        first = finished(running, ask(running, "/plan", request)["job"])
+        assert first["plan"] is first["desk"] is None
         assert first["relaxation"]
-        relaxed = ask(running, "/plan", {"relaxed": list(running.jobs._jobs)[-1]})
-        assert "check passed" in finished(running, relaxed["job"])["message"]
+        relaxed = ask(running, "/plan", {**request, "relaxed": True})
+        answer = finished(running, relaxed["job"])
+        assert "check passed" in answer["message"]
+        assert answer["desk"]["names"] == ["B"]
         running.shutdown()
+
+
+def without_files(value: Any) -> Any:
+    """JSON types of a value without the names of files and of the robot."""
+
+    def cleaned(tree: Any) -> Any:
+        if isinstance(tree, dict):
+            return {key: cleaned(each) for key, each in tree.items() if key != "file"}
+        return [cleaned(each) for each in tree] if isinstance(tree, list) else tree
+
+    return {**cleaned(plain(value)), "name": None}
+
+
+def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) -> None:
+    """The page and `study` resolve the same design to the same robot."""
+    from ssm_planner.loading.files import of_data
+    from ssm_planner.studies.evaluation import problems_of
+    from ssm_planner.studies.study_file import study_from
+
+    design = {RATIO: 100.0, MU: 0.26, "joints.insertion.motor": "rig_motor"}
+    vary = {
+        RATIO: {"from": "100", "to": "140"},
+        MU: {"from": "0.26", "to": "0.27"},
+        f"{MU}_static": {"from": "0.3", "to": "0.4"},
+        "joints.insertion.motor": {"choices": ["rig_motor"]},
+    }
+    study = study_from(
+        of_data(
+            {
+                "robot": "vitreoretinal",
+                "motions": ["tilt_insert"],
+                "vary": vary,
+                "minimise": ["duration"],
+            }
+        )
+    )
+    ((_, expected),) = problems_of(study, study.design([0.0] * 4))
+    made = server.study.requested_problem(own_motion(server, design=design))
+    assert without_files(made.robot) == without_files(expected.robot)
+    assert (
+        made.robot.joints[1].drive
+        != server.study.requested_problem(own_motion(server)).robot.joints[1].drive
+    )
+
+
+def test_a_saved_design_plans_the_same_elsewhere(server: ViewServer, tmp_path: Path) -> None:
+    request = own_motion(server, design={MU: 0.3, RATIO: 150.0}, payload=0.05)
+    answer = finished(server, ask(server, "/plan", request)["job"])
+    saved = tmp_path / "elsewhere.yaml"
+    saved.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
+    problem, made = load_problem(saved), server.study.requested_problem(request)
+    assert without_files(problem.robot) == without_files(made.robot)
+    assert problem.robot.bodies[3].mass == pytest.approx(0.09964338 + 0.05, abs=1e-12)
+    assert str(PROBLEMS) not in saved.read_text(encoding="utf-8")
+    document = json.loads(send(server, "GET", answer["plan"])[1])
+    assert plan(problem, relaxations=False).duration == pytest.approx(
+        document["duration"], rel=1e-6
+    )
+
+
+def channel(desk: dict[str, Any], side: int, name: str) -> Any:
+    return np.frombuffer(base64.b64decode(desk["channels"][side][name]), "<f8")
+
+
+def test_a_pinned_plan_is_compared_with_the_present_one(server: ViewServer) -> None:
+    """More friction takes more torque; both sides are what each plan alone would show."""
+    pinned = own_motion(server)
+    request = own_motion(server, design={MU: 0.3}, pinned=pinned)
+    desk = finished(server, ask(server, "/plan", request)["job"])["desk"]
+    assert desk["names"] == ["A", "B"]
+    assert [row[0].strip() for row in desk["rows"]] == ["time", "check", "closest", "motors"]
+    assert all(len(row) == 3 for row in desk["rows"])
+    assert desk["ends"][0] < desk["ends"][1]
+    torques = [np.abs(channel(desk, side, "tau0")).max() for side in (0, 1)]
+    assert torques[0] < torques[1]
+    titles = {panel["channel"]: panel["sides"] for panel in desk["panels"]}
+    assert titles == {f"{kind}{i}": [0, 1] for kind in ("w", "tau", "margin") for i in (0, 1, 3)}
+    alone = finished(server, ask(server, "/plan", pinned)["job"])["desk"]
+    assert alone["names"] == ["B"]
+    assert alone["ends"][0] == pytest.approx(desk["ends"][0])
+    motor = server.study.requested_problem(pinned).robot.joints[0].motor
+    assert motor is not None
+    use = np.maximum(
+        np.abs(channel(alone, 0, "tau0")) / motor.max_torque,
+        np.abs(channel(alone, 0, "w0")) / motor.max_speed,
+    )
+    assert np.allclose(channel(alone, 0, "margin0"), 1 - use)
 
 
 def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
@@ -397,11 +516,22 @@ def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
 
 def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
     problem = load_problem(APPROACH)
-    low, high = problem.ranges["tilt"]
-    made = posed_problem(
-        problem, problem.robot, (0.0, -1.8, 0.0, 0.002), [(0.0, -2.0, 0.0, 0.015)], (low, high)
+    own = Study(problem).own
+    made = Study(problem).requested_problem(
+        {
+            "alpha": own.alpha,
+            "beta": own.beta,
+            "start": [0.0, -1.8, 0.0, 0.002],
+            "motion": [{"pose": [0.0, -2.0, 0.0, 0.015]}],
+            "tilt_range": list(problem.ranges["tilt"]),
+        }
     )
-    assert plain(made.task_limits) == plain(problem.task_limits)
+    ours, theirs = (sorted(map(str, plain(each.task_limits)["limits"])) for each in (made, problem))
+    assert len(ours) == len(theirs)
+    assert plain(made.eye) == plain(problem.eye)
+    assert dict(made.rates) == dict(problem.rates)
+    for name, ends in problem.ranges.items():
+        assert made.ranges[name] == pytest.approx(ends)
 
 
 def test_the_eye_is_drawn_where_the_problem_has_one(tilt_insert: Problem) -> None:

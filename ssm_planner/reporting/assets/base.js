@@ -2,7 +2,7 @@
 "use strict";
 const SSM = {};
 
-SSM.element = (name, attributes = {}, ...children) => {
+const element = (name, attributes = {}, ...children) => {
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
     if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
@@ -15,14 +15,14 @@ SSM.element = (name, attributes = {}, ...children) => {
 
 // a line across its frame at a share of the width; moved without a new layout
 SSM.cursor = () => {
-  const node = SSM.element("span", { class: "cursor" });
+  const node = element("span", { class: "cursor" });
   return { node, at: (share) => { node.style.transform = `translateX(${100 * share}%)`; } };
 };
 
 // saves a file with this content
 SSM.download = (name, content, type) => {
   const href = URL.createObjectURL(new Blob([content], { type }));
-  SSM.element("a", { href, download: name }).click();
+  element("a", { href, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(href), 1000);
 };
 
@@ -52,10 +52,12 @@ SSM.channels = (encoded) => {
   return channels;
 };
 
-SSM.fixed = (value, digits) => {
+const fixed = (value, digits) => {
   const text = value.toFixed(digits);
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");
 };
+
+const rounded = (value, digits) => String(Number(value.toPrecision(digits))).replace("-", "−");
 
 SSM.dashes = [[], [9, 5], [10, 4, 2, 4], [2, 4], [12, 3, 2, 3, 2, 3]];
 
@@ -70,7 +72,7 @@ SSM.dark = () => SSM.scheme.matches && !SSM.printing;
 // for a style, and for a canvas
 SSM.paint = (colour) => (SSM.night[colour] ? `light-dark(${colour}, ${SSM.night[colour]})` : colour);
 SSM.tone = (colour) => (SSM.dark() && SSM.night[colour]) || colour;
-SSM.ink = (name) => SSM.inks[SSM.dark() ? 1 : 0][name];
+const ink = (name) => SSM.inks[SSM.dark() ? 1 : 0][name];
 SSM.inks = [
   { text: "#333b45", grid: "#e3e7ec", tick: "#c3cad3", limit: "#5b6470", stripe: "#eef1f5", paper: "#ffffff", regions: ["#e7ebf0", "#c9d8e6"], scene: 0xf7f8fa },
   { text: "#c6ced7", grid: "#2b333d", tick: "#47525e", limit: "#9aa5b1", stripe: "#1e252d", paper: "#14191f", regions: ["#222a33", "#2c4255"], scene: 0x1a2027 },
@@ -94,7 +96,7 @@ SSM.fitting = (name, width) => {
 
 // a short line in a colour and dash, as a key beside text
 SSM.swatch = (colour, dash, width = 2.5) => {
-  const holder = SSM.element("span");
+  const holder = element("span");
   holder.innerHTML = `<svg width=28 height=8 aria-hidden=true><line x2=28 y1=4 y2=4 stroke-width=${width} stroke-dasharray="${dash.join(" ")}" /></svg>`;
   const svg = holder.firstChild;
   svg.firstChild.style.stroke = SSM.paint(colour);

@@ -8,18 +8,12 @@
   const player = new SSM.Player(document.getElementById("player"), times, []);
   player.listen(SSM.cells(data, (name, channel) => channels[names.indexOf(name)][channel]));
   const plots = new SSM.Plots(document.getElementById("plots"), player, data.colours, []);
-  for (const panel of data.panels) {
-    plots.add(panel, times, () => panel.sides.map((side) => ({
-      label: names[side], colour: data.colours[side], dash: SSM.dashes[side], keyed: true,
-      values: Array.from(channels[side][panel.channel], (x, i) => (times[i] <= data.ends[side] + 1e-9 ? x * panel.scale : null)),
-    })));
-  }
+  SSM.overlay(plots, data, channels, names);
   requestAnimationFrame(() => setTimeout(() => {
     const robots = data.scenes.map((scene, side) => ({ scene, colours: data.colours, ghost: side === 1,
       path: Float32Array.from({ length: 3 * times.length }, (_, i) => channels[side][`tip${i % 3}`][Math.floor(i / 3)]) }));
     const scene = new SSM.Scene(document.getElementById("scene"), robots);
-    const q = (side, index) => [0, 1, 2, 3].map((i) => channels[side][`q${i}`][index]);
-    player.listen((index) => names.forEach((_, side) => scene.pose(side, q(side, index))));
+    player.listen((index) => channels.forEach((each, side) => scene.pose(side, SSM.joints(each, index))));
     if (scene.views.eye) scene.look("eye");
     Object.assign(SSM, { player, scene, channels, ready: performance.now() });
   }));

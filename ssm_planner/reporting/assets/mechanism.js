@@ -1,22 +1,24 @@
 // The parts of a mechanism: axes, links as arcs about the RCM, tool, tilt bands, eye. Metres.
 "use strict";
+const { BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, SphereGeometry, Vector2, Vector3 } = THREE;
+
 // of so many parts round something, as many as software draws at 60 frames per second
 SSM.fine = (parts) => (SSM.soft ? Math.ceil(0.55 * parts) : parts);
 
-SSM.vector = (values) => new THREE.Vector3(...values);
+SSM.vector = (values) => new Vector3(...values);
 
 // robot: base group, turns (three nested groups), slide, axes
 SSM.mechanism = (scene, colours, ghost, labels) => {
   const axes = scene.axes.map(SSM.vector);
-  const base = new THREE.Group();
-  const turns = [0, 1, 2].map(() => new THREE.Group());
-  const slide = new THREE.Group();
+  const base = new Group();
+  const turns = [0, 1, 2].map(() => new Group());
+  const slide = new Group();
   base.add(turns[0]);
   turns[0].add(turns[1]);
   turns[1].add(turns[2]);
   turns[2].add(slide);
   const solid = (colour, opacity = ghost ? 0.35 : 1) =>
-    new THREE.MeshLambertMaterial({ color: colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1 });
+    new MeshLambertMaterial({ color: colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1 });
   const out = axes[2].clone().multiplyScalar(-scene.insertion_sign);
   const ends = [axes[0].clone().multiplyScalar(scene.sides[0]), axes[1].clone().multiplyScalar(scene.sides[1]), out];
   const r = scene.link;
@@ -44,7 +46,7 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   const texts = [];
   // shown: by the size of the eye on the screen
   const say = (name, parent, position, text, colour, shown = () => true) => {
-    const anchor = new THREE.Group();
+    const anchor = new Group();
     anchor.position.copy(position);
     put(name, parent, anchor);
     texts.push({ anchor, text, colour, name, shown });
@@ -58,11 +60,11 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
       put(`${band.name} tilt`, base, ...lines);
       if (labels && band.name === "allowed") say("allowed tilt", base, end, "allowed tilt", colours[1]);
     }
-    const degrees = (from, to) => `${SSM.fixed((180 / Math.PI) * from.angleTo(to), 1)}°`;
+    const degrees = (from, to) => `${fixed((180 / Math.PI) * from.angleTo(to), 1)}°`;
     const arcs = [["α", turns[0], ends[0], axes[1].clone().multiplyScalar(scene.sides[0]), 0.062, colours[0]],
       ["β", turns[1], ends[1], axes[2].clone().multiplyScalar(scene.sides[1]), 0.05, colours[2]]];
     for (const [name, parent, from, to, radius, colour] of arcs) {
-      put("α and β", parent, SSM.arc(from, to, radius, 0.0007, new THREE.MeshBasicMaterial({ color: colour })));
+      put("α and β", parent, SSM.arc(from, to, radius, 0.0007, new MeshBasicMaterial({ color: colour })));
       const middle = from.clone().add(to).setLength(radius);
       if (labels) say("α and β", parent, middle, `${name} ${degrees(from, to)}`, colour);
     }
@@ -70,32 +72,35 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   if (labels) {
     const words = [`1 ${scene.names[0]}`, `2 ${scene.names[1]}`, `3 ${scene.names[2]}, 4 ${scene.names[3]}`];
     [base, turns[0], turns[1]].forEach((parent, i) => say("axes", parent, ends[i].clone().multiplyScalar(r + 0.03), words[i], colours[i]));
-    say("axes", base, new THREE.Vector3(), scene.eye ? "RCM, port" : "RCM", "#000000");
+    say("axes", base, new Vector3(), scene.eye ? "RCM, port" : "RCM", "#000000");
   }
   return { base, turns, slide, axes, parts, put, say, texts };
 };
 
-SSM.rod = (direction, from, to, radius, material) => {
-  const rod = new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, to - from, SSM.fine(20)), material);
-  rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), direction);
-  rod.position.copy(direction).multiplyScalar((from + to) / 2);
-  return rod;
+// the y axis of a part along a direction, its origin so far from a place
+SSM.stand = (part, direction, distance = 0, place = new Vector3()) => {
+  part.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), direction);
+  part.position.copy(place).addScaledVector(direction, distance);
+  return part;
 };
 
-SSM.ball = (radius, material) => new THREE.Mesh(new THREE.SphereGeometry(radius, SSM.fine(12), SSM.fine(8)), material);
+SSM.rod = (direction, from, to, radius, material) =>
+  SSM.stand(new Mesh(new THREE.CylinderGeometry(radius, radius, to - from, SSM.fine(20)), material), direction, (from + to) / 2);
+
+SSM.ball = (radius, material) => new Mesh(new SphereGeometry(radius, SSM.fine(12), SSM.fine(8)), material);
 
 SSM.arc = (from, to, radius, thickness, material) => {
   const angle = from.angleTo(to);
-  const normal = new THREE.Vector3().crossVectors(from, to);
+  const normal = new Vector3().crossVectors(from, to);
   if (normal.length() < 1e-6) normal.set(from.y, -from.x, from.z || 1e-3);
   normal.normalize();
   const points = Array.from({ length: 25 }, (_, i) => from.clone().applyAxisAngle(normal, (angle * i) / 24).multiplyScalar(radius));
-  return new THREE.Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), SSM.fine(24), thickness, SSM.fine(10)), material);
+  return new Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), SSM.fine(24), thickness, SSM.fine(10)), material);
 };
 
 // beside the tool axis, so that the spin can be seen
 SSM.rail = (out, r, material) => {
-  const aside = new THREE.Vector3(0, 1, 0).addScaledVector(out, -out.y).normalize().multiplyScalar(0.011);
+  const aside = new Vector3(0, 1, 0).addScaledVector(out, -out.y).normalize().multiplyScalar(0.011);
   const rail = SSM.rod(out, r - 0.02, r + 0.055, 0.0028, material);
   rail.position.add(aside);
   return rail;
@@ -104,7 +109,7 @@ SSM.rail = (out, r, material) => {
 SSM.axisLine = (axis, length, colour) => {
   const ends = [axis.clone().multiplyScalar(-length), axis.clone().multiplyScalar(length)];
   const material = new THREE.LineDashedMaterial({ color: colour, dashSize: 0.008, gapSize: 0.004 });
-  const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(ends), material);
+  const line = new THREE.Line(new BufferGeometry().setFromPoints(ends), material);
   line.computeLineDistances();
   return line;
 };
@@ -112,19 +117,19 @@ SSM.axisLine = (axis, length, colour) => {
 // edges of a range of tilts and the meridian between them, as thin lines
 SSM.band = ({ name, rows, columns, vertices }, side, colour) => {
   const scale = side * (name === "allowed" ? 1.004 : 1);
-  const at = (row, column) => new THREE.Vector3().fromArray(vertices, 3 * (row * columns + column)).multiplyScalar(scale);
+  const at = (row, column) => new Vector3().fromArray(vertices, 3 * (row * columns + column)).multiplyScalar(scale);
   const [middle, last] = [columns >> 1, rows - 1];
   const paint = name === "allowed" ? colour : "#8793a0";
-  const thin = (points, radius) => new THREE.Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), 2 * points.length, radius, 6),
-    new THREE.MeshBasicMaterial({ color: paint }));
+  const thin = (points, radius) => new Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), 2 * points.length, radius, 6),
+    new MeshBasicMaterial({ color: paint }));
   const along = (row) => Array.from({ length: columns }, (_, j) => at(row, j));
-  const lines = [0, last].map((row) => new THREE.Line(new THREE.BufferGeometry().setFromPoints(along(row)), new THREE.LineBasicMaterial({ color: paint })));
+  const lines = [0, last].map((row) => new THREE.Line(new BufferGeometry().setFromPoints(along(row)), new THREE.LineBasicMaterial({ color: paint })));
   lines.push(thin(Array.from({ length: rows }, (_, i) => at(i, middle)), name === "allowed" ? 0.0014 : 0.0007));
   return { lines, end: at(last, middle) };
 };
 
 SSM.tipPath = (points, colour, ghost) => {
-  const geometry = new THREE.BufferGeometry();
+  const geometry = new BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(points), 3));
   const material = ghost
     ? new THREE.LineDashedMaterial({ color: colour, dashSize: 0.001, gapSize: 0.0007 })
@@ -136,30 +141,28 @@ SSM.tipPath = (points, colour, ghost) => {
 
 // places where a phase ends and the tool stands: the spots of a scan, and stops
 SSM.stops = (points) => [true, false].map((spots) => {
-  const ball = new THREE.SphereGeometry(spots ? 0.00028 : 0.0004, SSM.fine(12), SSM.fine(8));
+  const ball = new SphereGeometry(spots ? 0.00028 : 0.0004, SSM.fine(12), SSM.fine(8));
   const [corners, order] = [[...ball.attributes.position.array], [...ball.index.array]];
   const some = points.filter(({ spot }) => spot === spots);
-  const together = new THREE.BufferGeometry(); // drawn at once, however many there are
+  const together = new BufferGeometry(); // drawn at once, however many there are
   const vertices = some.flatMap(({ position }) => corners.map((value, i) => value + position[i % 3]));
   together.setAttribute("position", new THREE.BufferAttribute(new Float32Array(vertices), 3));
   together.setIndex(some.flatMap((_, k) => order.map((i) => i + (k * corners.length) / 3)));
-  return new THREE.Mesh(together, new THREE.MeshBasicMaterial({ color: spots ? "#1fae5b" : "#e0a100" }));
+  return new Mesh(together, new MeshBasicMaterial({ color: spots ? "#1fae5b" : "#e0a100" }));
 });
 
 // eye: see Eye of problem/problem.py; base frame, the columns of the lens frame are the directions of its semi-axes.
 // Retina, clearance and lens are the plan's; sclera, cornea, iris and macula are of usual size, to show which eye it is.
 SSM.eye = (eye) => {
-  const group = new THREE.Group();
+  const group = new Group();
   const centre = SSM.vector(eye.centre);
   const front = (eye.lens ? SSM.vector(eye.lens.centre).sub(centre) : centre.clone().negate()).normalize();
   const surface = (name, radius, colour, { opacity = 1, side = 0, from = 0, to = Math.PI, at = 0, light = true } = {}) => {
     const options = { color: colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side };
-    const material = light ? new THREE.MeshLambertMaterial(options) : new THREE.MeshBasicMaterial(options);
-    const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, SSM.fine(40), SSM.fine(24), 0, 2 * Math.PI, from, to - from), material);
+    const material = light ? new MeshLambertMaterial(options) : new MeshBasicMaterial(options);
+    const mesh = new Mesh(new SphereGeometry(radius, SSM.fine(40), SSM.fine(24), 0, 2 * Math.PI, from, to - from), material);
     mesh.name = name;
-    mesh.position.copy(centre).addScaledVector(front, at);
-    mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);
-    group.add(mesh);
+    group.add(SSM.stand(mesh, front, at, centre));
     return mesh;
   };
   // seen through: the far half is opaque enough to be a background, the near half a film
@@ -171,22 +174,15 @@ SSM.eye = (eye) => {
   const bulge = 0.0078; // usual radius of a cornea
   const half = Math.asin(limbus / bulge);
   surface("cornea", bulge, "#9cc7e8", { opacity: 0.3, side: 2, to: half, at: outer * Math.cos(opening) - bulge * Math.cos(half) });
-  const iris = new THREE.Mesh(new THREE.LatheGeometry([new THREE.Vector2(0.0022, 0), new THREE.Vector2(limbus - 0.0003, 0)], SSM.fine(40)),
-    new THREE.MeshBasicMaterial({ color: "#4f7f6a", side: 2, opacity: 0.55, transparent: true, depthWrite: false }));
+  const iris = new Mesh(new THREE.LatheGeometry([new Vector2(0.0022, 0), new Vector2(limbus - 0.0003, 0)], SSM.fine(40)),
+    new MeshBasicMaterial({ color: "#4f7f6a", side: 2, opacity: 0.55, transparent: true, depthWrite: false }));
   const disc = eye.lens ? SSM.vector(eye.lens.centre).distanceTo(centre) + Math.min(...eye.lens.semi_axes) : outer * Math.cos(opening);
-  iris.position.copy(centre).addScaledVector(front, disc);
-  iris.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);
-  group.add(iris);
-  const macula = SSM.ball(0.0012, new THREE.MeshBasicMaterial({ color: "#8c2d1a" }));
+  const macula = SSM.ball(0.0012, new MeshBasicMaterial({ color: "#8c2d1a" }));
   macula.scale.y = 0.15;
-  macula.position.copy(centre).addScaledVector(front, -eye.radius);
-  macula.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), front);
-  group.add(macula);
-  const port = new THREE.Mesh(new THREE.LatheGeometry([[7, -4], [11, -4], [11, 4], [7, 4]].map(([x, y]) => new THREE.Vector2(x / 1e4, y / 1e4)), 24),
-    new THREE.MeshLambertMaterial({ color: "#3c4650", side: 2 }));
-  port.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), centre.clone().normalize());
-  group.add(port);
-  const places = [["macula", macula.position, "#8c2d1a"], ["retina", centre.clone().addScaledVector(new THREE.Vector3(0, -1, 0), eye.radius), "#a8482c"]];
+  const port = new Mesh(new THREE.LatheGeometry([[7, -4], [11, -4], [11, 4], [7, 4]].map(([x, y]) => new Vector2(x / 1e4, y / 1e4)), 24),
+    new MeshLambertMaterial({ color: "#3c4650", side: 2 }));
+  group.add(SSM.stand(iris, front, disc, centre), SSM.stand(macula, front, -eye.radius, centre), SSM.stand(port, centre.clone().normalize()));
+  const places = [["macula", macula.position, "#8c2d1a"], ["retina", centre.clone().addScaledVector(new Vector3(0, -1, 0), eye.radius), "#a8482c"]];
   const edges = [];
   if (eye.clearance) edges.push(surface("clearance", eye.radius - eye.clearance, "#b5482a", { opacity: 0.1, light: false }));
   if (eye.lens) {

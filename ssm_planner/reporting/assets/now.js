@@ -9,7 +9,7 @@ SSM.cells = (data, find) => {
   const cells = [...document.querySelectorAll("[data-channel]")].map((node) => ({ node, values: find(...node.dataset.channel.split(" ")) }))
     .filter(({ values }) => values);
   return (index) => {
-    for (const { node, values } of cells) SSM.say(node, SSM.fixed(node.dataset.scale * values[index], node.dataset.digits));
+    for (const { node, values } of cells) SSM.say(node, fixed(node.dataset.scale * values[index], node.dataset.digits));
   };
 };
 
@@ -22,7 +22,7 @@ SSM.active = (container, data, times) => {
     const text = names.join(";");
     if (text === said) return;
     said = text;
-    const chips = names.map((name) => SSM.element("span", { class: "chip" }, name));
+    const chips = names.map((name) => element("span", { class: "chip" }, name));
     container.replaceChildren("Active limits: ", ...(chips.length ? chips : ["none"]));
   };
 };
@@ -32,7 +32,7 @@ SSM.timeline = (container, data, player) => {
   const end = data.duration;
   const percent = (t) => `${(100 * t) / end}%`;
   const bar = (text, start, stop, kind, colour) => {
-    const node = SSM.element("span", { class: kind, title: `${text}: ${start.toFixed(3)}–${stop.toFixed(3)} s` });
+    const node = element("span", { class: kind, title: `${text}: ${start.toFixed(3)}–${stop.toFixed(3)} s` });
     node.style.left = percent(start);
     node.style.width = `max(3px, ${percent(stop - start)})`;
     node.style.background = SSM.paint(colour);
@@ -40,10 +40,10 @@ SSM.timeline = (container, data, player) => {
   };
   const row = (name, bars, said) => {
     const cursor = SSM.cursor();
-    const track = SSM.element("div", { class: "track", role: "img", "aria-label": `${name}: active ${said}`, onpointerdown: (event) => player.point(event),
+    const track = element("div", { class: "track", role: "img", "aria-label": `${name}: active ${said}`, onpointerdown: (event) => player.point(event),
       onpointermove: (event) => event.pointerType === "mouse" && player.point(event) }, ...bars, cursor.node);
     cursors.push(cursor);
-    return SSM.element("div", { class: "row" }, SSM.element("span", { class: "name" }, name), track);
+    return element("div", { class: "row" }, element("span", { class: "name" }, name), track);
   };
   const cursors = [];
   const groups = new Map();
@@ -52,8 +52,8 @@ SSM.timeline = (container, data, player) => {
   }
   const rows = [...groups].map(([label, list]) => row(label, list.map((s) => bar(label, s.start, s.end, "bar", data.colours[s.joint])),
     list.map((s) => `${s.start.toFixed(3)} to ${s.end.toFixed(3)} s`).join(", ")));
-  const none = groups.size ? [] : [SSM.element("p", {}, "No limit is approached within 0.5 %.")];
-  container.replaceChildren(SSM.element("h2", {}, "Active limits over time"), SSM.element("div", { class: "timeline" }, ...rows), ...none);
+  const none = groups.size ? [] : [element("p", {}, "No limit is approached within 0.5 %.")];
+  container.replaceChildren(element("h2", {}, "Active limits over time"), element("div", { class: "timeline" }, ...rows), ...none);
   player.listen((index) => {
     for (const cursor of cursors) cursor.at(player.times[index] / end);
   });

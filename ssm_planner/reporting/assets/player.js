@@ -8,14 +8,14 @@ SSM.Player = class {
     this.playing = false;
     this.listeners = [];
     const last = times.length - 1;
-    this.button = SSM.element("button", { type: "button", class: "play", onclick: () => this.toggle() }, "▶ Play");
-    this.range = SSM.element("input", { type: "range", min: 0, max: last, step: 1, value: 0, autocomplete: "off", "aria-label": "Time",
+    this.button = element("button", { type: "button", class: "play", onclick: () => this.toggle() }, "▶ Play");
+    this.range = element("input", { type: "range", min: 0, max: last, step: 1, value: 0, autocomplete: "off", "aria-label": "Time",
       oninput: () => { this.pause(); this.set(Number(this.range.value)); } });
-    this.clock = SSM.element("output", { class: "clock" });
-    const speeds = [0.1, 0.25, 0.5, 1, 2].map((x) => SSM.element("option", { value: x, selected: x === 1 }, `${x} ×`));
-    this.speed = SSM.element("select", { "aria-label": "Speed" }, ...speeds);
-    this.link = SSM.element("a", { class: "link" }, "Link to this view");
-    this.saves = SSM.element("span", { class: "saves" }, this.link);
+    this.clock = element("output", { class: "clock" });
+    const speeds = [0.1, 0.25, 0.5, 1, 2].map((x) => element("option", { value: x, selected: x === 1 }, `${x} ×`));
+    this.speed = element("select", { "aria-label": "Speed" }, ...speeds);
+    this.link = element("a", { class: "link" }, "Link to this view");
+    this.saves = element("span", { class: "saves" }, this.link);
     container.replaceChildren(this.button, this.range, this.speed, this.clock, this.saves, ...this.#strip());
     this.set(0);
     document.addEventListener("keydown", (event) => this.#key(event));
@@ -33,7 +33,7 @@ SSM.Player = class {
 
   // a button beside the link
   tool(text, onclick) {
-    this.saves.append(SSM.element("button", { type: "button", class: "tool", onclick }, text));
+    this.saves.append(element("button", { type: "button", class: "tool", onclick }, text));
   }
 
   listen(listener) {
@@ -63,12 +63,12 @@ SSM.Player = class {
     const [first, end] = [this.times[0], this.times[this.times.length - 1] - this.times[0]];
     this.cursor = SSM.cursor();
     const parts = this.phases.map((phase) => {
-      const part = SSM.element("span", { class: "phase", title: `${phase.name}: ${phase.start.toFixed(3)}–${phase.end.toFixed(3)} s` });
+      const part = element("span", { class: "phase", title: `${phase.name}: ${phase.start.toFixed(3)}–${phase.end.toFixed(3)} s` });
       part.style.left = `${(100 * (phase.start - first)) / end}%`;
       part.style.width = `${(100 * (phase.end - phase.start)) / end}%`;
       return part;
     });
-    const strip = SSM.element("div", { class: "track strip", "aria-hidden": "true", onpointerdown: (event) => this.point(event) }, ...parts, this.cursor.node);
+    const strip = element("div", { class: "track strip", "aria-hidden": "true", onpointerdown: (event) => this.point(event) }, ...parts, this.cursor.node);
     new ResizeObserver(() => parts.forEach((part, i) => { part.textContent = SSM.fitting(this.phases[i].name, part.clientWidth); })).observe(strip);
     return this.phases.length ? [strip] : [];
   }

@@ -26,7 +26,7 @@ SSM.Plots = class {
   // panel: see html/panels.py; lines(): [{label, colour, dash, values}]; drawn when it comes near the window
   add(panel, times, lines) {
     if (panel.section !== this.section) this.open(panel.section);
-    const figure = SSM.element("figure", {}, SSM.element("div", { class: "plot", role: "img" }));
+    const figure = element("figure", {}, element("div", { class: "plot", role: "img" }));
     this.grid.append(figure);
     figure.build = () => {
       figure.build = null;
@@ -58,7 +58,7 @@ SSM.Plots = class {
     };
     const u = new uPlot(options, [times, ...lines.map(({ values }) => values)], holder);
     const keys = lines.map((line, i) => this.#key(u, line, i, lines.length > 1 || line.keyed));
-    const reset = SSM.element("button", { type: "button", class: "tool", hidden: true,
+    const reset = element("button", { type: "button", class: "tool", hidden: true,
       onclick: () => u.setScale("x", { min: times[0], max: times[times.length - 1] }) }, "Reset zoom");
     holder.before(this.#caption(panel, keys, reset, figure, holder));
     holder.setAttribute("aria-label", SSM.inWords(panel, lines, extremes));
@@ -67,10 +67,10 @@ SSM.Plots = class {
 
   // swatch, name and value of one line; pressed while the line is shown
   #key(u, { colour, dash, label, values }, i, named) {
-    const value = SSM.element("span", { class: "value" });
-    const mark = (index) => SSM.say(value, Number.isFinite(values[index]) ? SSM.short(values[index]) : "–");
-    if (!named) return { node: SSM.element("span", { class: "key" }, value), mark };
-    const node = SSM.element("button", { type: "button", class: "key", "aria-pressed": "true", title: `Show or hide ${label}`, onclick: () => {
+    const value = element("span", { class: "value" });
+    const mark = (index) => SSM.say(value, Number.isFinite(values[index]) ? short(values[index]) : "–");
+    if (!named) return { node: element("span", { class: "key" }, value), mark };
+    const node = element("button", { type: "button", class: "key", "aria-pressed": "true", title: `Show or hide ${label}`, onclick: () => {
       const show = node.getAttribute("aria-pressed") === "false";
       node.setAttribute("aria-pressed", String(show));
       u.setSeries(i + 1, { show });
@@ -80,7 +80,7 @@ SSM.Plots = class {
 
   open(section) {
     this.section = section;
-    this.grid = SSM.element("div", { class: "grid" });
+    this.grid = element("div", { class: "grid" });
     SSM.section(this.container, section, this.grid, this.folded.test(section));
   }
 
@@ -88,11 +88,11 @@ SSM.Plots = class {
   note(section, words) {
     if (!words.length) return;
     if (section !== this.section) this.open(section);
-    this.grid.after(...words.map((text) => SSM.element("p", { class: "note" }, text)));
+    this.grid.after(...words.map((text) => element("p", { class: "note" }, text)));
   }
 
   #attach(u, holder, figure, keys, reset) {
-    const line = SSM.element("div", { class: "instant" });
+    const line = element("div", { class: "instant" });
     u.over.append(line);
     const plot = { u, holder, reset, visible: true, mark: (index) => {
       const x = u.valToPos(this.player.times[index], "x");
@@ -155,21 +155,21 @@ SSM.Plots = class {
 
   #caption(panel, keys, reset, figure, holder) {
     const inside = panel.limits.length > 0 && panel.beyond.length < panel.limits.flatMap(({ low, high }) => [low, high]).filter((end) => end !== null).length;
-    const drawn = inside ? [SSM.element("span", { class: "key" }, SSM.swatch("#5b6470", [4, 3], 1.5), panel.active.length ? "limit, hatched where active" : "limit")] : [];
-    const larger = SSM.element("button", { type: "button", class: "tool", "aria-pressed": "false", "aria-label": `Enlarge ${panel.title}`, onclick: () => {
+    const drawn = inside ? [element("span", { class: "key" }, SSM.swatch("#5b6470", [4, 3], 1.5), panel.active.length ? "limit, hatched where active" : "limit")] : [];
+    const larger = element("button", { type: "button", class: "tool", "aria-pressed": "false", "aria-label": `Enlarge ${panel.title}`, onclick: () => {
       larger.setAttribute("aria-pressed", String(figure.classList.toggle("large")));
       holder.resize();
     } }, "⤢");
     const note = [...panel.missing, SSM.beyond(panel)].filter(Boolean).join("; ");
-    return SSM.element("figcaption", {}, SSM.element("strong", {}, panel.unit ? `${panel.title} (${panel.unit})` : panel.title), ...keys.map(({ node }) => node),
-      ...drawn, SSM.element("span", { class: "note" }, note), SSM.element("span", { class: "tools" }, reset, larger));
+    return element("figcaption", {}, element("strong", {}, panel.unit ? `${panel.title} (${panel.unit})` : panel.title), ...keys.map(({ node }) => node),
+      ...drawn, element("span", { class: "note" }, note), element("span", { class: "tools" }, reset, larger));
   }
 };
 
 // a heading with its content, which opens at a click if it is folded
 SSM.section = (container, title, content, folded) => {
-  const heading = SSM.element("h2", {}, title);
-  container.append(...(folded ? [SSM.element("details", { class: "fold" }, SSM.element("summary", {}, heading), content)] : [heading, content]));
+  const heading = element("h2", {}, title);
+  container.append(...(folded ? [element("details", { class: "fold" }, element("summary", {}, heading), content)] : [heading, content]));
 };
 
 SSM.height = (holder) => (holder.closest(".large") && !SSM.printing ? 420 : 190);
@@ -177,8 +177,8 @@ SSM.height = (holder) => (holder.closest(".large") && !SSM.printing ? 420 : 190)
 // a plot for those who do not see it
 SSM.inWords = (panel, lines, extremes) => {
   const { unit } = panel;
-  const drawn = lines.map(({ label }, i) => `${label} between ${SSM.short(extremes[i][0])} and ${SSM.short(extremes[i][1])} ${unit}`);
-  const limits = panel.limits.map(({ label, low, high }) => `${label}: ${[low, high].filter((end) => end !== null).map(SSM.short).join(" to ")} ${unit}`);
+  const drawn = lines.map(({ label }, i) => `${label} between ${short(extremes[i][0])} and ${short(extremes[i][1])} ${unit}`);
+  const limits = panel.limits.map(({ label, low, high }) => `${label}: ${[low, high].filter((end) => end !== null).map(short).join(" to ")} ${unit}`);
   const active = panel.active.map(({ label, start, end }) => `${label} from ${start.toFixed(3)} to ${end.toFixed(3)} s`);
   return `${panel.title} over time. ${drawn.join("; ")}.${limits.length ? ` Limits: ${limits.join("; ")}.` : ""}` +
     (active.length ? ` Active: ${active.join("; ")}.` : "");
@@ -192,26 +192,26 @@ SSM.beyond = (panel) => {
     if (!ends.length || (other.length && other[0] === -ends[0])) continue;
     const both = ends.length === 2 && ends[0] === -ends[1];
     const name = limit.name === "nominal torque" ? "nominal " : panel.series.length > 1 ? `${limit.of} ` : "";
-    words.push(name + (both ? `±${SSM.short(ends[1])}` : ends.map(SSM.short).join(" and ")));
+    words.push(name + (both ? `±${short(ends[1])}` : ends.map(short).join(" and ")));
   }
   return words.length ? `limits outside the axis: ${words.join(", ")} ${panel.unit}` : "";
 };
 
-SSM.short = (value) => (Math.abs(value) < 1e-9 ? "0" : String(Number(value.toPrecision(4))).replace("-", "−"));
+const short = (value) => (Math.abs(value) < 1e-9 ? "0" : rounded(value, 4));
 
 // width of a vertical axis: its longest number keeps its minus sign
 SSM.room = (u, values) => Math.max(52, ...(values ?? []).map((text) => 1.1 * SSM.pen.measureText(text).width + 14));
 
 SSM.axis = (label, size, unit = "") => ({
   size,
-  stroke: () => SSM.ink("text"),
+  stroke: () => ink("text"),
   font: "12px system-ui, sans-serif",
   label: label || undefined,
   labelSize: label ? 18 : 0,
   labelFont: "12px system-ui, sans-serif",
-  grid: { stroke: () => SSM.ink("grid"), width: 1 },
-  ticks: { stroke: () => SSM.ink("tick"), width: 1, size: 4 },
-  values: (u, splits) => splits.map((v, i) => SSM.short(v) + (unit && i === splits.length - 1 ? ` ${unit}` : "")),
+  grid: { stroke: () => ink("grid"), width: 1 },
+  ticks: { stroke: () => ink("tick"), width: 1, size: 4 },
+  values: (u, splits) => splits.map((v, i) => short(v) + (unit && i === splits.length - 1 ? ` ${unit}` : "")),
 });
 
 SSM.shade = (u, phases) => {
@@ -225,9 +225,9 @@ SSM.shade = (u, phases) => {
     const from = Math.max(left, u.valToPos(phase.start, "x", true));
     const to = Math.min(left + width, u.valToPos(phase.end, "x", true));
     if (to <= from) return;
-    ctx.fillStyle = SSM.ink(i % 2 ? "stripe" : "paper");
+    ctx.fillStyle = ink(i % 2 ? "stripe" : "paper");
     ctx.fillRect(from, top, to - from, height);
-    ctx.fillStyle = SSM.ink("text");
+    ctx.fillStyle = ink("text");
     ctx.fillText(SSM.fitting(phase.name, (to - from) / ratio), (from + to) / 2, top - 4 * ratio);
   });
   ctx.restore();
@@ -244,7 +244,7 @@ SSM.drawLimits = (u, panel, colours) => {
   ctx.clip();
   ctx.lineWidth = 1.2 * ratio;
   for (const limit of panel.limits) {
-    ctx.strokeStyle = limit.side in colours ? SSM.tone(colours[limit.side]) : SSM.ink("limit");
+    ctx.strokeStyle = limit.side in colours ? SSM.tone(colours[limit.side]) : ink("limit");
     ctx.setLineDash(limit.name === "nominal torque" ? [1.5 * ratio, 3 * ratio] : [5 * ratio, 4 * ratio]);
     for (const end of [limit.low, limit.high]) {
       if (end === null) continue;

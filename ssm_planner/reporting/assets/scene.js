@@ -14,7 +14,7 @@ SSM.Scene = class {
     this.views = { ...SSM.views };
     this.renderer = null;
     if (!document.createElement("canvas").getContext("webgl2")) {
-      container.replaceChildren(SSM.element("p", { class: "fallback", role: "note" },
+      container.replaceChildren(element("p", { class: "fallback", role: "note" },
         "No 3D view, because this browser has no WebGL. Plots, values and tables below work without it."));
       return;
     }
@@ -28,11 +28,11 @@ SSM.Scene = class {
       this.canvas.setAttribute(name, value);
     }
     this.canvas.addEventListener("keydown", (event) => this.#key(event));
-    this.note = SSM.element("p", { class: "scene-note", hidden: true });
-    this.overlay = SSM.element("div", { class: "labels", "aria-hidden": "true" });
-    this.legend = SSM.element("details", { class: "scene-legend", open: container.clientWidth > 560 && container.clientHeight > 500 }, SSM.element("summary", {}, "Legend"));
+    this.note = element("p", { class: "scene-note", hidden: true });
+    this.overlay = element("div", { class: "labels", "aria-hidden": "true" });
+    this.legend = element("details", { class: "scene-legend", open: container.clientWidth > 560 && container.clientHeight > 500 }, element("summary", {}, "Legend"));
     this.legend.addEventListener("toggle", () => { this.#cover(); this.render(); });
-    this.inset = SSM.element("div", { class: "inset", "aria-hidden": "true" });
+    this.inset = element("div", { class: "inset", "aria-hidden": "true" });
     this.covering = [this.#views(), this.legend, this.inset];
     this.covered = [];
     container.replaceChildren(this.canvas, this.overlay, this.note, ...this.covering);
@@ -85,7 +85,7 @@ SSM.Scene = class {
     }
     this.robots.push(robot);
     for (const text of ghost ? [] : robot.texts) {
-      const node = SSM.element("span", {}, text.text);
+      const node = element("span", {}, text.text);
       node.style.borderColor = SSM.paint(text.colour);
       this.overlay.append(node);
       this.texts.push({ ...text, node, size: [node.offsetWidth, node.offsetHeight] });
@@ -123,7 +123,7 @@ SSM.Scene = class {
   tip(number) {
     const robot = this.robots[number];
     robot.base.updateMatrixWorld(true);
-    return robot.slide.localToWorld(new THREE.Vector3()).toArray();
+    return robot.slide.localToWorld(new Vector3()).toArray();
   }
 
   // name: of a view, or the numbers of place()
@@ -197,7 +197,7 @@ SSM.Scene = class {
   // labels beside their places, where no other label stands yet
   #place() {
     const [width, height] = this.size;
-    const point = new THREE.Vector3();
+    const point = new Vector3();
     const taken = [...this.covered];
     const perMetre = height / (2 * Math.tan((this.camera.fov * Math.PI) / 360) * this.camera.position.distanceTo(this.controls.target));
     for (const { anchor, node, size, name, shown } of this.texts) {
@@ -236,12 +236,12 @@ SSM.Scene = class {
 
   // the colours of the scheme; on paper a copy, since what WebGL draws is gone when the page is printed
   #redraw() {
-    this.renderer.setClearColor(SSM.ink("scene"));
+    this.renderer.setClearColor(ink("scene"));
     this.#draw();
     this.container.querySelector(".paper")?.remove();
     if (!SSM.printing) return;
     const { width, height } = this.canvas;
-    const copy = SSM.element("canvas", { class: "paper", width, height, role: "img", "aria-label": "The mechanism" });
+    const copy = element("canvas", { class: "paper", width, height, role: "img", "aria-label": "The mechanism" });
     copy.getContext("2d").drawImage(this.canvas, 0, 0);
     this.container.append(copy);
   }
@@ -272,13 +272,13 @@ SSM.Scene = class {
     if (names.join() === this.named) return;
     this.named = names.join();
     const entry = (name) => {
-      const box = SSM.element("input", { type: "checkbox", checked: !this.hidden.has(name), onchange: () => {
+      const box = element("input", { type: "checkbox", checked: !this.hidden.has(name), onchange: () => {
         if (box.checked) this.hidden.delete(name);
         else this.hidden.add(name);
         this.#show();
         this.render();
       } });
-      return SSM.element("label", {}, box, name);
+      return element("label", {}, box, name);
     };
     this.legend.replaceChildren(this.legend.firstChild, ...names.map(entry));
     this.#cover();
@@ -291,11 +291,11 @@ SSM.Scene = class {
   }
 
   #views() {
-    return SSM.element("div", { class: "views", role: "group", "aria-label": "Camera" }, ...Object.keys(this.views).map((name) => this.#view(name)));
+    return element("div", { class: "views", role: "group", "aria-label": "Camera" }, ...Object.keys(this.views).map((name) => this.#view(name)));
   }
 
   #view(name) {
-    return SSM.element("button", { type: "button", onclick: () => this.look(name) }, name);
+    return element("button", { type: "button", onclick: () => this.look(name) }, name);
   }
 
   #fit() {

@@ -2,7 +2,6 @@
 "use strict";
 const data = SSM.data();
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#A0457E", "#000000"];
-const ink = () => SSM.ink("text");
 const clear = (opacity) => { // a grey that lies over itself
   const [r, g, b] = SSM.dark() ? [170, 182, 194] : [90, 100, 112];
   return `rgba(${r}, ${g}, ${b}, ${opacity})`;
@@ -38,9 +37,9 @@ const ticks = ([low, high]) => {
   const step = [1, 2, 5, 10].map((each) => each * power).find((each) => each >= raw);
   const found = [];
   for (let at = Math.ceil(low / step) * step; at <= high + step * 1e-9; at += step) found.push(at);
-  return found.map((at) => [at, Number(at.toPrecision(6)).toString().replace("-", "−")]);
+  return found.map((at) => [at, rounded(at, 6)]);
 };
-const label = (of, value, digits = 5) => (of.labels ? of.labels[value] : Number(value.toPrecision(digits)).toString().replace("-", "−"));
+const label = (of, value, digits = 5) => (of.labels ? of.labels[value] : rounded(value, digits));
 // the longest form of a title that has room: whole, without the path before its last word, cut
 const shortened = (context, title, room) => {
   const own = title.replace(/^\S*\./, "");
@@ -54,8 +53,8 @@ const axes = (context, width, height, across, up) => {
   const [x, y] = [extent(across.at), extent(up.at)].map(([low, high]) => [low - (high - low) * 0.03, high + (high - low) * 0.03]);
   const px = (value) => EDGE.left + ((value - x[0]) / (x[1] - x[0])) * (width - EDGE.left - EDGE.right);
   const py = (value) => height - EDGE.bottom - ((value - y[0]) / (y[1] - y[0])) * (height - EDGE.top - EDGE.bottom);
-  context.strokeStyle = SSM.ink("tick");
-  context.fillStyle = ink();
+  context.strokeStyle = ink("tick");
+  context.fillStyle = ink("text");
   context.strokeRect(EDGE.left, EDGE.top, width - EDGE.left - EDGE.right, height - EDGE.top - EDGE.bottom);
   context.textAlign = "center";
   const marks = (of, range) => (of.labels ? of.labels.map((text, i) => [i, text.slice(0, 14)]) : ticks(range));
@@ -107,7 +106,7 @@ const front = surface("front", (context, width, height) => {
     const [x, y] = place(nearest);
     context.beginPath();
     context.arc(x, y, 8, 0, 7);
-    context.strokeStyle = ink();
+    context.strokeStyle = ink("text");
     context.stroke();
   }
 });
@@ -137,9 +136,9 @@ const map = surface("map", (context, width, height) => {
   });
 });
 document.getElementById("map-legend").append(...stages.map((stage, k) => {
-  const shape = SSM.element("span", { "aria-hidden": "true" }, "●■▲◆"[k % 4]);
+  const shape = element("span", { "aria-hidden": "true" }, "●■▲◆"[k % 4]);
   shape.style.color = SSM.paint(COLOURS[k % COLOURS.length]);
-  return SSM.element("li", {}, shape, ` ${stage}`);
+  return element("li", {}, shape, ` ${stage}`);
 }));
 
 const lanes = [...data.choices, ...data.figures];
@@ -166,10 +165,10 @@ const parallel = surface("parallel", (context, width, height) => {
   document.getElementById("kept").textContent = `${shown.length} of ${done.length} kept` + (step > 1 ? `, every ${step}th drawn.` : ".");
   shown.forEach((i, k) => { if (k % step === 0 && !onFront.has(i)) draw(i, clear(0.2)); });
   shown.forEach((i) => { if (onFront.has(i)) draw(i, SSM.tone(COLOURS[0])); });
-  context.fillStyle = ink();
+  context.fillStyle = ink("text");
   context.textAlign = "center";
   lanes.forEach((name, k) => {
-    context.strokeStyle = ink();
+    context.strokeStyle = ink("text");
     context.beginPath();
     context.moveTo(at(k), top);
     context.lineTo(at(k), height - bottom);
@@ -185,7 +184,7 @@ const parallel = surface("parallel", (context, width, height) => {
     if (brush) {
       context.fillStyle = "rgba(0, 114, 178, 0.25)";
       context.fillRect(at(k) - 9, y(k, brush[1]), 18, y(k, brush[0]) - y(k, brush[1]));
-      context.fillStyle = ink();
+      context.fillStyle = ink("text");
     }
   });
 });

@@ -6,7 +6,7 @@ SSM.sortable = (table) => {
     const cell = row.cells[i];
     return "value" in cell.dataset ? Number(cell.dataset.value) : cell.textContent.trim().toLowerCase();
   };
-  const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b)));
+  const compare = (a, b) => a - b || String(a).localeCompare(b);
   heads.forEach((head, i) => {
     head.querySelector("button")?.addEventListener("click", () => {
       const rising = head.getAttribute("aria-sort") !== "ascending";

@@ -1,11 +1,17 @@
-// The local view: sliders ask the server, which holds the equations; the mechanism and its band follow at once.
+// The local view: sliders ask the server, which holds the equations; mechanism and band follow at once, the plan when they rest.
 "use strict";
 (() => {
   const { start, token, colours } = SSM.data();
   const degrees = 180 / Math.PI;
   const find = (name) => document.getElementById(name);
-  const scales = { depth: 1000 };
-  const state = { sign: null, from: [...start.pose], own: true, job: null, found: null, steps: [] };
+  const click = (name, run) => find(name).addEventListener("click", run);
+  const names = [...document.querySelectorAll("#controls [type=range], #controls .slider select")].map(({ id }) => id);
+  const POSE = ["roll", "tilt", "spin", "depth"];
+  // of a motor and its gear: named by its place in the robot file, in the unit of the file
+  const isPart = (name) => name.includes(".");
+  const scale = (name) => ({ depth: 1000, payload: 1000 })[name] ?? (isPart(name) ? 1 : degrees);
+  const state = { sign: null, from: POSE.map((name) => start.values[name]), steps: [], own: true, relaxed: false, pinned: null,
+    robot: true, job: null, judged: null, found: null };
 
   const ask = async (path, request) => {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify(request),
@@ -17,13 +23,13 @@
 
   // SI value of a field; exact where nobody has moved it
   const exact = {};
-  const value = (name) => exact[name];
   const put = (name, si) => {
-    exact[name] = si;
-    const shown = si * (scales[name] ?? degrees);
-    find(name).value = shown;
-    find(`${name}-number`).value = Number(shown.toFixed(6));
     fault(name, "");
+    exact[name] = si;
+    const shown = find(name).options ? si : si * scale(name);
+    find(name).value = shown;
+    const typed = find(`${name}-number`);
+    if (typed) typed.value = Number(shown.toFixed(6));
   };
   // a message beside the field that it means
   const fault = (name, text) => {
@@ -31,33 +37,33 @@
     find(`${name}-number`)?.setAttribute("aria-invalid", String(Boolean(text)));
   };
   const blame = (error) => {
-    const key = error.key ?? "";
+    const key = (error.key ?? "").replace("robot.", "").replace("mu_static", "mu");
     const part = key.split(".").pop();
     const number = key.match(/motion\[(\d+)\]/);
-    let name = { tilt_range: "high", start: "from", target: "motion" }[key] ?? part;
+    let name = { tilt_range: "high", start: "from", tip_payload: "payload" }[key] ?? part;
     let text = error.reason ?? error.message;
-    if (number && state.steps.length) [name, text] = ["motion", `entry ${Number(number[1]) + 1}, ${part}: ${text}`];
+    if (find(`${key}-error`)) name = key;
+    else if (number && state.steps.length) [name, text] = ["motion", `entry ${Number(number[1]) + 1}, ${part}: ${text}`];
     else if (key.includes("start")) [name, text] = ["from", `${part}: ${text}`];
     if (find(`${name}-error`)) fault(name, text);
     else find("verdict").textContent = error.message;
   };
-  const names = ["alpha", "beta", "low", "high", "roll", "tilt", "spin", "depth"];
-  const pose = () => ["roll", "tilt", "spin", "depth"].map(value);
-  const words = ([roll, tilt, spin, depth]) => `roll ${SSM.fixed(roll * degrees, 1)}°, tilt ${SSM.fixed(tilt * degrees, 1)}°, ` +
-    `spin ${SSM.fixed(spin * degrees, 1)}°, depth ${SSM.fixed(depth * 1000, 1)} mm`;
+  const pose = () => POSE.map((name) => exact[name]);
+  const listed = (labels, values) => values.map((si, i) => `${labels[i]} ${fixed(si * scale(POSE[i]), 1)} ${i === 3 ? "mm" : "°"}`).join(", ");
+  const words = (place) => listed(POSE, place);
 
   const scene = new SSM.Scene(find("scene"), []);
 
   const showWorkspace = (answer) => {
-    state.own = answer.own;
+    state.robot = answer.own;
     scene.clear();
     scene.add({ scene: answer.scene, colours, begin: state.begin });
-    const [low, high] = answer.tilt_range.map((x) => SSM.fixed(x * degrees, 3));
-    const spare = SSM.fixed(Math.abs(answer.margin) * degrees, 2);
+    const [low, high] = answer.tilt_range.map((x) => fixed(x * degrees, 3));
+    const spare = fixed(Math.abs(answer.margin) * degrees, 2);
     find("reach").textContent = `The mechanism reaches ${low}° to ${high}°: ` +
       (answer.reached ? `the required range, with ${spare}° to spare.` : `the required range is larger by ${spare}°.`);
     find("reach").className = answer.reached ? "good" : "bad";
-    whyNot();
+    tell();
   };
 
   const draw = () => {
@@ -70,18 +76,10 @@
     if (!answer.branches.some(({ branch }) => branch === state.sign)) {
       state.sign = (answer.branches.find(({ in_limits: inside }) => inside) ?? answer.branches[0]).branch;
     }
-    const choice = ({ joints, branch, in_limits: inside }) => {
-      const text = start.joints.map((name, i) => `${name} ${SSM.fixed(joints[i] * (i === 3 ? 1000 : degrees), 3)} ${i === 3 ? "mm" : "°"}`);
-      const radio = SSM.element("input", { type: "radio", name: "branch", value: branch, checked: branch === state.sign,
-        onchange: () => { state.sign = branch; draw(); } });
-      return SSM.element("label", { class: "branch" }, radio, SSM.element("span", {}, SSM.element("strong", {}, `branch ${branch > 0 ? "+1" : "−1"} `),
-        text.join(", "), inside ? "" : " — outside the joint limits"));
-    };
-    const focused = document.activeElement?.name === "branch";
-    find("branches").replaceChildren(SSM.element("fieldset", {}, SSM.element("legend", {}, "Inverse kinematics"), ...answer.branches.map(choice)));
-    if (focused) find("branches").querySelector(":checked")?.focus();
+    find("branches").replaceChildren(...answer.branches.map(({ joints, branch, in_limits: inside }) => element("option", { value: branch, selected: branch === state.sign },
+      listed(start.joints, joints), inside ? "" : " — outside the joint limits")));
     find("reached").textContent = answer.reachable ? "The pose is reachable." :
-      `Outside the workspace: the nearest pose is drawn, its tool axis ${SSM.fixed(answer.error * degrees, 2)}° away.`;
+      `Outside the workspace: the nearest pose is drawn, its tool axis ${fixed(answer.error * degrees, 2)}° away.`;
     find("reached").className = answer.reachable ? "good" : "bad";
     draw();
   };
@@ -94,7 +92,6 @@
       running = true;
       try {
         await run();
-        find("verdict").textContent = "";
       } catch (error) {
         blame(error);
       }
@@ -103,8 +100,8 @@
     };
     return go;
   };
-  const range = () => [value("low"), value("high")];
-  const angles = () => ({ alpha: value("alpha"), beta: value("beta") });
+  const range = () => [exact.low, exact.high];
+  const angles = () => ({ alpha: exact.alpha, beta: exact.beta });
   // an answer is shown unless a newer one has been asked for
   let newest = 0;
   const askJoints = async () => {
@@ -124,133 +121,158 @@
   });
 
   // a verdict holds for the settings that it judged
-  const judged = () => JSON.stringify(wanted());
-  const whyNot = () => {
-    const stale = Boolean(state.judged) && state.judged !== judged();
-    find("stale").hidden = !stale;
-    find("outcome").classList.toggle("old", stale);
+  const changes = () => names.filter((name) => isPart(name) && exact[name] !== start.values[name]).map((name) => [name, exact[name]]);
+  const inputs = () => ({ ...angles(), design: Object.fromEntries(changes()), payload: exact.payload, relaxed: state.relaxed,
+    ...(state.own ? { own: true } : { start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: range() }) });
+  const wanted = () => JSON.stringify({ ...inputs(), pinned: state.pinned });
+  const obstacle = () => (!start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
+    : state.own || state.steps.length || String(pose()) !== String(state.from) ? ""
+      : "The pose is the start of the motion. Move a slider of the pose, or plan the motion of the problem file.");
+  const tell = () => {
+    const stale = state.judged !== null && state.judged !== wanted();
+    find("stale").style.visibility = stale ? "visible" : "hidden";
+    find("desk").classList.toggle("old", stale);
     find("result").hidden = stale;
-    const reason = !start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
-      : !state.steps.length && String(pose()) === String(state.from) ? "The pose is the start of the motion. Move a slider of the pose, or plan the motion of the problem file." : "";
-    find("why").textContent = reason || (state.own ? "" : "The links keep their masses and shapes; their frames follow α and β.");
-    find("plan").disabled = Boolean(reason) || Boolean(state.job);
-    find("save").disabled = Boolean(reason);
-    find("whole").disabled = !start.can_plan || Boolean(state.job);
+    const assumed = [!state.robot && "The links keep their masses and shapes; their frames follow α and β.",
+      changes().length && "Drives keep their inertia, and static friction its ratio to μ; a chosen motor brings its own rotor.",
+      exact.payload && "The payload is a point mass at the tip."];
+    find("why").textContent = obstacle() || assumed.filter(Boolean).join(" ");
+    find("plan").disabled = find("pin").disabled = find("save").disabled = Boolean(obstacle());
+    find("pin").textContent = state.pinned ? "Unpin A" : "Pin this motion as A";
     find("cancel").disabled = !state.job;
-  };
-  const places = () => {
-    find("from").textContent = `From: ${words(state.from)}`;
-    find("to").textContent = `${state.steps.length ? "Shown, not part of the motion" : "To"}: ${words(pose())}`;
-    find("steps").replaceChildren(...state.steps.map((step, i) => {
-      const text = step.pose ? words(step.pose) : `dwell ${SSM.short(step.dwell)} s`;
-      const away = SSM.element("button", { type: "button", "aria-label": `Remove ${text}`, onclick: () => { state.steps.splice(i, 1); kept(); } }, "×");
-      return SSM.element("li", {}, text, " ", away);
+    find("from").textContent = state.own ? "The motion of the problem file" : `From: ${words(state.from)}`;
+    find("to").textContent = `${state.own || state.steps.length ? "Shown, not part of the motion" : "To"}: ${words(pose())}`;
+    find("steps").replaceChildren(...(state.own ? [] : state.steps).map((step, i) => {
+      const text = step.pose ? words(step.pose) : `dwell ${short(step.dwell)} s`;
+      const away = element("button", { type: "button", "aria-label": `Remove ${text}`, onclick: () => { state.steps.splice(i, 1); kept(); } }, "×");
+      return element("li", {}, text, " ", away);
     }));
   };
-  // all that is set stands in the address: it can be reloaded, sent and bookmarked
-  const kept = () => {
-    places();
-    whyNot();
-    const all = Object.fromEntries(names.map((name) => [name, value(name)]));
-    const text = JSON.stringify({ ...all, from: state.from, steps: state.steps, job: state.job ?? state.last, judged: state.judged });
-    history.replaceState(null, "", `#${encodeURIComponent(text)}`);
+  const kept = (more = {}) => {
+    Object.assign(state, { relaxed: false }, more);
+    tell();
   };
 
   // from a slider: one end of the range pushes the other. What is typed is used as it is, or refused beside the field.
   const bounds = (name) => [Number(find(name).min), Number(find(name).max)];
+  const inside = (name, shown) => shown >= bounds(name)[0] - 1e-9 && shown <= bounds(name)[1] + 1e-9;
   const changed = (name, shown, typed) => {
-    const [low, high] = bounds(name);
-    const unit = name === "depth" ? " mm" : "°";
+    const unit = find(`${name}-number`).nextElementSibling.textContent;
     if (!Number.isFinite(shown)) return fault(name, "not a number");
-    if (shown < low - 1e-9 || shown > high + 1e-9) return fault(name, `${SSM.short(shown)}${unit} is out of range: ${SSM.short(low)}${unit} to ${SSM.short(high)}${unit}`);
-    const si = shown / (scales[name] ?? degrees);
+    if (!inside(name, shown)) return fault(name, `${short(shown)} ${unit} is out of range: ${bounds(name).map(short).join(" to ")} ${unit}`);
+    const si = shown / scale(name);
     const step = 0.1 / degrees;
-    const crossed = (name === "low" && si >= value("high")) || (name === "high" && si <= value("low"));
+    const crossed = (name === "low" && si >= exact.high) || (name === "high" && si <= exact.low);
     if (crossed && (typed || Math.abs(shown) >= 180)) {
       return fault(name, name === "low" ? "must be below the upper end" : "must be above the lower end");
     }
     put(name, si);
     if (crossed) put(name === "low" ? "high" : "low", name === "low" ? si + step : si - step);
-    kept();
-    if (["roll", "tilt", "spin", "depth"].includes(name)) updatePose();
-    else updateAll();
-    return null;
+    kept(POSE.includes(name) ? { own: false } : {});
+    if (POSE.includes(name)) updatePose();
+    else if (!isPart(name)) updateAll();
   };
   for (const name of names) {
-    find(name).addEventListener("input", (event) => changed(name, event.target.valueAsNumber, false));
-    find(`${name}-number`).addEventListener("change", (event) => changed(name, event.target.valueAsNumber, true));
+    if (find(name).options) find(name).addEventListener("change", (event) => { put(name, event.target.value); kept(); });
+    else {
+      find(name).addEventListener("input", (event) => changed(name, event.target.valueAsNumber, false));
+      find(`${name}-number`).addEventListener("change", (event) => changed(name, event.target.valueAsNumber, true));
+    }
   }
 
-  const wanted = () => ({ ...angles(), start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: range() });
-  const link = (href, text, more = {}) => SSM.element("p", {}, SSM.element("a", { href, ...more }, text));
-  const follow = async (begin, inputs = judged()) => {
-    const steps = SSM.element("ol", { class: "steps", "aria-live": "polite" });
-    const message = SSM.element("p", { role: "status", class: "outcome" }, "Planning …");
-    const bar = SSM.element("progress", { "aria-label": "Planning" });
-    find("outcome").replaceChildren(message, bar, steps);
+  SSM.height = () => 130;
+  const player = new SSM.Player(find("player"), [0, 1], []);
+  const plots = new SSM.Plots(find("plots"), player, colours, []);
+  const showCurves = (desk) => {
+    for (const { u } of plots.all) u.destroy();
+    plots.seen.disconnect();
+    plots.sizes.disconnect();
+    Object.assign(plots, { all: [], section: null });
+    find("plots").replaceChildren();
+    find("player").hidden = !desk;
+    if (!desk) return;
+    const channels = desk.channels.map(SSM.channels);
+    const last = channels.at(-1);
+    player.times = last.t;
+    player.range.max = last.t.length - 1;
+    player.listeners.length = 1;
+    player.listeners.push((index) => scene.pose(0, SSM.joints(last, index)));
+    SSM.overlay(plots, desk, channels, desk.names);
+    player.set(state.own ? player.index : Infinity);
+  };
+  const show = ({ message, relaxation, desk }) => {
+    const job = state.job;
+    const link = (kind, text, more) => element("a", { href: `/${kind}/${job}`, ...more }, text);
+    const read = () => find("result").replaceChildren(element("h2", {}, "Plan"), element("iframe", { src: `/report/${job}`, title: "Report of the plan" }));
+    const links = relaxation ? [element("button", { type: "button", id: "relax", onclick: () => kept({ relaxed: true }) }, `Plan with ${relaxation}`)]
+      : message.startsWith("planned") ? [link("report", "Report in a new tab", { target: "_blank", rel: "noopener" }), link("plan", "plan.json", { download: "plan.json" }),
+        element("button", { type: "button", id: "read", onclick: read }, "Report below")] : [];
+    const row = (cells) => element("tr", {}, ...cells.map((text, i) => element(i ? "td" : "th", { scope: i ? null : "row" }, text)));
+    const head = desk?.names.length > 1 ? [["", ...desk.names]] : [];
+    find("outcome").replaceChildren(element("p", { class: "outcome", role: "status" }, message),
+      element("table", {}, ...[...head, ...(desk?.rows ?? [])].map(row)), element("p", { class: "buttons" }, ...links));
     find("result").replaceChildren();
-    ["from", "motion", "dwell"].forEach((name) => fault(name, ""));
+    showCurves(desk);
+  };
+  // all that is set stands in the address: it can be reloaded, sent and bookmarked
+  const live = follower(async () => {
+    const { from, steps, own, pinned } = state;
+    history.replaceState(null, "", `#${encodeURIComponent(JSON.stringify({ ...exact, from, steps, own, pinned }))}`);
+    const asked = wanted();
+    if (obstacle() || asked === state.judged) return;
+    let answer = {};
     try {
-      state.judged = null;
-      state.job = await begin();
-      state.judged = inputs;
-      state.last = state.job;
-      kept();
-      whyNot();
-      for (;;) {
-        const answer = await ask("/progress", { job: state.job });
-        while (steps.childElementCount < answer.steps.length) steps.append(SSM.element("li", {}, answer.steps[steps.childElementCount]));
-        steps.scrollTop = steps.scrollHeight;
-        if (answer.done) { finished(answer, message); break; }
-        await new Promise((resolve) => setTimeout(resolve, 150));
+      ["from", "motion", "dwell"].forEach((name) => fault(name, ""));
+      state.job = (await ask("/plan", JSON.parse(asked))).job;
+      while (!answer.done) {
+        answer = await ask("/progress", { job: state.job });
+        find("step").textContent = answer.done ? "" : answer.steps.at(-1) ?? "";
+        tell();
+        if (!answer.done) await new Promise((resolve) => setTimeout(resolve, 40));
       }
+      find("verdict").textContent = "";
     } catch (error) {
-      message.textContent = error.key ? "not planned" : error.message;
+      answer = { message: "not planned" };
       blame(error);
     }
-    bar.remove();
-    state.job = null;
-    whyNot();
-  };
-  const finished = (answer, message) => {
-    message.textContent = answer.message;
-    if (answer.relaxation) {
-      const { last } = state;
-      message.after(SSM.element("button", { type: "button", id: "relax", onclick: () => follow(async () => (await ask("/plan", { relaxed: last })).job) },
-        `Plan with ${answer.relaxation}`));
+    if (asked === wanted()) {
+      show(answer);
+      state.judged = asked;
     }
-    if (!answer.report) return;
-    message.after(link(answer.report, "Open the report in a new tab", { target: "_blank", rel: "noopener" }), link("#result", "Go to the report below"),
-      link(answer.plan, "Download plan.json", { download: "plan.json" }));
-    find("outcome").querySelector('[href="#result"]').addEventListener("click", (event) => { event.preventDefault(); find("result").scrollIntoView(); });
-    find("result").append(SSM.element("h2", {}, "Plan"), SSM.element("iframe", { src: answer.report, title: "Report of the plan" }));
-  };
-  find("plan").addEventListener("click", () => follow(async () => (await ask("/plan", wanted())).job));
-  find("whole").addEventListener("click", () => follow(async () => (await ask("/plan", { own: true })).job));
-  find("cancel").addEventListener("click", () => ask("/cancel", { job: state.job }).catch(blame));
-  find("save").addEventListener("click", async () => {
+    state.job = null;
+    tell();
+  });
+  for (const kind of ["change", "click"]) document.querySelector("main").addEventListener(kind, live);
+  find("branches").addEventListener("change", (event) => { state.sign = Number(event.target.value); draw(); });
+  click("plan", () => { state.judged = ""; });
+  click("whole", () => kept({ own: true }));
+  click("pin", () => kept({ pinned: state.pinned ? null : inputs(), relaxed: state.relaxed }));
+  click("cancel", () => ask("/cancel", { job: state.job }).catch(blame));
+  click("save", async () => {
     try {
-      const { text } = await ask("/yaml", wanted());
+      const { text } = await ask("/yaml", inputs());
       SSM.download("problem.yaml", text, "application/yaml");
     } catch (error) { blame(error); }
   });
-  find("here").addEventListener("click", () => { state.from = pose(); kept(); updateAll(); });
-  find("waypoint").addEventListener("click", () => { state.steps.push({ pose: pose() }); kept(); });
-  find("dwell").addEventListener("click", () => {
+  click("here", () => { kept({ from: pose(), own: false }); updateAll(); });
+  click("waypoint", () => kept({ steps: [...state.steps, { pose: pose() }], own: false }));
+  click("dwell", () => {
     const time = find("dwell-number").valueAsNumber;
     if (!(time >= 0.001 && time <= 3600)) return fault("dwell", "a dwell must last 0.001 s to 3600 s");
     fault("dwell", "");
-    state.steps.push({ dwell: time });
-    return kept();
+    return kept({ steps: [...state.steps, { dwell: time }], own: false });
   });
-  find("own").addEventListener("click", () => { put("alpha", start.alpha); put("beta", start.beta); kept(); updateAll(); });
-  find("suggest").addEventListener("click", async () => {
+  const putAll = (values) => {
+    for (const [name, si] of Object.entries(values)) put(name, si);
+    kept();
+    updateAll();
+  };
+  click("own", () => { state.own = true; putAll(start.values); });
+  click("suggest", async () => {
     try {
-      const found = await ask("/suggest", { tilt_range: range() });
-      put("alpha", found.alpha);
-      put("beta", found.beta);
-      kept();
-      updateAll();
+      const { alpha, beta } = await ask("/suggest", { tilt_range: range() });
+      putAll({ alpha, beta });
+      live();
     } catch (error) { blame(error); }
   });
 
@@ -258,24 +280,23 @@
   const recall = () => {
     let held = {};
     try { held = JSON.parse(decodeURIComponent(location.hash.slice(1))) ?? {}; } catch { return; }
-    const inside = (name, si) => Number.isFinite(si) && si * (scales[name] ?? degrees) >= bounds(name)[0] - 1e-9 && si * (scales[name] ?? degrees) <= bounds(name)[1] + 1e-9;
-    const isPose = (each) => Array.isArray(each) && each.length === 4 && each.every((si, i) => inside(names[4 + i], si));
-    for (const name of names) if (inside(name, held[name])) put(name, held[name]);
-    if (value("low") >= value("high")) start.tilt_range.forEach((si, i) => put(["low", "high"][i], si));
+    const fits = (name, si) => (find(name).options ? typeof si === "string" : Number.isFinite(si) && inside(name, si * scale(name)));
+    const isPose = (each) => Array.isArray(each) && each.length === 4 && each.every((si, i) => fits(POSE[i], si));
+    for (const name of names) if (fits(name, held[name])) put(name, held[name]);
+    if (exact.low >= exact.high) for (const name of ["low", "high"]) put(name, start.values[name]);
     if (isPose(held.from)) state.from = held.from;
     if (Array.isArray(held.steps)) state.steps = held.steps.filter((each) => each && (isPose(each.pose) || Number.isFinite(each.dwell)));
-    if (typeof held.job === "string") {
-      ask("/progress", { job: held.job }).then(() => follow(async () => held.job, held.judged)).catch(() => {});
-    }
+    state.own = held.own !== false;
+    if (held.pinned?.alpha) state.pinned = held.pinned;
   };
 
   for (const end of ["min", "max"]) {
     find("depth")[end] = (1000 * start.depth_range[end === "min" ? 0 : 1]).toFixed(3);
   }
-  [start.alpha, start.beta, ...start.tilt_range, ...start.pose].forEach((si, i) => put(names[i], si));
+  for (const name of names) put(name, start.values[name]);
   recall();
-  places();
-  whyNot();
+  tell();
   updateAll();
+  live();
   SSM.scene = scene;
 })();

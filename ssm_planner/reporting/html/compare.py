@@ -8,15 +8,18 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ssm_planner.display import NOTHING, number, percent, signed
 from ssm_planner.plans import Plan
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.channels import channels_of, encode, time_grid
 from ssm_planner.reporting.html.page import render, write_page
-from ssm_planner.reporting.html.panels import Panel, panels_of
+from ssm_planner.reporting.html.panels import Panel, new_panel, panels_of
 from ssm_planner.reporting.html.report import verdict
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import Table
+from ssm_planner.typing import Array
 from ssm_planner.units import RPM
 from ssm_planner.verification.certificate import Certificate
 
@@ -54,10 +57,10 @@ def comparison_page(plan_a: Plan, plan_b: Plan) -> str:
     )
 
 
-def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
-    """Return the data for the scripts of the page as JSON types.
+def comparison_data(plans: Sequence[Plan]) -> dict[str, Any]:
+    """Return the data of one or two plans for the scripts of the page as JSON types.
 
-    Both plans are sampled on the same time grid. After its end, the shorter plan keeps its last
+    All plans are sampled on the same time grid. After its end, the shorter plan keeps its last
     position.
     """
     duration = max(plan.motion.duration for plan in plans)
@@ -67,7 +70,8 @@ def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
     for plan, samples in zip(plans, channels, strict=True):
         # A limit cannot be active after the end of the plan.
         running = t <= plan.motion.duration + 1e-9
-        panels.append(panels_of(plan, {name: values[running] for name, values in samples.items()}))
+        own_panels = panels_of(plan, {name: x[running] for name, x in samples.items()})
+        panels.append([*own_panels, *_margin_panels(plan, samples)])
     return {
         "duration": duration,
         "ends": [plan.motion.duration for plan in plans],
@@ -76,6 +80,21 @@ def comparison_data(plans: tuple[Plan, Plan]) -> dict[str, Any]:
         "scenes": [scene_of(plan.robot, plan.limits) for plan in plans],
         "channels": [encode(samples) for samples in channels],
     }
+
+
+def _margin_panels(plan: Plan, samples: dict[str, Array]) -> Iterator[Panel]:
+    """Yield one panel per motor with the margin that torque and speed keep from their limits.
+
+    The function adds the margins (n,) to `samples`, as shares of the limits.
+    """
+    for i, joint in enumerate(plan.robot.joints):
+        if joint.motor is not None and f"tau{i}" in samples:
+            use = abs(samples[f"tau{i}"]) / joint.motor.max_torque
+            use = np.maximum(use, abs(samples[f"w{i}"]) / joint.motor.max_speed)
+            samples[f"margin{i}"] = 1 - use
+            series = [(f"margin{i}", joint.name, i)]
+            panel = new_panel("Motors", f"Margin of torque and speed: {joint.name}", "%", series)
+            yield panel | {"scale": 100.0}
 
 
 def _durations(plans: tuple[Plan, Plan]) -> Table:
@@ -143,7 +162,7 @@ def _merge(panels: Sequence[list[Panel]]) -> list[Panel]:
     plans have.
     """
     merged: dict[tuple[str, str], Panel] = {}
-    for side, name in enumerate(NAMES):
+    for side, name in enumerate(NAMES[: len(panels)]):
         kept = [panel for panel in panels[side] if panel["section"] not in LEFT_OUT]
         for panel in chain.from_iterable(map(_split_by_series, kept)):
             key = panel["section"], panel["channel"]
