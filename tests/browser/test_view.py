@@ -359,7 +359,9 @@ def test_what_is_set_stands_in_the_address(visit: Open, server: ViewServer) -> N
     type_in(page, "depth", "7.5")
     opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
     address = page.url
-    for reloaded in (visit(address), visit(address)):
+    for _ in range(2):
+        reloaded = visit(address)
+        reloaded.wait(f"{PLANNED} && {IDLE}", seconds=60)
         assert reloaded.page.input_value("#tilt-number") == "-101.25"
         assert reloaded.page.input_value("#depth-number") == "7.5"
         assert reloaded.page.locator("#steps li").count() == 2

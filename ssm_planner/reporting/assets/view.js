@@ -164,6 +164,7 @@
     const step = 0.1 / degrees;
     const crossed = (name === "low" && si >= exact.high) || (name === "high" && si <= exact.low);
     if (crossed && (typed || Math.abs(shown) >= 180)) {
+      put(name, exact[name]);
       return fault(name, name === "low" ? "must be below the upper end" : "must be above the lower end");
     }
     put(name, si);
@@ -200,12 +201,12 @@
     SSM.overlay(plots, desk, channels, desk.names);
     player.set(state.own ? player.index : Infinity);
   };
-  const show = ({ message, relaxation, desk }) => {
+  const show = ({ message, relaxation, desk, plan }) => {
     const job = state.job;
     const link = (kind, text, more) => element("a", { href: `/${kind}/${job}`, ...more }, text);
     const read = () => find("result").replaceChildren(element("h2", {}, "Plan"), element("iframe", { src: `/report/${job}`, title: "Report of the plan" }));
     const links = relaxation ? [element("button", { type: "button", id: "relax", onclick: () => kept({ relaxed: true }) }, `Plan with ${relaxation}`)]
-      : message.startsWith("planned") ? [link("report", "Report in a new tab", { target: "_blank", rel: "noopener" }), link("plan", "plan.json", { download: "plan.json" }),
+      : plan ? [link("report", "Report in a new tab", { target: "_blank", rel: "noopener" }), link("plan", "plan.json", { download: "plan.json" }),
         element("button", { type: "button", id: "read", onclick: read }, "Report below")] : [];
     const row = (cells) => element("tr", {}, ...cells.map((text, i) => element(i ? "td" : "th", { scope: i ? null : "row" }, text)));
     const head = desk?.names.length > 1 ? [["", ...desk.names]] : [];
@@ -287,7 +288,7 @@
     if (isPose(held.from)) state.from = held.from;
     if (Array.isArray(held.steps)) state.steps = held.steps.filter((each) => each && (isPose(each.pose) || Number.isFinite(each.dwell)));
     state.own = held.own !== false;
-    if (held.pinned?.alpha) state.pinned = held.pinned;
+    state.pinned = held.pinned ?? null;
   };
 
   for (const end of ["min", "max"]) {
