@@ -26,11 +26,8 @@ from ssm_planner.typing import Array, Mask
 MULTIPLIER = 1e-3
 """Sum of the multipliers of one joint over a stretch of time above which its direction is opened.
 """
-SHARES = (0.2, 1.0)
-"""Thresholds relative to the largest sum: all stretches above the first one are opened together.
-
-The next threshold is used if the solver fails.
-"""
+THRESHOLD = 0.2
+"""Share of the largest sum above which stretches are opened together."""
 ROUNDING = 1e-3
 """Share of the largest multiplier, or of a joint's largest velocity, that counts as 0."""
 
@@ -57,23 +54,20 @@ def refine_directions(
     PhaseSolution or None
         The motion.
     """
-    incumbent, cutoff = motion, (1 - GAP) * motion.duration
-    while True:
-        attempts = (suggest_reversals(phase, incumbent, share) for share in SHARES)
-        solved = (solve(reversals, cutoff) for reversals in attempts if reversals is not None)
-        faster = next((candidate for candidate in solved if candidate is not None), None)
+    incumbent = motion
+    while (reversals := suggest_reversals(phase, incumbent)) is not None:
+        cutoff = (1 - GAP) * incumbent.duration
+        faster = solve(reversals, cutoff)
         if faster is None or faster.duration >= cutoff:
-            return None if incumbent is motion else incumbent
-        incumbent, cutoff = faster, (1 - GAP) * faster.duration
+            break
+        incumbent = faster
+    return None if incumbent is motion else incumbent
 
 
-def suggest_reversals(
-    phase: Phase, motion: PhaseSolution, share: float = SHARES[0]
-) -> Reversals | None:
+def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Reversals | None:
     """Return the reversals that the multipliers of a free motion suggest.
 
-    None if no multiplier exceeds the tolerance. `share` is the threshold relative to the largest
-    sum of multipliers.
+    None if no multiplier exceeds the tolerance.
     """
     multipliers = motion.direction_multipliers
     if multipliers is None or multipliers.largest_sum <= MULTIPLIER:
@@ -81,7 +75,7 @@ def suggest_reversals(
     guess = Trajectory(motion.breaks, motion.coefficients, ())
     middles = (multipliers.instants[1:] + multipliers.instants[:-1]) / 2
     speed = np.abs(guess.sample(middles).qd)
-    directions = _opened(multipliers, share, speed <= ROUNDING * speed.max(axis=0))
+    directions = _opened(multipliers, speed <= ROUNDING * speed.max(axis=0))
     if np.array_equal(directions, multipliers.directions):
         return None
     return _reversals(phase, multipliers, directions, guess)
@@ -108,7 +102,7 @@ def _reversals(
     return Reversals(points, free, directions[middles], guess=(guess, instants))
 
 
-def _opened(multipliers: DirectionMultipliers, share: float, at_rest: Mask) -> Array:
+def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
     """Return directions (n, 4), opened in the stretches whose multipliers exceed the tolerance.
 
     `at_rest` (n, 4) is True where joints rest. A stretch is extended while its joint rests.
@@ -124,7 +118,8 @@ def _opened(multipliers: DirectionMultipliers, share: float, at_rest: Mask) -> A
         for joint, values in enumerate(multipliers.values.T)
         for start, stop in _stretches(signs[:, joint])
     ]
-    threshold = max(MULTIPLIER, share * max((size for *_, size in stretches), default=0.0))
+    largest = max((size for *_, size in stretches), default=0.0)
+    threshold = max(MULTIPLIER, THRESHOLD * largest)
     for joint, start, stop, size in stretches:
         if size >= threshold:
             low, end = _extended(start, stop, at_rest[:, joint] & (signs[:, joint] == 0))
