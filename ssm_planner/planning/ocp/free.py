@@ -743,11 +743,9 @@ class FreeProblem(OcpProblem):
         )
         standing = np.setdiff1d(np.arange(4), self.moving)
         if standing.size and multipliers.rows.any():
-            acceleration = self.joint_limits["acceleration"] * self.time_scale**2
             gradient = self._gradient_of_all_joints(solution, multipliers)
             for i in standing:
-                ramp = velocity[i] / acceleration[i]
-                values[:, i] = velocity[i] * steepest_descent(gradient[:, :, i], lengths, ramp)
+                values[:, i] = velocity[i] * steepest_descent(gradient[:, :, i], lengths)
         instants = np.append(0.0, np.cumsum(lengths))
         is_point = [
             k not in self.chain.ports and bool(fixed.all())

@@ -47,7 +47,7 @@ def _gradient_function(element: ElementModel) -> ca.Function:
     return ca.Function("gradient", [z, *p, multipliers], [ca.densify(gradient)])
 
 
-def steepest_descent(gradient: Array, lengths: Array, ramp: float) -> Array:
+def steepest_descent(gradient: Array, lengths: Array) -> Array:
     """Return w (mean(c/w) − c/w) of one standing joint in the middle of every element, (n,).
 
     Parameters
@@ -56,21 +56,11 @@ def steepest_descent(gradient: Array, lengths: Array, ramp: float) -> Array:
         Derivatives of ℓ with respect to q, q̇ and q̈ of the joint.
     lengths : (n,) array
         Lengths of the elements.
-    ramp : float
-        Window over which the costs are averaged: the time that the joint needs to reach its largest
-        velocity. It cannot follow faster changes.
     """
     h, (by_u, by_v, by_a) = lengths, gradient.T
     later = np.append(np.cumsum(by_u[::-1])[::-1], 0.0)[1:]
     at_start = by_v - by_a / h + later * h / 2
     at_end = by_a / h + later * h / 2
     costs = np.append(at_start, 0.0) + np.append(0.0, at_end)
-    # Integral of the costs from node to node, averaged over a window of time.
-    times = np.append(0.0, np.cumsum(h))
-    weights = (np.append(h, 0.0) + np.append(0.0, h)) / 2
-    edges = np.append(0.0, np.cumsum(weights))
-    total = np.append(0.0, np.cumsum(costs))
-    middles = (times[1:] + times[:-1]) / 2
-    low, high = (np.clip(middles + side * ramp / 2, 0.0, times[-1]) for side in (-1, 1))
-    mean = np.diff(np.interp([low, high], edges, total), axis=0)[0] / (high - low)
-    return np.asarray(h * (total[-1] / times[-1] - mean))
+    by_time = 2 * costs / (np.append(h, 0.0) + np.append(0.0, h))
+    return np.asarray(h * (costs.sum() / h.sum() - (by_time[1:] + by_time[:-1]) / 2))
