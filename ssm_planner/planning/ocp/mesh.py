@@ -1,8 +1,7 @@
 """Meshes and guesses: where elements end, and the motion at which the optimisation begins.
 
 A straight phase begins at the motion of TOPP-RA along its path. Its elements end where the binding
-limit of that motion changes, or with limited jerk where the jerk of a first solution jumps
-(`Mesh`). A free phase begins at a motion in closed form that keeps the limits of velocity,
+limit of that motion changes (`Mesh`). A free phase begins at a motion in closed form that keeps the limits of velocity,
 acceleration and jerk and rests at every point (`closed_form_guess`). If this motion is far from
 keeping the other limits, the guess is that of TOPP-RA (`retimed_guess`).
 """
@@ -16,7 +15,6 @@ from typing import Literal
 import numpy as np
 
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.ocp.nlp import cubics
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime
 from ssm_planner.planning.tolerances import ROUNDING, SAME
@@ -33,10 +31,6 @@ little time on them.
 """
 FEWEST = 5
 """Number of elements of the shortest arc."""
-JUMP, LEAST_JUMP = 0.5, 0.05
-"""A change of s⃛ over two elements is a jump above these shares of its local and of its global
-maximum.
-"""
 Side = Literal["left", "right"]
 """Side of an instant."""
 
@@ -104,47 +98,6 @@ class Mesh:
         speed = np.sqrt(np.interp(s, motion.s, motion.speed_squared)) * scale
         acceleration = np.diff(speed) / np.diff(shares)
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(shares)], axis=1)
-
-    @classmethod
-    def on(cls, elements: Array, interval: Indices, count: int) -> Mesh:
-        """Return a mesh with at least `count` elements and ends at the jumps of s⃛ in a solution.
-
-        `interval` (n,) are the intervals of the elements. Between two jumps, elements are equally
-        long. An element of the solution across a jump has the mean
-        jerk of both sides, which tells where in the element the jump is.
-        """
-        lengths = elements[:, 4]
-        times = np.append(0.0, np.cumsum(lengths))
-        jerk = np.diff(elements[:, 2:4])[:, 0] / lengths
-        previous = np.append(jerk[0], jerk[:-1])
-        following = np.append(jerk[1:], jerk[-1])
-        jumps = np.abs(following - previous)
-        is_jump = jumps > np.maximum(
-            JUMP * np.maximum(np.abs(following), np.abs(previous)), LEAST_JUMP * np.abs(jerk).max()
-        )
-        share = np.clip(
-            (jerk - following) / np.where(jumps > 0, previous - following, 1.0), 0.0, 1.0
-        )
-        turns = np.append(times[:-1][np.diff(interval, prepend=-1) > 0], times[-1])
-        ends = turns.tolist()
-        for k in sorted(np.flatnonzero(is_jump).tolist(), key=lambda k: -jumps[k]):
-            end = times[k] + share[k] * lengths[k]
-            if np.abs(np.array(ends) - end).min() > max(lengths[k], SHORTEST_ARC / 2 * times[-1]):
-                ends.append(float(end))
-        borders = np.array(sorted(ends))
-        instants = _element_ends(borders, count)
-        return cls(instants, _interval(instants, turns))
-
-    def resample(self, elements: Array) -> Array:
-        """Return a solution (n, 5) sampled on the elements of this mesh, which was made for it."""
-        times = np.append(0.0, np.cumsum(elements[:, 4]))
-        k = np.clip(np.searchsorted(times, self.instants, side="right") - 1, 0, len(elements) - 1)
-        share = (self.instants - times[k]) / elements[k, 4]
-        s, speed, acceleration = (
-            value[:, 0] for value in cubics(elements[k]).evaluate(share[:, None])
-        )
-        columns = s[:-1], speed[:-1], acceleration[:-1], acceleration[1:], np.diff(self.instants)
-        return np.stack(columns, axis=1)
 
 
 def _interval(instants: Array, turns: Array) -> Indices:

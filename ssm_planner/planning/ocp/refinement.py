@@ -161,13 +161,6 @@ class OcpProblem(ABC):
             breakaway_bound=self._breakaway_bound(),
         )
 
-    def remeshed(self, solution: NlpSolution) -> tuple[OcpProblem, Guess] | None:
-        """Return the problem on a better mesh for a solution, with the solution as guess.
-
-        None if the mesh is good.
-        """
-        return None
-
     def refined(self, counts: Indices) -> OcpProblem:
         """Return the problem with every element cut into equal parts.
 
@@ -295,8 +288,7 @@ def _finished(
     problem = result.state.problem
     if not result.solution.solved or result.solution.times.sum() > cutoff:
         return result.solution
-    finer = _remeshed(result)
-    confirmed = (finer and _confirmed(finer, "time")) or _confirmed(result, "time")
+    confirmed = _confirmed(result, "time")
     if confirmed is None:
         return replace(result.solution, message=NOT_CONFIRMED)
     quickest = confirmed
@@ -585,30 +577,6 @@ def _next(
     if may_cut and k <= CUTS and coarse.any():
         return state.cut(solution, coarse)
     return state.tightened(solution, backoff_of(violation))
-
-
-def _remeshed(refined: _Refined) -> _Refined | None:
-    """Return a faster motion on a mesh made for the given one.
-
-    None if no faster motion was found, or if the mesh is good.
-    """
-    remeshed = (
-        refined.state.problem.remeshed(refined.solution)
-        if refined.solution.solved and refined.feasible
-        else None
-    )
-    if remeshed is None:
-        return None
-    finer = _refine(_Refinement.from_guess(*remeshed), "time")
-    faster = (
-        finer.solution.solved
-        and finer.feasible
-        and finer.solution.times.sum() < refined.solution.times.sum()
-    )
-    if not faster:
-        return None
-    iterations = refined.solution.iterations + finer.solution.iterations
-    return replace(finer, solution=replace(finer.solution, iterations=iterations))
 
 
 def backoff_of(violation: Array) -> Array:

@@ -8,7 +8,6 @@ s(t) to joint polynomials.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +31,6 @@ from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Guess,
     Method,
-    NlpSolution,
     NlpStructure,
     PhaseSolution,
     cubics,
@@ -54,8 +52,8 @@ A path with rounded corners has half as many for every end of a rounding.
 """
 OF_PIECE = 18
 """Number of elements of every piece of a spline."""
-FINER = 2
-"""Factor on the number of elements for a second solution with limited jerk."""
+FINER = 3
+"""Factor on the number of elements of a jerk-limited motion that Ipopt confirms."""
 SUBDIVISION = 4
 """Quintic pieces per element. The path between their ends is then followed to about 1e-9 rad."""
 
@@ -109,7 +107,9 @@ def solve_straight(
     jerk = limits_jerk(robot)
     knots, signs = path.directions
     per_piece = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
-    count = count or max(len(path.breaks) * per_piece, ELEMENTS)
+    if count is None:
+        finer = FINER if jerk and method == "confirmed" else 1
+        count = finer * max(len(path.breaks) * per_piece, ELEMENTS)
     mesh = Mesh.from_retiming(
         guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None
     )
@@ -207,19 +207,6 @@ class _StraightProblem(OcpProblem):
             np.array([np.inf]),
             np.array([np.inf]),
         )
-
-    def remeshed(self, solution: NlpSolution) -> tuple[OcpProblem, Guess] | None:
-        """Return the problem on a mesh that ends elements at jumps of jerk.
-
-        The jerk of an element is constant and falls short of a limit that changes within it.
-        """
-        if not self.structure.smooth or self.method != "confirmed":
-            return None
-        mesh = Mesh.on(solution.elements, self.structure.segment, FINER * self.structure.elements)
-        times = mesh.times * mesh.instants[-1]
-        structure = _structure(mesh, smooth=True, velocity_limits=self.structure.velocity_limits)
-        problem = replace(self, structure=structure, fractions=mesh.fractions, times=times)
-        return problem, Guess(mesh.resample(solution.elements), times)
 
     @cached_property
     def complete_element(self) -> StraightElement:
