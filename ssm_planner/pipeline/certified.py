@@ -87,9 +87,8 @@ def plan_and_check(
     """Plan a problem and check the motion.
 
     If the check finds a limit exceeded, the limit is tightened by the excess and the problem is
-    planned again. A motion with TOPP-RA's timing that exceeds a limit between grid points is
-    planned without that timing first. A motion that tightening does not cure is planned again
-    without reversals between points.
+    planned again. A motion that tightening does not cure is planned again without reversals between
+    points.
 
     Parameters
     ----------
@@ -113,7 +112,6 @@ def plan_and_check(
     """
     strict = problem
     has_reversals = False
-    may_retime = True
     for attempt in range(1, ATTEMPTS + 1):
         result = plan_motion(
             unchecked(strict, robot=problem.robot),
@@ -122,7 +120,6 @@ def plan_and_check(
             cooling,
             may_overheat=may_overheat,
             may_reverse=may_reverse,
-            may_retime=may_retime,
         )
         has_reversals = has_reversals or any(phase.turns_back for phase in result.phases)
         if result.trajectory is None:
@@ -133,9 +130,6 @@ def plan_and_check(
         outcome = checked(problem, result)
         if outcome.certificate is None or outcome.passed:
             break
-        if any(phase.retimed for phase in result.phases):
-            may_retime = False
-            continue
         stricter = None if attempt == ATTEMPTS else tightened(strict, outcome.certificate)
         if stricter is None:
             break

@@ -27,8 +27,6 @@ class PlannedPhase:
     """
     lower_bound: float
     """Duration that no motion within the same limits can beat, s."""
-    retimed: bool = False
-    """True if the motion has the timing of TOPP-RA, because its own was slower."""
 
     @property
     def duration(self) -> float:

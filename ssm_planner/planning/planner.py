@@ -61,7 +61,6 @@ def plan_motion(
     *,
     may_overheat: bool = True,
     may_reverse: bool = True,
-    may_retime: bool = True,
 ) -> PlannerResult:
     """Plan every phase of a problem and join the motions.
 
@@ -81,8 +80,6 @@ def plan_motion(
         Plan a motion even if a bound shows that a motor cannot stay cool enough.
     may_reverse : bool
         Allow joints to reverse between points.
-    may_retime : bool
-        Take the timing of TOPP-RA where it is faster along the path of the motion.
 
     Returns
     -------
@@ -120,7 +117,7 @@ def plan_motion(
         if isinstance(solution, Reason):
             status = "not converged" if solution.limit is None else "infeasible"
             return PlannerResult(status, None, tuple(solutions), solution, tuple(attempts))
-        solutions.append(cross_checked(planner(phase), solution, may_retime=may_retime))
+        solutions.append(cross_checked(planner(phase), solution))
     return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(attempts))
 
 

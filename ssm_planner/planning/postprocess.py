@@ -1,4 +1,4 @@
-"""Post-processing by TOPP-RA: cross-check, faster timing, and timing for short stops."""
+"""Post-processing by TOPP-RA: cross-check, and timing for short stops."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.feasibility import no_motion
-from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
+from ssm_planner.planning.ocp.constraints import with_margin
 from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.ocp.straight import retimed_pieces
 from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
@@ -17,7 +17,6 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.retime import (
-    Retiming,
     motion_along,
     retime,
     retime_motion,
@@ -26,32 +25,22 @@ from ssm_planner.trajectory import Trajectory
 
 TOPPRA = "TOPP-RA"
 """Name of the solver of a motion whose timing is TOPP-RA's."""
-LONGER_THAN_TOPPRA = 1.003
-"""Ratio to TOPP-RA's duration beyond which a motion takes TOPP-RA's timing along its path."""
 BETWEEN = 2e-5
 """Relative margin that TOPP-RA's motion keeps from the limits for the time between its grid points.
 """
 
 
-def cross_checked(task: PhaseTask, result: PlannedPhase, *, may_retime: bool) -> PlannedPhase:
-    """Return a motion with TOPP-RA's duration along its path, retimed if that is much shorter.
+def cross_checked(task: PhaseTask, result: PlannedPhase) -> PlannedPhase:
+    """Return a motion with TOPP-RA's duration along its path.
 
-    A motion along a given path has TOPP-RA's duration from its guess. `may_retime` allows TOPP-RA's
-    timing.
+    A motion along a given path has this duration from its guess.
     """
     phase = result.phase
-    duration = result.duration
-    if phase.stands or phase.motion.duration is not None:
+    if phase.stands or phase.motion.duration is not None or phase.path is not None:
         return result
-    if phase.path is None:
-        retiming = _retime_along(task, result.motion)
-        result = replace(result, toppra_duration=retiming.duration if retiming.converged else None)
-    toppra = result.toppra_duration
-    slow = toppra is not None and duration > LONGER_THAN_TOPPRA * toppra
-    # TOPP-RA does not know limits on jerk.
-    if slow and may_retime and task.cooling is None and not limits_jerk(task.problem.robot):
-        return _as_fast_as_toppra(task, result)
-    return result
+    path = path_of(task.mechanism, phase, result.motion)
+    retiming = retime_motion(path, task.problem.robot, task.problem.task_limits)
+    return replace(result, toppra_duration=retiming.duration if retiming.converged else None)
 
 
 def retimed(task: PhaseTask, path: JointPath) -> PlannedPhase | Reason:
@@ -78,7 +67,7 @@ def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
     path = path_of(task.mechanism, task.phase, motion)
     samples = path.trajectory.sample(np.linspace(0.0, motion.duration, FEW))
     travel = braking_travel(task.mechanism, task.problem.robot, samples.q, samples.qd)
-    return motion if travel.max() <= limit.largest else _with_toppra_timing(task, motion, path)[1]
+    return motion if travel.max() <= limit.largest else _with_toppra_timing(task, motion, path)
 
 
 def path_of(mechanism: Mechanism, phase: Phase, motion: PhaseSolution) -> MotionPath:
@@ -88,40 +77,15 @@ def path_of(mechanism: Mechanism, phase: Phase, motion: PhaseSolution) -> Motion
     return MotionPath(mechanism, trajectory, motion.borders / trajectory.duration, signs)
 
 
-def _retime_along(task: PhaseTask, motion: PhaseSolution) -> Retiming:
-    """Return TOPP-RA's timing of the path of a motion."""
-    path = path_of(task.mechanism, task.phase, motion)
-    return retime_motion(path, task.problem.robot, task.problem.task_limits)
-
-
-def _as_fast_as_toppra(task: PhaseTask, result: PlannedPhase) -> PlannedPhase:
-    """Return the motion with TOPP-RA's timing if that is faster, else the motion itself."""
-    if result.phase.path is not None:
-        timed = retimed(task, result.phase.path)
-        if isinstance(timed, Reason) or timed.duration >= result.duration:
-            return result
-        return replace(timed, retimed=True)
-    path = path_of(task.mechanism, result.phase, result.motion)
-    retiming, motion = _with_toppra_timing(task, result.motion, path)
-    if not retiming.converged or motion.duration >= result.duration:
-        return result
-    recheck = _retime_along(task, motion)
-    motion = replace(motion, solver=TOPPRA, confirmation=None)
-    duration = recheck.duration if recheck.converged else None
-    return replace(result, motion=motion, toppra_duration=duration, retimed=True)
-
-
-def _with_toppra_timing(
-    task: PhaseTask, motion: PhaseSolution, path: MotionPath
-) -> tuple[Retiming, PhaseSolution]:
-    """Return TOPP-RA's timing of the path of a motion, and the motion with this timing."""
+def _with_toppra_timing(task: PhaseTask, motion: PhaseSolution, path: MotionPath) -> PhaseSolution:
+    """Return a motion with TOPP-RA's timing of its path."""
     # At rest, both ends stay at rest for every ṡ. The motion's own ṡ would leave no margin
     # to the limits.
     speed_ratio = 1.0 if task.phase.qd_start.any() else 1 - 2 * BETWEEN
     robot = with_margin(task.strict, BETWEEN)
     retiming = retime_motion(path, robot, task.problem.task_limits, speed_ratio=speed_ratio)
     if not retiming.solved:
-        return retiming, replace(motion, status=retiming.status, message=retiming.message)
+        return replace(motion, status=retiming.status, message=retiming.message)
     trajectory = motion_along(path, retiming)
     duration = task.phase.motion.duration
     if duration is not None:
@@ -129,6 +93,6 @@ def _with_toppra_timing(
     borders = (
         np.interp(path.knots, retiming.s, retiming.times) * trajectory.duration / retiming.duration
     )
-    return retiming, replace(
+    return replace(
         motion, breaks=trajectory.breaks, coefficients=trajectory.coefficients, borders=borders
     )

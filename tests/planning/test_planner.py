@@ -9,9 +9,7 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning import postprocess
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.motion import Free, Straight, Task
@@ -121,23 +119,6 @@ def test_a_motion_whose_elements_last_microseconds_is_certified_as_it_is(
         assert phase.duration == pytest.approx(phase.lower_bound, rel=1e-5)
 
 
-def test_a_pace_of_toppra_that_exceeds_a_limit_is_not_taken(
-    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    problem = dataclasses.replace(tilt_insert, planner="ipopt", motion=tilt_insert.motion[:1])
-    own = plan(problem).duration
-
-    def too_fast(_: object, planned: PlannedPhase) -> PlannedPhase:
-        motion, pace = planned.motion, 1.01
-        coefficients = motion.coefficients * pace ** np.arange(6)[:, None]
-        faster = dataclasses.replace(motion, breaks=motion.breaks / pace, coefficients=coefficients)
-        return dataclasses.replace(planned, motion=faster, retimed=True)
-
-    monkeypatch.setattr(postprocess, "LONGER_THAN_TOPPRA", 0.5)
-    monkeypatch.setattr(postprocess, "_as_fast_as_toppra", too_fast)
-    found = plan(problem)
-    assert found.passed
-    assert found.duration == own
 
 
 def test_tip_speed_is_kept(tilt_insert: Problem) -> None:
