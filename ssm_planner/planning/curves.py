@@ -168,65 +168,62 @@ def tip_curve(
     ProblemError
         If the curve is out of reach or passes the remote centre, or if an arc is a line.
     """
-    if motion.distance is None:
-        joints = _joints(problem, mechanism, motion, task, q)
-        tips = tip_position(mechanism, joints)
-        spins = [float(task[2])]
-        for row in joints[1:]:
-            spins.append(
-                float(
-                    task_from_joints(mechanism, row[None, :], near=[*task[:2], spins[-1], task[3]])[
-                        0, 2
-                    ]
-                )
-            )
-    else:
-        (end,) = _complete_tasks(problem, mechanism, motion, [motion.to], task)[1:]
-        tips = np.vstack(
-            [tip_position(mechanism, q[None]), _over_retina(problem, mechanism, motion, end)]
-        )
-        joints = np.vstack([q, q])
-        spins = [float(task[2]), float(end[2])]
-    if (
-        np.abs(joints - q).max() < ROUNDING
-        and np.abs(tips - tips[0]).max() < ROUNDING
-        and np.ptp(spins) < ROUNDING
-    ):
+    joints, tips, spins = _points_of_tip_curve(problem, mechanism, motion, task, q)
+    tip_stands = np.abs(tips - tips[0]).max() < ROUNDING
+    if tip_stands and np.abs(joints - q).max() < ROUNDING and np.ptp(spins) < ROUNDING:
         return q
-    curve = _arc(tips) if motion.curve == "arc" else _line(tips)
-    if motion.curve == "retina" and problem.eye is not None:
-        curve = _great_circle(tips, problem.eye.centre)
-    reason = "the three points of this arc lie on one line"
-    allowed = "points that a circle passes"
-    if curve is not None:
-        terms, angle = curve
-        if motion.constant_speed is not None and np.abs(tips - tips[0]).max() < ROUNDING:
-            reason = "the tip does not move, so it cannot keep a speed"
-            allowed = "a motion of the tip, or no constant_speed"
-            raise ProblemError(
-                reason,
-                file=problem.file,
-                line=motion.line,
-                key="constant_speed",
-                value=f"{1e3 * motion.constant_speed:g} mm/s",
-                allowed=allowed,
-            )
-        branch = int(mechanism.branch_of(q))
-        driven = driven_joints(problem)
-        path = TipPath(
-            mechanism, terms, angle, (spins[0], spins[-1]), branch=branch, first=q, watched=driven
+
+    def refused(reason: str, allowed: str, **place: str) -> ProblemError:
+        return ProblemError(reason, file=problem.file, line=motion.line, allowed=allowed, **place)
+
+    curve = _curve_through(problem, motion, tips)
+    if curve is None:
+        raise refused("the three points of this arc lie on one line", "points that a circle passes")
+    if motion.constant_speed is not None and tip_stands:
+        raise refused(
+            "the tip does not move, so it cannot keep a speed",
+            "a motion of the tip, or no constant_speed",
+            key="constant_speed",
+            value=f"{1e3 * motion.constant_speed:g} mm/s",
         )
-        samples = path.tips(np.linspace(0.0, 1.0, SAMPLES))
-        distance = np.linalg.norm(samples, axis=1).min()
-        allowed = "a curve within the workspace, away from the remote centre"
-        reason = f"the mechanism cannot bring the tip along all of this {motion.curve}"
-        if inverse_tip(mechanism, samples, spins[0]).reaches[:, 0 if branch > 0 else 1].all():
-            if distance >= NEAR_CENTRE:
-                return path
-            reason = f"the tip would pass the remote centre along this {motion.curve}"
-            if motion.curve == "line" and np.abs((joints[-1] - q)[:2]).max() < ROUNDING:
-                return np.asarray(joints[-1])
-    raise ProblemError(reason, file=problem.file, line=motion.line, allowed=allowed)
+    branch = int(mechanism.branch_of(q))
+    driven = driven_joints(problem)
+    path = TipPath(mechanism, *curve, (spins[0], spins[-1]), branch=branch, first=q, watched=driven)
+    samples = path.tips(np.linspace(0.0, 1.0, SAMPLES))
+    reason = f"the mechanism cannot bring the tip along all of this {motion.curve}"
+    if inverse_tip(mechanism, samples, spins[0]).reaches[:, 0 if branch > 0 else 1].all():
+        if np.linalg.norm(samples, axis=1).min() >= NEAR_CENTRE:
+            return path
+        reason = f"the tip would pass the remote centre along this {motion.curve}"
+        if motion.curve == "line" and np.abs((joints[-1] - q)[:2]).max() < ROUNDING:
+            return np.asarray(joints[-1])
+    raise refused(reason, "a curve within the workspace, away from the remote centre")
+
+
+def _curve_through(problem: Problem, motion: Follow, tips: Array) -> Curve | None:
+    """Return the curve of the tip through points (n, 3). None if those of an arc lie on a line."""
+    if motion.curve == "arc":
+        return _arc(tips)
+    if motion.curve == "retina" and problem.eye is not None:
+        return _great_circle(tips, problem.eye.centre)
+    return _line(tips)
+
+
+def _points_of_tip_curve(
+    problem: Problem, mechanism: Mechanism, motion: Follow, task: Array, q: Array
+) -> tuple[Array, Array, list[float]]:
+    """Return joints (n, 4), tips (n, 3) and spins of the points of a line or an arc of the tip."""
+    if motion.distance is not None:
+        (end,) = _complete_tasks(problem, mechanism, motion, [motion.to], task)[1:]
+        target = _over_retina(problem, mechanism, motion, end)
+        tips = np.vstack([tip_position(mechanism, q[None]), target])
+        return np.vstack([q, q]), tips, [float(task[2]), float(end[2])]
+    joints = _joints(problem, mechanism, motion, task, q)
+    spins = [float(task[2])]
+    for row in joints[1:]:
+        near = [*task[:2], spins[-1], task[3]]
+        spins.append(float(task_from_joints(mechanism, row[None, :], near=near)[0, 2]))
+    return joints, tip_position(mechanism, joints), spins
 
 
 def _over_retina(problem: Problem, mechanism: Mechanism, motion: Follow, task: Array) -> Array:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -153,49 +154,23 @@ def solve_free(
         Joint polynomials, or the status of the failure.
     """
     reversals = reversals or Reversals(points)
-    points = reversals.points
-    robot = problem.robot
-    limits = joint_limits(strict or robot, cooling)
-    if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
-        limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
-    displacements = np.diff(points, axis=0)
+    displacements = np.diff(reversals.points, axis=0)
     displacements[np.abs(displacements) <= ROUNDING] = 0.0
     ends = speeds or (np.zeros(4), np.zeros(4))
-    if limits_jerk(robot):
-        limits["jerk"] = jerk_for_all(limits, displacements, ends)
     request = _FreeRequest(
         problem=problem,
         mechanism=mechanism,
-        points=points,
+        points=reversals.points,
         displacements=displacements,
-        limits=limits,
+        limits=_limits(
+            problem, joint_limits(strict or problem.robot, cooling), displacements, ends
+        ),
         ends=ends,
         start_acceleration=np.zeros(4) if start_acceleration is None else start_acceleration,
         method=method,
         reversals=reversals,
     )
-    finer = count is None and request.is_confirmed_finer
-    # If the closed form keeps all other limits, it is the fastest motion on any mesh, so a coarse
-    # mesh suffices.
-    if_exceeded = finer and duration is None and cooling is None and len(displacements) == 1
-    per_segment = request.elements_per_segment(
-        count or request.count(finer=finer and not if_exceeded)
-    )
-    segments = request.segments(per_segment)
-    ocp = request.on_mesh_of(segments)
-    if if_exceeded and (ocp.chain.ports or ocp.row_maxima(ocp.guess.elements).max(initial=0.0) > 1):
-        per_segment = request.elements_per_segment(request.count(finer=True))
-        segments = request.segments(per_segment)
-        ocp = request.on_mesh_of(segments)
-    if request.rests_at_points and not ocp.row_maxima(ocp.guess.elements).max(initial=0.0) < FAR:
-        lines = (PolylinePath(mechanism, points[k : k + 2]) for k in range(len(displacements)))
-        ocp = request.on_mesh_of(
-            segments,
-            [
-                retimed_guess(robot, problem.task_limits, line, round(MORE * per_segment))
-                for line in lines
-            ],
-        )
+    ocp = request.with_guess(count, time_only=duration is None and cooling is None)
     takes = None if duration is None else duration / ocp.time_scale
     guess = ocp.guess.stretched(SLOWER) if request.has_one_time else ocp.guess
     return ocp.result(
@@ -208,6 +183,21 @@ def solve_free(
             finish=finish,
         )
     )
+
+
+def _limits(
+    problem: Problem,
+    limits: dict[str, Array],
+    displacements: Array,
+    ends: tuple[Array, Array],
+) -> dict[str, Array]:
+    """Return the limits of the joints with the rate of depth, and with jerk limits for all."""
+    limits = dict(limits)
+    if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
+        limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
+    if limits_jerk(problem.robot):
+        limits["jerk"] = jerk_for_all(limits, displacements, ends)
+    return limits
 
 
 @keyword_record
@@ -315,6 +305,30 @@ class _FreeRequest:
             for k in range(len(displacements))
         ]
 
+    def with_guess(self, count: int | None, *, time_only: bool) -> FreeProblem:
+        """Return the problem with its guess, on `count` elements or on a suitable number.
+
+        `time_only` tells that the fastest motion is sought.
+        """
+        finer = count is None and self.is_confirmed_finer
+        # If the closed form keeps all other limits, it is the fastest motion on any mesh, so a
+        # coarse mesh suffices.
+        coarse_first = finer and time_only and len(self.displacements) == 1
+        per_segment = self.elements_per_segment(
+            count or self.count(finer=finer and not coarse_first)
+        )
+        segments = self.segments(per_segment)
+        ocp = self.on_mesh_of(segments)
+        largest_row = ocp.row_maxima(ocp.guess.elements).max(initial=0.0)
+        if coarse_first and (ocp.chain.ports or largest_row > 1):
+            return self.with_guess(self.count(finer=True), time_only=time_only)
+        if not self.rests_at_points or largest_row < FAR:
+            return ocp
+        lines = (PolylinePath(self.mechanism, np.stack(ends)) for ends in pairwise(self.points))
+        limits, number = self.problem.task_limits, round(MORE * per_segment)
+        guesses = [retimed_guess(self.problem.robot, limits, line, number) for line in lines]
+        return self.on_mesh_of(segments, guesses)
+
     def on_mesh_of(
         self, segments: list[TurningGuess], replacements: list[SegmentGuess | None] | None = None
     ) -> FreeProblem:
@@ -330,21 +344,9 @@ class _FreeRequest:
                 for replacement, guess in zip(replacements, guesses, strict=True)
             ]
         chain = self._segment_chain(segments, guesses)
-        guesses = list(chain.guesses)
-        sizes = tuple(sum(guess.arcs) for guess in guesses)
-        moving = np.any(chain.directions != 0, axis=0)
-        arcs = [n for guess in guesses for n in guess.arcs]
-        structure = NlpStructure(
-            moves=tuple(tuple((d[moving] != 0).tolist()) for d in chain.directions),
-            segment_sizes=sizes,
-            block_sizes=sizes
-            if self.has_one_time or self._has_few_times(segments)
-            else blocks_of(arcs),
-            smooth=self.jerk,
-            velocity_limits=True,
-            joints=True,
-        )
-        lengths = np.concatenate([np.diff(guess.instants) for guess in guesses])
+        few_times = self.has_one_time or self._has_few_times(segments)
+        structure = chain.structure(few_times=few_times, smooth=self.jerk)
+        lengths = np.concatenate([np.diff(guess.instants) for guess in chain.guesses])
         times = np.bincount(structure.block, lengths)
         turning = SHORTEST_TURNING if self.reversals.free else SHORTEST_PASSING
         return FreeProblem(
@@ -352,7 +354,7 @@ class _FreeRequest:
             fractions=lengths / times[structure.block],
             times=times / times.sum(),
             joint_limits=self.limits,
-            time_scale=sum(guess.duration for guess in guesses),
+            time_scale=sum(guess.duration for guess in chain.guesses),
             method=self.method if self.is_structured else "Ipopt",
             problem=self.problem,
             mechanism=self.mechanism,
@@ -506,6 +508,20 @@ class SegmentChain:
     guesses: tuple[SegmentGuess, ...]
     ports: tuple[int, ...] = ()
     """Borders at which the tip passes the port of an eye. Joint 4 alone is fixed there."""
+
+    def structure(self, *, few_times: bool, smooth: bool) -> NlpStructure:
+        """Return the structure of the program. With `few_times`, each segment has one time."""
+        sizes = tuple(sum(guess.arcs) for guess in self.guesses)
+        arcs = [n for guess in self.guesses for n in guess.arcs]
+        moves = self.directions[:, np.any(self.directions != 0, axis=0)] != 0
+        return NlpStructure(
+            moves=tuple(map(tuple, moves.tolist())),
+            segment_sizes=sizes,
+            block_sizes=sizes if few_times else blocks_of(arcs),
+            smooth=smooth,
+            velocity_limits=True,
+            joints=True,
+        )
 
     def cut_at(
         self, port: float, is_outside: Callable[[Array], bool], least_count: int

@@ -288,44 +288,59 @@ def _finished(
     problem = result.state.problem
     if not result.solution.solved or result.solution.times.sum() > cutoff:
         return result.solution
-    confirmed = _confirmed(result, "time")
-    if confirmed is None:
+    fastest = _confirmed(result, "time")
+    if fastest is None:
         return replace(result.solution, message=NOT_CONFIRMED)
-    quickest = confirmed
-    total = float(confirmed.solution.times.sum())
     cooled = bool(problem.joint_limits["cooling"].any())
     # Without motors there is no heat to reduce.
     heated = objective != "time" and any(motorised(problem.complete_element.robot.joints))
     time_only = duration is None and not heated and not cooled
-    if not quickest.solution.solved or time_only or (duration or np.inf) < total:
-        return quickest.solution
-    guess = Guess(quickest.solution.elements, quickest.solution.times)
+    too_long = fastest.solution.times.sum() > (duration or np.inf)
+    if time_only or too_long or not fastest.solution.solved:
+        return fastest.solution
     if duration is None:
-        state = quickest.state.restarted(guess)
-        final_problem = quickest.state.problem
-        if quickest.solution.solver == "structured" and final_problem.has_free_borders:
-            # Heat barely depends on when borders are passed, so segments between them would shrink
-            # to nothing over many iterations.
-            lengths = guess.elements[:, -1]
-            one_time = final_problem.with_one_time(lengths)
-            state = replace(state, problem=one_time).restarted(replace(guess, times=one_time.times))
-        max_duration = np.inf if cooled else (1 + LONGER) * total
-        cheapest = _refined(state, "cooling" if cooled else "heat", (0.0, max_duration))
-        if not (cheapest.solution.solved and cheapest.feasible):
-            return quickest.solution
+        cheapest = _of_least_heat(fastest, cooled=cooled)
     else:
-        state = _Refinement.from_guess(quickest.state.problem, guess.stretched(duration / total))
-        cheapest = _refined(state, "cooling" if cooled else "effort", (duration, duration))
-        if not cheapest.solution.solved:  # Any motion of this duration is better than none.
-            cheapest = _refine(state, "time", duration=(duration, duration))
-    confirmation = quickest.solution.confirmation
-    of_cost = cheapest.solution.confirmation
+        cheapest = _of_least_effort(fastest, duration, "cooling" if cooled else "effort")
+    if cheapest is None:
+        return fastest.solution
+    confirmation, of_cost = fastest.solution.confirmation, cheapest.confirmation
     if confirmation is not None and of_cost is not None:
         confirmation = replace(
             confirmation, iterations=confirmation.iterations + of_cost.iterations
         )
-    iterations = quickest.solution.iterations + cheapest.solution.iterations
-    return replace(cheapest.solution, iterations=iterations, confirmation=confirmation)
+    iterations = fastest.solution.iterations + cheapest.iterations
+    return replace(cheapest, iterations=iterations, confirmation=confirmation)
+
+
+def _of_least_heat(fastest: _Refined, *, cooled: bool) -> NlpSolution | None:
+    """Return the motion of least heat that is not much longer than the fastest, or None.
+
+    With heat weights (`cooled`), it is the motion of least weighted sum of time and heat.
+    """
+    solution, problem = fastest.solution, fastest.state.problem
+    guess = Guess(solution.elements, solution.times)
+    if solution.solver == "structured" and problem.has_free_borders:
+        # Heat barely depends on when borders are passed, so segments between them would shrink to
+        # nothing over many iterations.
+        problem = problem.with_one_time(guess.elements[:, -1])
+        guess = replace(guess, times=problem.times)
+    state = replace(fastest.state, problem=problem).restarted(guess)
+    max_duration = np.inf if cooled else (1 + LONGER) * float(solution.times.sum())
+    result = _refined(state, "cooling" if cooled else "heat", (0.0, max_duration))
+    return result.solution if result.solution.solved and result.feasible else None
+
+
+def _of_least_effort(fastest: _Refined, duration: float, aim: Aim) -> NlpSolution:
+    """Return the motion of least effort, or of least weighted heat, that takes `duration`."""
+    solution = fastest.solution
+    guess = Guess(solution.elements, solution.times).stretched(duration / solution.times.sum())
+    state = _Refinement.from_guess(fastest.state.problem, guess)
+    result = _refined(state, aim, (duration, duration)).solution
+    # Any motion of this duration is better than none.
+    return (
+        result if result.solved else _refine(state, "time", duration=(duration, duration)).solution
+    )
 
 
 class Effort(threading.local):

@@ -235,17 +235,25 @@ def _boundary(
         free[list(rows[1:])] &= speed != 0
         for i in np.flatnonzero(speed):
             equal += [(k, entries[0] + i, speed[i]), (k, entries[1] + i, 0.0)]
-    # Via points between segments in which the coordinate moves.
-    for k in structure.borders[1:]:
-        equal += [
-            (k, e, state_values[k, e])
-            for e in np.flatnonzero(same[k])
-            if moving[k - 1, e % m] and moving[k, e % m]
-        ]
+    equal += _via_equalities(structure, data)
     if not equal:
         return free, values, _NONE
     index, entry, value = np.array(equal).T
     return free, values, (index.astype(int), entry.astype(int), value)
+
+
+def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, Any, Any]]:
+    """Return the fixed entries (element, entry of z, value) at via points.
+
+    They count between segments in which the coordinate moves.
+    """
+    m, moving = structure.coordinates, structure.moving
+    return [
+        (k, e, data.lower[k, e])
+        for k in structure.borders[1:]
+        for e in np.flatnonzero(data.fixed[k, : 2 * m])
+        if moving[k - 1, e % m] and moving[k, e % m]
+    ]
 
 
 def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:

@@ -179,53 +179,58 @@ def turning_guess(
     TurningGuess
         Segments between the reversals of all joints.
     """
-    joints = range(len(displacement))
     profiles = [
-        _Profile.from_limits(
-            float(displacement[i]), (float(speeds[0][i]), float(speeds[1][i])), limits[:, i]
-        )
-        for i in joints
+        _Profile.from_limits(float(way), (float(start), float(end)), limit)
+        for way, start, end, limit in zip(displacement, *speeds, limits.T, strict=True)
     ]
-    duration = max(profile.duration for profile in profiles)
-    curves = [profile.with_duration(duration) if profile.moves else None for profile in profiles]
-    ends = [(t, i, side) for i in joints for side, t in enumerate(profiles[i].turns) if t > 0]
-    turns = sorted((t if side == 0 else max(duration - t, 0.0), i, side) for t, i, side in ends)
-    borders = [0.0]
-    for t, _, _ in turns:
-        borders.append(max(t, borders[-1] + LEAST_SEGMENT * duration))
-    borders.append(max(duration, borders[-1] + LEAST_SEGMENT * duration))
-    direction = np.array(
-        [
-            0.0 if not profile.moves else profile.sign * (-1.0 if profile.turns[0] else 1.0)
-            for profile in profiles
-        ]
+    slowest = max(
+        (profile for profile in profiles if profile.moves), key=lambda profile: profile.duration
     )
-    directions = [direction.copy()]
-    for _, i, _ in turns:
-        direction[i] *= -1
-        directions.append(direction.copy())
-    leader = max((i for i in joints if curves[i] is not None), key=lambda i: profiles[i].duration)
-    switches = curves[leader].switches  # type: ignore[union-attr]
+    duration = slowest.duration
+    gap = LEAST_SEGMENT * duration
+    curves = [profile.with_duration(duration) if profile.moves else None for profile in profiles]
+    borders, directions = _reversals_in_order(profiles, duration)
     guesses = []
     for start, end in pairwise(borders):
         instants = [start]
-        for t in switches:
-            if instants[-1] + LEAST_SEGMENT * duration < t < end - LEAST_SEGMENT * duration:
+        for t in slowest.with_duration(duration).switches:
+            if instants[-1] + gap < t < end - gap:
                 instants.append(float(t))
         guesses.append(_guess_between(curves, [*instants, end], count / borders[-1], least_count))
-    positions = np.array(
-        [
-            [
-                0.0 if curve is None else float(curve.evaluate(np.array([t]))[0][0])
-                for curve in curves
-            ]
-            for t in borders
-        ]
-    )
+    positions = np.zeros((len(borders), len(curves)))
+    for i, curve in enumerate(curves):
+        if curve is not None:
+            positions[:, i] = curve.evaluate(np.array(borders))[0]
     positions[-1] = displacement
     fixed = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
     fixed[[0, -1]] = True
-    return TurningGuess(tuple(guesses), positions, fixed, np.array(directions))
+    return TurningGuess(tuple(guesses), positions, fixed, directions)
+
+
+def _reversals_in_order(profiles: list[_Profile], duration: float) -> tuple[list[float], Array]:
+    """Return the borders (k + 1), s, where joints reverse, and the directions between them, (k, m).
+
+    Both ends are borders too. Neighbouring borders keep a distance of LEAST_SEGMENT.
+    """
+    ends = [
+        (t if side == 0 else max(duration - t, 0.0), i)
+        for i, profile in enumerate(profiles)
+        for side, t in enumerate(profile.turns)
+        if t > 0
+    ]
+    borders = [0.0]
+    directions = [
+        [
+            profile.sign * (-1.0 if profile.turns[0] else 1.0) if profile.moves else 0.0
+            for profile in profiles
+        ]
+    ]
+    for t, i in sorted(ends):
+        borders.append(max(t, borders[-1] + LEAST_SEGMENT * duration))
+        directions.append(directions[-1].copy())
+        directions[-1][i] *= -1
+    borders.append(max(duration, borders[-1] + LEAST_SEGMENT * duration))
+    return borders, np.array(directions)
 
 
 def _guess_between(
