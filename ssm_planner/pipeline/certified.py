@@ -1,4 +1,4 @@
-"""One attempt at a problem: plan, check, and tighten the limits that the check finds exceeded."""
+"""Planning with a check: plan, check, and tighten the limits that the check finds exceeded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
-ATTEMPTS = 4
+ROUNDS = 4
 """Largest number of rounds of planning and checking.
 
 A fourth round has never helped where the third did not.
@@ -112,7 +112,7 @@ def plan_and_check(
     """
     strict = problem
     has_reversals = False
-    for attempt in range(1, ATTEMPTS + 1):
+    for number in range(1, ROUNDS + 1):
         result = plan_motion(
             unchecked(strict, robot=problem.robot),
             strict.robot,
@@ -126,11 +126,11 @@ def plan_and_check(
             outcome = Outcome(result, None, result.reason)
             break
         on_motion(result.trajectory)
-        progress("independent check" if attempt == 1 else f"independent check, attempt {attempt}")
+        progress("independent check" if number == 1 else f"independent check, attempt {number}")
         outcome = checked(problem, result)
         if outcome.certificate is None or outcome.passed:
             break
-        stricter = None if attempt == ATTEMPTS else tightened(strict, outcome.certificate)
+        stricter = None if number == ROUNDS else tightened(strict, outcome.certificate)
         if stricter is None:
             break
         strict = stricter

@@ -39,7 +39,7 @@ MAX_TARGETS = 8
 
 def plan_mission(
     problem: Problem,
-    attempt: Callable[[Problem], Outcome],
+    plan: Callable[[Problem], Outcome],
     progress: Callable[[str], None] = lambda _: None,
     *,
     stoppable: bool = False,
@@ -51,7 +51,7 @@ def plan_mission(
     ----------
     problem : Problem
         The problem.
-    attempt : callable
+    plan : callable
         Plans and checks a problem.
     progress : callable
         Called with a message for every alternative, which states the best duration so far.
@@ -64,7 +64,7 @@ def plan_mission(
     Returns
     -------
     outcome : Outcome
-        The best motion. Its attempts include the alternatives.
+        The best motion. Its candidates include the alternatives.
     problem : Problem
         The problem with the joints of that motion as targets.
     stopped : bool
@@ -72,10 +72,10 @@ def plan_mission(
     """
     search = _Search(
         problem,
-        attempt,
+        plan,
         progress,
         any_suffices=stop_at == "any",
-        best=attempt(problem),
+        best=plan(problem),
         best_problem=problem,
     )
     if search.best.passed and stop_at != "shortest":
@@ -99,24 +99,24 @@ class _Search:
     """Search over alternatives, one target after the other."""
 
     problem: Problem
-    attempt: Callable[[Problem], Outcome]
+    plan: Callable[[Problem], Outcome]
     progress: Callable[[str], None]
     any_suffices: bool
     best: Outcome
     best_problem: Problem
     hint: str = ""
     described: dict[int, list[dict[str, str | float | None]]] = field(default_factory=dict)
-    """Alternatives by the index of their phase, as `Attempt.described` returns them."""
+    """Alternatives by the index of their phase, as `Evaluation.described` returns them."""
 
     @property
     def listed(self) -> Outcome:
-        """The best motion with all alternatives among its attempts."""
+        """The best motion with all alternatives among its candidates."""
         planned = self.best.planned
-        attempts = list(planned.attempts)
-        attempts += [()] * (max(self.described, default=-1) + 1 - len(attempts))
+        candidates = list(planned.candidates)
+        candidates += [()] * (max(self.described, default=-1) + 1 - len(candidates))
         for k, alternatives in self.described.items():
-            attempts[k] += tuple(alternatives)
-        return replace(self.best, planned=replace(planned, attempts=tuple(attempts)))
+            candidates[k] += tuple(alternatives)
+        return replace(self.best, planned=replace(planned, candidates=tuple(candidates)))
 
     def run(self) -> None:
         """Search until no faster motion is expected, or until the effort is spent.
@@ -133,7 +133,7 @@ class _Search:
                     return
                 self._search(present, target, begin)
         if problem.planner == "optimal" and self.best_problem is not problem:
-            confirmed = self.attempt(self.best_problem)
+            confirmed = self.plan(self.best_problem)
             if confirmed.duration < (1 + RESERVE) * self.best.duration:
                 self.best = confirmed
 
@@ -147,7 +147,7 @@ class _Search:
             self.progress(f"other joints for {name}, attempt {next(number)}{found}")
 
         def plan(alternative: Problem) -> MissionMotion | Reason:
-            outcome = self.attempt(quickly(alternative))
+            outcome = self.plan(quickly(alternative))
             if outcome.reason is not None:
                 return outcome.reason
             if outcome.duration < self.best.duration * (1 - GAP):
@@ -156,7 +156,7 @@ class _Search:
 
         known = MissionMotion(best.duration, best.planned.phases) if best.passed else None
         planner = JointsPlanner(problem, phases, target, known, plan=plan, report=report)
-        solution, attempts = find_fastest(
+        solution, evaluations = find_fastest(
             [OtherJoints],
             planner,
             best.duration * (1 - GAP),
@@ -164,7 +164,7 @@ class _Search:
             budget=SEARCH + begin - EFFORT.spent,
         )
         self.described.setdefault(phases.index(planner.phase), []).extend(
-            attempt.described(solution) for attempt in attempts
+            item.described(solution) for item in evaluations
         )
 
 

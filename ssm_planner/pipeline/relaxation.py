@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.prechecks import eye_forbids_target
@@ -33,7 +33,7 @@ GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
 """Factors on the smallest possible change, tried in turn until there is a motion."""
 SHARP = 0.9
 """The bisection ends when this share of the reported change gives no motion."""
-SHARES = (0.1, 1.0)
+CHANGES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
 TOGETHER = 4
 """Largest number of limits that are relaxed together."""
@@ -45,7 +45,8 @@ PAUSES = (1.0, 1.5, 3.0)
 OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
 """Limits that rates at the ends can exceed."""
 
-Attempt = Callable[[Problem], "float | Reason"]
+End = Literal["start_rate", "end_rate"]
+Planner = Callable[[Problem], "float | Reason"]
 """Returns the duration of a certified plan, or the reason of the failure."""
 
 
@@ -109,7 +110,7 @@ class Pause(Relaxation):
 class LessRate(Relaxation):
     """Rates at one end of the motion, reduced by a common factor. The factor is the value."""
 
-    end: Literal["start_rate", "end_rate"] = "start_rate"
+    end: End = "start_rate"
     present = 1.0
 
     def value(self, share: float) -> float:
@@ -187,11 +188,11 @@ class Cure:
 def search(
     problem: Problem,
     reason: Reason,
-    attempt: Attempt,
+    plan: Planner,
     duration: float | None = None,
     budget: float = PATIENCE,
     *,
-    feasible: Attempt | None = None,
+    feasible: Planner | None = None,
 ) -> Cure | None:
     """Find the smallest change of one limit, or of several together, that gives a motion.
 
@@ -203,15 +204,15 @@ def search(
         The problem.
     reason : Reason
         Reason why it cannot be planned.
-    attempt : callable
+    plan : callable
         Plans a problem. Returns its duration or a reason.
     duration : float or None
         Duration of the motion in which the check found a limit exceeded, s.
     budget : float
-        Effort after which no further attempt begins.
+        Effort after which no further trial begins.
     feasible : callable or None
-        Tells sooner than `attempt` whether there is a motion. Only the values found are then
-        planned by `attempt`.
+        Tells sooner than `plan` whether there is a motion. Only the values found are then
+        planned by `plan`.
 
     Returns
     -------
@@ -228,34 +229,36 @@ def search(
 
     def try_problem(changed: Problem) -> float | Reason:
         EFFORT.spent += TRIAL
-        return (quick or attempt)(changed)
+        return (quick or plan)(changed)
 
     relaxation = relaxation_for(problem, reason)
     if relaxation is None and eye_forbids_target(problem):
         return None
     # These need few trials, whereas the search for the smallest change may take all remaining
     # effort.
-    others = (
+    others = [
         _smallest(*other, try_problem, has_budget)
         for other in _other_relaxations(problem, reason, duration)
         if has_budget()
-    )
-    alternatives = tuple(other for other in others if other.works)
-    cure = (
-        _one_by_one(problem, try_problem, has_budget)
-        if relaxation is None
-        else _together(relaxation, try_problem, has_budget)
-    )
-    working = [item for item in (cure, *alternatives) if item is not None and item.works]
+    ]
+    if relaxation is None:
+        cure = _one_by_one(problem, try_problem, has_budget)
+    else:
+        cure = _together(relaxation, try_problem, has_budget)
+    working = _working((cure, *others))
     if not working:
         return cure
     if quick is not None:
-        working = [replace(item, outcome=attempt(item.problem)) for item in working]
-        if not all(item.works for item in working):
-            return search(
-                problem, reason, attempt, duration, budget - (EFFORT.spent - effort_start)
-            )
+        planned = [replace(item, outcome=plan(item.problem)) for item in working]
+        working = _working(planned)
+        if len(working) < len(planned):
+            return search(problem, reason, plan, duration, budget - (EFFORT.spent - effort_start))
     return replace(working[0], alternatives=tuple(working[1:]))
+
+
+def _working(cures: Iterable[Cure | None]) -> list[Cure]:
+    """Return the cures that give a motion."""
+    return [cure for cure in cures if cure is not None and cure.works]
 
 
 def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
@@ -283,14 +286,12 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
             yield Relaxation(problem, limit, value)
 
 
-def _together(
-    relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]
-) -> Cure | None:
+def _together(relaxation: Relaxation, plan: Planner, has_budget: Callable[[], bool]) -> Cure | None:
     """Return the smallest change of one limit that gives a motion.
 
     If another limit prevents the motion after this change, that limit is changed as well.
     """
-    initial = cure = _grown(relaxation, attempt, has_budget)
+    initial = cure = _grown(relaxation, plan, has_budget)
     descriptions: dict[tuple[Any, ...], str] = {}
     for _ in range(TOGETHER - 1):
         if cure is None or not isinstance(cure.outcome, Reason) or not has_budget():
@@ -298,7 +299,7 @@ def _together(
         limit = cure.relaxation.limit
         descriptions[limit.key, cure.value < limit.bound(cure.value)] = cure.description
         following = relaxation_for(cure.problem, cure.outcome)
-        cure = None if following is None else _grown(following, attempt, has_budget)
+        cure = None if following is None else _grown(following, plan, has_budget)
     if cure is None or not cure.works:
         return initial
     limit = cure.relaxation.limit
@@ -306,7 +307,7 @@ def _together(
     return replace(cure, combined=tuple(descriptions.values()))
 
 
-def _grown(relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bool]) -> Cure | None:
+def _grown(relaxation: Relaxation, plan: Planner, has_budget: Callable[[], bool]) -> Cure | None:
     """Return the smallest change of one limit that gives a motion. None if it cannot change.
 
     The search begins at the change that the reason of the failure asks for.
@@ -318,13 +319,13 @@ def _grown(relaxation: Relaxation, attempt: Attempt, has_budget: Callable[[], bo
     ]
     if not shares:
         return None
-    return _smallest(relaxation, shares, attempt, has_budget, stop_if=_is_enough)
+    return _smallest(relaxation, shares, plan, has_budget, stop_if=_is_enough)
 
 
 def _smallest(
     relaxation: Relaxation,
     shares: Iterable[float],
-    attempt: Attempt,
+    plan: Planner,
     has_budget: Callable[[], bool],
     lower: float = 0.0,
     *,
@@ -338,7 +339,7 @@ def _smallest(
         The change.
     shares : iterable of float
         Increasing shares of the change, tried in turn until one gives a motion.
-    attempt : callable
+    plan : callable
         Plans a problem. Returns its duration or a reason.
     has_budget : callable
         False ends the search.
@@ -355,7 +356,7 @@ def _smallest(
 
     def cure(share: float) -> Cure:
         value = relaxation.value(share)
-        return Cure(relaxation, value, attempt(relaxation.problem(value)))
+        return Cure(relaxation, value, plan(relaxation.problem(value)))
 
     for upper in shares:
         result = cure(upper)
@@ -383,13 +384,13 @@ def _is_enough(cure: Cure) -> bool:
     return upwards != (cure.value > cure.relaxation.present)
 
 
-def _one_by_one(problem: Problem, attempt: Attempt, has_budget: Callable[[], bool]) -> Cure | None:
+def _one_by_one(problem: Problem, plan: Planner, has_budget: Callable[[], bool]) -> Cure | None:
     """Return the relaxation by the smallest share, trying all limits one by one."""
-    for short, share in pairwise((0.0, *SHARES)):
+    for short, share in pairwise((0.0, *CHANGES)):
         for relaxation in all_relaxations(problem):
             if not has_budget():
                 return None
-            result = _smallest(relaxation, [share], attempt, has_budget, short)
+            result = _smallest(relaxation, [share], plan, has_budget, short)
             if result.works:
                 return result
     return None
@@ -399,22 +400,26 @@ def _other_relaxations(
     problem: Problem, reason: Reason, duration: float | None
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
     """Yield relaxations that change no limit, with shares: more time, and smaller rates."""
-    limit = reason.limit
-    required = reason.required
-    available = reason.available
+    limit, required, available = reason.limit, reason.required, reason.available
     if limit is None or required is None or available is None:
         return
     if isinstance(limit, ContinuousTorque) and duration is not None:
-        if not problem.end_rate:
-            yield Pause(problem, limit, duration * ((required / available) ** 2 - 1)), PAUSES
-        if any(entry.duration is None for entry in problem.motion):
-            yield Relaxation(problem, Duration(duration), 2 * duration), PAUSES
+        yield from _more_time(problem, limit, duration, (required / available) ** 2 - 1)
     if limit.name in OF_RATES:
         possible = min(available / required, 1.0) if required > available > 0 else 0.0
-        for end in ("start_rate", "end_rate"):
-            relaxation = LessRate(problem, limit, 0.0, end)
-            if relaxation.rates:
-                yield relaxation, sorted({1 - possible, 1.0})
+        shares = sorted({1 - possible, 1.0})
+        ends = (LessRate(problem, limit, 0.0, end) for end in get_args(End))
+        yield from ((relaxation, shares) for relaxation in ends if relaxation.rates)
+
+
+def _more_time(
+    problem: Problem, limit: Limit, duration: float, excess: float
+) -> Iterator[tuple[Relaxation, Sequence[float]]]:
+    """Yield a pause and a longer duration for a motion with an excess of heat."""
+    if not problem.end_rate:
+        yield Pause(problem, limit, duration * excess), PAUSES
+    if any(entry.duration is None for entry in problem.motion):
+        yield Relaxation(problem, Duration(duration), 2 * duration), PAUSES
 
 
 def _down(value: float) -> float:

@@ -176,7 +176,7 @@ def _plan(
         nominal_duration=_nominal(final_problem, progress) if reason is None else None,
         solve_time=time.perf_counter() - start,
         stopped=stopped,
-        candidates=result.attempts,
+        candidates=result.candidates,
     )
 
 

@@ -75,22 +75,21 @@ class ThermalSearch:
         if result is not None:
             number, outcome = result
             confirmed = outcome if problem is quick else self._weighted(problem, number)
-        elif timed or self.coolest is None:
-            return None
-        else:
-            number, coolest = self.coolest
-            stretched = self._stretched_until_cool(coolest)
-            if stretched is None or problem is quick:
-                return stretched and stretched[1]
-            factor, outcome = stretched
-            repeated = (
-                self._stretched_until_cool(self._weighted(problem, number))
-                if factor is None
-                else None
-            )
-            confirmed = repeated[1] if repeated else self._slower(problem, coolest, factor or 1.0)
-        # Among motions of little heat, Ipopt may converge to one that is far longer.
-        return confirmed if confirmed.duration < (1 + RESERVE) * outcome.duration else outcome
+            return _confirmed_unless_longer(confirmed, outcome)
+        return None if timed or self.coolest is None else self._stretch(*self.coolest)
+
+    def _stretch(self, number: float, coolest: Outcome) -> Outcome | None:
+        """Return the coolest motion, which has this multiplier, made longer until it is cool."""
+        problem = self.problem
+        stretched = self._stretched_until_cool(coolest)
+        if stretched is None or problem is quickly(problem):
+            return stretched and stretched[1]
+        factor, outcome = stretched
+        repeated = None
+        if factor is None:
+            repeated = self._stretched_until_cool(self._weighted(problem, number))
+        confirmed = repeated[1] if repeated else self._slower(problem, coolest, factor or 1.0)
+        return _confirmed_unless_longer(confirmed, outcome)
 
     def _first_cool(
         self,
@@ -194,6 +193,14 @@ class ThermalSearch:
     def _rested(self, outcome: Outcome) -> float:
         """Return the duration of a motion with its necessary rest, s."""
         return sum(phase.duration for phase in outcome.planned.phases) + self._time_to_cool(outcome)
+
+
+def _confirmed_unless_longer(confirmed: Outcome, outcome: Outcome) -> Outcome:
+    """Return the confirmed motion, or the other one if it is shorter.
+
+    Among motions of little heat, Ipopt may converge to one that is far longer.
+    """
+    return confirmed if confirmed.duration < (1 + RESERVE) * outcome.duration else outcome
 
 
 def _narrowed(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import compress, pairwise, product
 
 import numpy as np
 
@@ -552,22 +552,16 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
     pause, robot = problem.duty, problem.robot
     if pause is None:
         return None
-    hottest: tuple[float, Reason] | None = None
+    hottest: tuple[float, Reason | None] = 1 + ROUNDING, None
     bounds = [phase.motion.duration or lower_bound(robot, phase.points) for phase in phases]
     slow = [_SlowMotion.from_phase(robot, phase) for phase in phases]
+    untimed = [not phase.motion.duration for phase in phases]
     for i, drive, motor in motorised(robot.joints):
-        moving = total = 0.0
-        slow_limit = np.inf
-        for phase, bound, motion in zip(phases, bounds, slow, strict=True):
-            mean = 0.0 if motion is None else motion.least_mean_torque(i, drive)
-            duration = phase.motion.duration
-            moving = moving + mean**2 * bound
-            total = total + bound
-            slow_limit = slow_limit if duration else min(slow_limit, mean)
-        needed = min(slow_limit, math.sqrt(moving / (total + pause)))
-        if needed > motor.nominal_torque * (1 + ROUNDING) and (
-            hottest is None or needed / motor.nominal_torque > hottest[0]
-        ):
+        means = [0.0 if motion is None else motion.least_mean_torque(i, drive) for motion in slow]
+        moving = sum(mean**2 * bound for mean, bound in zip(means, bounds, strict=True))
+        needed = min([math.sqrt(moving / (sum(bounds) + pause)), *compress(means, untimed)])
+        ratio = needed / motor.nominal_torque
+        if ratio > hottest[0]:
             joint = robot.joints[i]
             text = (
                 f"the motor of joint {joint.name} would run at an RMS torque of at least "
@@ -575,8 +569,8 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
                 f"alone; its continuous torque is {1e3 * motor.nominal_torque:.4g} mN·m"
             )
             reason = Reason(joint.limit(ContinuousTorque), None, needed, motor.nominal_torque, text)
-            hottest = needed / motor.nominal_torque, reason
-    return None if hottest is None else hottest[1]
+            hottest = ratio, reason
+    return hottest[1]
 
 
 @record

@@ -9,7 +9,7 @@ import numpy as np
 
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.cache import IdentityKey, cached
-from ssm_planner.planning.candidates.candidate import PhaseAttempt
+from ssm_planner.planning.candidates.candidate import PhaseEvaluation
 from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.feasibility import (
@@ -49,8 +49,8 @@ class PlannerResult:
     trajectory: Trajectory | None
     phases: tuple[PlannedPhase, ...]
     reason: Reason | None
-    attempts: tuple[tuple[dict[str, str | float | None], ...], ...] = ()
-    """Candidates of every phase as `Attempt.described` returns them."""
+    candidates: tuple[tuple[dict[str, str | float | None], ...], ...] = ()
+    """Candidates of every phase as `Evaluation.described` returns them."""
 
 
 def plan_motion(
@@ -108,22 +108,22 @@ def plan_motion(
     if reason is not None:
         return PlannerResult("infeasible", None, (), reason)
     solutions: list[PlannedPhase] = []
-    attempts = []
+    described = []
     for k, phase in enumerate(phases, 1):
         suffix = "" if len(phases) == 1 else f" ({k} of {len(phases)})"
         progress(f"{phase.motion.name}{suffix}")
-        solution, candidates = plan_phase(planner(phase))
-        attempts.append(tuple(attempt.described(solution) for attempt in candidates))
+        solution, evaluations = plan_phase(planner(phase))
+        described.append(tuple(item.described(solution) for item in evaluations))
         if isinstance(solution, Reason):
-            status = "not converged" if solution.limit is None else "infeasible"
-            return PlannerResult(status, None, tuple(solutions), solution, tuple(attempts))
+            status = ("infeasible", "not converged")[solution.limit is None]
+            return PlannerResult(status, None, tuple(solutions), solution, tuple(described))
         solutions.append(cross_checked(planner(phase), solution))
-    return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(attempts))
+    return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(described))
 
 
 def plan_phase(
     planner: PhasePlanner, cutoff: float = np.inf
-) -> tuple[PlannedPhase | Reason, list[PhaseAttempt]]:
+) -> tuple[PlannedPhase | Reason, list[PhaseEvaluation]]:
     """Return the fastest motion of a phase, or the reason of the failure, and its candidates.
 
     Motions that take `cutoff` seconds or longer are of no use.
@@ -232,32 +232,42 @@ def _with_durations(
         # The duration is too short. Only the amount is needed for the message, so Ipopt need not
         # confirm it.
         planners = [solver.unconfirmed for solver in planners]
-    durations = []
-    for phase, solver in zip(phases, planners, strict=True):
-        progress(f"{phase.motion.name}, fastest")
-        if phase.motion.duration is not None:
-            durations.append(0.0)
-            continue
-        result, _ = plan_phase(solver)
-        if isinstance(result, Reason):
-            return phases, result
-        durations.append(result.duration)
+    durations = _fastest_durations(phases, planners, progress)
+    if isinstance(durations, Reason):
+        return phases, durations
     total_given = sum(phase.motion.duration or 0.0 for phase in phases)
     free, needed = duration - total_given, sum(durations)
     if needed == 0.0:
-        return phases, None if abs(free) <= SAME * duration else durations_disagree(
-            duration, total_given
-        )
+        agrees = abs(free) <= SAME * duration
+        return phases, None if agrees else durations_disagree(duration, total_given)
     if free < needed:
         return phases, duration_too_short("the whole motion", duration, total_given + needed)
     timed = (
-        phase
-        if minimum == 0.0
-        else replace(phase, motion=_with_duration(phase.motion, minimum * free / needed))
+        replace(phase, motion=_with_duration(phase.motion, minimum * free / needed))
         for phase, minimum in zip(phases, durations, strict=True)
     )
     return tuple(timed), None
 
 
+def _fastest_durations(
+    phases: Sequence[Phase], planners: Sequence[PhasePlanner], progress: Callable[[str], None]
+) -> list[float] | Reason:
+    """Return the durations of the fastest motions, s, and 0 for phases whose duration is given."""
+    durations = []
+    for phase, planner in zip(phases, planners, strict=True):
+        progress(f"{phase.motion.name}, fastest")
+        if phase.motion.duration is not None:
+            durations.append(0.0)
+            continue
+        result, _ = plan_phase(planner)
+        if isinstance(result, Reason):
+            return result
+        durations.append(result.duration)
+    return durations
+
+
 def _with_duration(motion: Motion, duration: float) -> Motion:
-    return motion if isinstance(motion, Scan) else replace(motion, duration=duration)
+    """Return a motion with a duration, s. Scans, and motions for which it is 0, keep theirs."""
+    return (
+        motion if isinstance(motion, Scan) or not duration else replace(motion, duration=duration)
+    )

@@ -8,7 +8,7 @@ from itertools import count
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import Attempt, Candidate, P, R
+from ssm_planner.planning.candidates.candidate import Candidate, Evaluation, P, R
 from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP
@@ -21,7 +21,7 @@ def find_fastest(
     *,
     gap: float = GAP,
     budget: float = np.inf,
-) -> tuple[R | Reason, list[Attempt[P, R]]]:
+) -> tuple[R | Reason, list[Evaluation[P, R]]]:
     """Return the fastest motion among the candidates.
 
     The search advances the candidate with the smallest known duration: from its bound to its
@@ -45,36 +45,36 @@ def find_fastest(
     -------
     result : R or Reason
         The fastest motion, or the reason of the first candidate that failed.
-    attempts : list of Attempt
+    evaluations : list of Evaluation
         All candidates with their bounds, estimates and results.
     """
-    attempts: list[Attempt[P, R]] = []
-    queue: list[tuple[float, int, Attempt[P, R]]] = []
+    evaluations: list[Evaluation[P, R]] = []
+    queue: list[tuple[float, int, Evaluation[P, R]]] = []
     order, solution, begin = count(), None, EFFORT.spent
 
-    def suggest(attempt: Attempt[P, R] | None) -> None:
+    def suggest(evaluation: Evaluation[P, R] | None) -> None:
         for kind in kinds:
-            for candidate in kind.suggested(planner, attempt):
-                attempts.append(Attempt(candidate, candidate.bound))
-                heappush(queue, (attempts[-1].cost, next(order), attempts[-1]))
+            for candidate in kind.suggested(planner, evaluation):
+                evaluations.append(Evaluation(candidate, candidate.bound))
+                heappush(queue, (evaluations[-1].cost, next(order), evaluations[-1]))
 
     suggest(None)
     while queue:
-        cost, _, attempt = heappop(queue)
+        cost, _, evaluation = heappop(queue)
         limit = cutoff if solution is None else min(cutoff, (1 - gap) * solution.duration)
         if cost >= limit:
             continue
         if limit < np.inf and EFFORT.beyond(begin, budget):
-            attempt.result = Reason(message="not solved: the work budget is spent")
+            evaluation.result = Reason(message="not solved: the work budget is spent")
             continue
         spent = EFFORT.spent
-        attempt.advance(limit)
-        attempt.effort += EFFORT.spent - spent
-        if attempt.result is None:
-            heappush(queue, (attempt.cost, next(order), attempt))
-        elif not isinstance(attempt.result, Reason) and attempt.result.duration < limit:
-            solution = attempt.result
-        suggest(attempt)
-    reasons = [attempt.failed for attempt in attempts if attempt.failed is not None]
+        evaluation.advance(limit)
+        evaluation.effort += EFFORT.spent - spent
+        if evaluation.result is None:
+            heappush(queue, (evaluation.cost, next(order), evaluation))
+        elif not isinstance(evaluation.result, Reason) and evaluation.result.duration < limit:
+            solution = evaluation.result
+        suggest(evaluation)
+    reasons = filter(None, (evaluation.failed for evaluation in evaluations))
     longer = Reason(message="no motion is short enough")
-    return solution or (reasons[0] if reasons else longer), attempts
+    return solution or next(reasons, longer), evaluations

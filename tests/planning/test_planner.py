@@ -119,8 +119,6 @@ def test_a_motion_whose_elements_last_microseconds_is_certified_as_it_is(
         assert phase.duration == pytest.approx(phase.lower_bound, rel=1e-5)
 
 
-
-
 def test_tip_speed_is_kept(tilt_insert: Problem) -> None:
     problem = TipSpeed(0.012).on(dataclasses.replace(tilt_insert, motion=tilt_insert.motion[1:]))
     result = plan(problem)

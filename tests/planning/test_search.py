@@ -12,7 +12,7 @@ import numpy as np
 
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.candidates import listed
-from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
+from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.ocp.nlp import Reversals
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
@@ -29,12 +29,10 @@ class Halfway(PhaseCandidate):
 
     @classmethod
     def suggested(
-        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the direct motion was estimated or found."""
-        direct = (
-            attempt is not None and attempt.candidate.kind == "direct" and attempt.failed is None
-        )
+        direct = latest is not None and latest.candidate.kind == "direct" and latest.failed is None
         if direct and planner.phase.path is None and len(planner.phase.points) == 2:
             yield cls(planner)
 

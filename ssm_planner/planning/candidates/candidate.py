@@ -1,4 +1,4 @@
-"""Base class of all candidates, and the record of an attempt at a candidate.
+"""Base class of all candidates, and the record of how far a candidate was computed.
 
 A candidate is one way to move a phase, or the whole problem. To add one for phases, derive a class
 from `PhaseCandidate` in a new file and add it to `listed.KINDS`. The class says when it is worth
@@ -44,8 +44,8 @@ class Candidate(ABC, Generic[P, R]):
 
     @classmethod
     @abstractmethod
-    def suggested(cls, planner: P, attempt: Attempt[P, R] | None) -> Iterator[Candidate[P, R]]:
-        """Yield the candidates that an attempt suggests.
+    def suggested(cls, planner: P, latest: Evaluation[P, R] | None) -> Iterator[Candidate[P, R]]:
+        """Yield the candidates that the latest evaluation suggests.
 
         The search calls this method once at the beginning, and again after each estimate and each
         solution.
@@ -54,8 +54,8 @@ class Candidate(ABC, Generic[P, R]):
         ----------
         planner : P
             The task and its solvers.
-        attempt : Attempt or None
-            The latest attempt. None at the beginning.
+        latest : Evaluation or None
+            The latest evaluation. None at the beginning.
         """
 
     @property
@@ -85,7 +85,7 @@ class Candidate(ABC, Generic[P, R]):
 
 
 @dataclass(eq=False)
-class Attempt(Generic[P, R]):
+class Evaluation(Generic[P, R]):
     """A candidate, how far it was computed, and the result."""
 
     candidate: Candidate[P, R]
@@ -155,4 +155,4 @@ class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
         return self.planner.lower_bound
 
 
-PhaseAttempt = Attempt[PhasePlanner, PlannedPhase]
+PhaseEvaluation = Evaluation[PhasePlanner, PlannedPhase]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
+from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.feasibility import nearest_to_eye
 from ssm_planner.planning.ocp.nlp import Reversals
 from ssm_planner.planning.phase_planner import PhasePlanner
@@ -17,7 +17,7 @@ from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem.limits import LensClearance, RetinaClearance
 from ssm_planner.typing import record
 
-SHARES = (0.7, 0.55, 0.4, 0.85, 0.25)
+DEPTHS = (0.7, 0.55, 0.4, 0.85, 0.25)
 """Depths to which the guess draws the tool back, divided by the smaller depth of both ends.
 
 The candidates try them in this order.
@@ -29,27 +29,27 @@ class Detour(PhaseCandidate):
     """A free motion on which the joints reverse once, so that the tool passes retina or lens."""
 
     share: int
-    """Index of the depth in SHARES."""
+    """Index of the depth in DEPTHS."""
 
     kind: ClassVar[str] = "detour"
 
     @classmethod
     def suggested(
-        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
         """Yield the first detour if the eye blocks the direct motion, and the next if one fails."""
         if (
-            attempt is None
-            or attempt.failed is None
+            latest is None
+            or latest.failed is None
             or planner.estimate_only
             or len(planner.phase.points) != 2
         ):
             return
-        if isinstance(attempt.candidate, Detour):
-            if attempt.candidate.share + 1 < len(SHARES):
-                yield cls(planner, attempt.candidate.share + 1)
-        elif attempt.candidate.kind == "direct" and isinstance(
-            attempt.failed.limit, (RetinaClearance, LensClearance)
+        if isinstance(latest.candidate, Detour):
+            if latest.candidate.share + 1 < len(DEPTHS):
+                yield cls(planner, latest.candidate.share + 1)
+        elif latest.candidate.kind == "direct" and isinstance(
+            latest.failed.limit, (RetinaClearance, LensClearance)
         ):
             yield from [cls(planner, 0)] if planner.phase.path is None else []
 
@@ -63,6 +63,6 @@ class Detour(PhaseCandidate):
         start, end = planner.phase.points
         line = PolylinePath(planner.mechanism, planner.phase.points)
         over = nearest_to_eye(planner.problem, line)
-        depth = SHARES[self.share] * min(start[3], end[3], key=abs)
+        depth = DEPTHS[self.share] * min(start[3], end[3], key=abs)
         over_eye = Reversals(np.stack([start, np.append(over[:3], depth), end]), (1,))
         return planner.free(over_eye)

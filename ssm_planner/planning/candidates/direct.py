@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
-from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
+from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
@@ -21,10 +21,10 @@ class Direct(PhaseCandidate):
 
     @classmethod
     def suggested(
-        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
         """Yield the direct motion at the beginning of the search."""
-        if attempt is None:
+        if latest is None:
             yield cls(planner)
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:

@@ -18,7 +18,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.cache import cached
-from ssm_planner.planning.candidates.candidate import Attempt, Candidate
+from ssm_planner.planning.candidates.candidate import Candidate, Evaluation
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase, other_ends
 from ssm_planner.planning.planner import estimated_duration
@@ -185,30 +185,38 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
 
     @classmethod
     def suggested(
-        cls, planner: JointsPlanner, attempt: Attempt[JointsPlanner, MissionMotion] | None
+        cls, planner: JointsPlanner, latest: Evaluation[JointsPlanner, MissionMotion] | None
     ) -> Iterator[OtherJoints]:
         """Yield other branches and whole turns first, and spins beside every motion."""
-        if attempt is None:
+        if latest is None:
             options = [option for q in planner.joints() for option in cls._allowed(planner, q)]
             options.sort(key=lambda option: option.bound)
             if planner.best is not None:
                 yield from options
                 if planner.spin_free:
                     yield from cls._spun(planner, planner.phase.points[-1], planner.best)
-            else:  # Whole turns of joint 3 change no load.
-                postures: dict[tuple[float, ...], OtherJoints] = {}
-                for option in options:
-                    postures.setdefault(tuple(option.q[:2].round(6)), option)
-                if not planner.spin_free:
-                    postures.pop(tuple(planner.phase.points[-1, :2].round(6)), None)
-                yield from list(postures.values())[:RESCUES]
-        elif planner.spin_free and isinstance(attempt.result, MissionMotion):
-            solved = attempt.candidate
+            else:
+                yield from cls._rescues(planner, options)
+        elif planner.spin_free and isinstance(latest.result, MissionMotion):
+            solved = latest.candidate
             assert isinstance(solved, OtherJoints)
             if solved.steps is None:
-                yield from cls._spun(planner, solved.q, attempt.result)
+                yield from cls._spun(planner, solved.q, latest.result)
             elif solved.steps:
                 yield from cls._beside(planner, solved.q, solved.steps)
+
+    @classmethod
+    def _rescues(cls, planner: JointsPlanner, options: list[OtherJoints]) -> list[OtherJoints]:
+        """Return the first options with different postures, if no motion is known.
+
+        Whole turns of joint 3 change no load.
+        """
+        postures: dict[tuple[float, ...], OtherJoints] = {}
+        for option in options:
+            postures.setdefault(tuple(option.q[:2].round(6)), option)
+        if not planner.spin_free:
+            postures.pop(tuple(planner.phase.points[-1, :2].round(6)), None)
+        return list(postures.values())[:RESCUES]
 
     @classmethod
     def _allowed(

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
+from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.ocp.free import ELEMENTS
 from ssm_planner.planning.ocp.nlp import PhaseSolution, Reversals
 from ssm_planner.planning.phase_planner import PhasePlanner
@@ -34,24 +34,19 @@ class Reversing(PhaseCandidate):
 
     @classmethod
     def suggested(
-        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the direct motion exceeds its bound enough."""
-        if attempt is None or attempt.candidate.kind != "direct" or not planner.may_reverse:
+        if latest is None or latest.candidate.kind != "direct" or not _may_reverse(planner):
             return
-        phase, outcome = planner.phase, attempt.result or attempt.estimate
-        has_via_points = len(phase.points) > 2
-        if not isinstance(phase.motion, Free) or not (
-            has_via_points or phase.begins_and_ends_at_rest
-        ):
-            return
-        if isinstance(outcome, Reason):
-            if isinstance(outcome.limit, Duration):
+        if latest.failed is not None:
+            if isinstance(latest.failed.limit, Duration):
                 yield cls(planner, None)
-        elif outcome is not None and attempt.result is None:
-            saved = PAYS if has_via_points else GAP
-            if (1 - saved) * outcome.duration > outcome.lower_bound:
-                yield cls(planner, outcome.motion)
+        elif latest.estimate is not None and latest.result is None:
+            estimate = latest.estimate
+            saved = PAYS if len(planner.phase.points) > 2 else GAP
+            if (1 - saved) * estimate.duration > estimate.lower_bound:
+                yield cls(planner, estimate.motion)
 
     def _beside_points(self) -> PlannedPhase | Reason:
         """Return a motion on which joints pass beyond a point, or take a run-up to the next one."""
@@ -92,3 +87,10 @@ class Reversing(PhaseCandidate):
         if fast and self.without and (isinstance(solution, Reason) or solution.duration > cutoff):
             return estimate
         return solution
+
+
+def _may_reverse(planner: PhasePlanner) -> bool:
+    """Return True for a free motion through via points, or from rest to rest."""
+    phase = planner.phase
+    passes_or_rests = len(phase.points) > 2 or phase.begins_and_ends_at_rest
+    return planner.may_reverse and isinstance(phase.motion, Free) and passes_or_rests

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
+from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.candidates.detour import Detour
 from ssm_planner.planning.candidates.direct import Direct
 from ssm_planner.planning.feasibility import infeasible_place
@@ -32,10 +32,10 @@ class StopFirst(PhaseCandidate):
 
     @classmethod
     def suggested(
-        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if no direct motion was found."""
-        if attempt is None or attempt.failed is None or attempt.candidate.kind != "direct":
+        if latest is None or latest.failed is None or latest.candidate.kind != "direct":
             return
         phase = planner.phase
         if phase.path is None and phase.qd_start.any() and phase.motion.duration is None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar
 
-from ssm_planner.planning.candidates.candidate import PhaseAttempt, PhaseCandidate
+from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.feasibility import straight_instead
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
@@ -25,10 +25,10 @@ class TaskLine(PhaseCandidate):
 
     @classmethod
     def suggested(
-        cls, planner: PhasePlanner, attempt: PhaseAttempt | None
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if no direct motion was found and all of the line is allowed."""
-        if attempt is None or attempt.failed is None or attempt.candidate.kind != "direct":
+        if latest is None or latest.failed is None or latest.candidate.kind != "direct":
             return
         phase = planner.phase
         if phase.path is None and not phase.stands:

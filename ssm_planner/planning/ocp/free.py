@@ -324,10 +324,13 @@ class _FreeRequest:
             return self.with_guess(self.count(finer=True), time_only=time_only)
         if not self.rests_at_points or largest_row < FAR:
             return ocp
+        return self.on_mesh_of(segments, self._retimed_guesses(round(MORE * per_segment)))
+
+    def _retimed_guesses(self, count: int) -> list[SegmentGuess | None]:
+        """Return TOPP-RA's motions from point to point, with `count` elements each."""
         lines = (PolylinePath(self.mechanism, np.stack(ends)) for ends in pairwise(self.points))
-        limits, number = self.problem.task_limits, round(MORE * per_segment)
-        guesses = [retimed_guess(self.problem.robot, limits, line, number) for line in lines]
-        return self.on_mesh_of(segments, guesses)
+        limits = self.problem.task_limits
+        return [retimed_guess(self.problem.robot, limits, line, count) for line in lines]
 
     def on_mesh_of(
         self, segments: list[TurningGuess], replacements: list[SegmentGuess | None] | None = None
@@ -348,7 +351,6 @@ class _FreeRequest:
         structure = chain.structure(few_times=few_times, smooth=self.jerk)
         lengths = np.concatenate([np.diff(guess.instants) for guess in chain.guesses])
         times = np.bincount(structure.block, lengths)
-        turning = SHORTEST_TURNING if self.reversals.free else SHORTEST_PASSING
         return FreeProblem(
             structure=structure,
             fractions=lengths / times[structure.block],
@@ -363,9 +365,15 @@ class _FreeRequest:
             speeds=self.ends,
             start_acceleration=self.start_acceleration,
             starting=self.ends[0] == 0.0,
-            shortest=SHORTEST if len(chain.directions) == 1 else turning,
+            shortest=self._shortest(len(chain.directions)),
             alone=self.is_structured and self.reversals.guess is not None,
         )
+
+    def _shortest(self, segments: int) -> float:
+        """Return the smallest time of a block, as a share of the guess's."""
+        if segments == 1:
+            return SHORTEST
+        return SHORTEST_TURNING if self.reversals.free else SHORTEST_PASSING
 
     def _fixed_positions(self, segments: list[TurningGuess]) -> Mask:
         """Return which positions at borders are fixed, (k + 1, 4)."""

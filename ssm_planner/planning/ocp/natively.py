@@ -65,11 +65,12 @@ LANES = 4
 MESHES = ("worm", "antibacklash_screw")
 """Torque laws of drives with one mesh, and with two nuts."""
 Location = Literal["collocation", "between", "breakaway"]
-SHARES: dict[Location, tuple[float, ...]] = {
+PLACES: dict[Location, tuple[float, ...]] = {
     "collocation": COLLOCATION,
     "between": DENSE,
     "breakaway": (0.0,),
 }
+"""Places in an element, as shares of its length, at which the rows are evaluated."""
 
 
 class _Context(ctypes.Structure):
@@ -135,7 +136,7 @@ class NativeElements:
         self._arrays = {
             name: np.ascontiguousarray(values, dtype=float) for name, values in arrays.items()
         }
-        points, rows = len(SHARES[location]), inputs.rows
+        points, rows = len(PLACES[location]), inputs.rows
         self.context = _Context(
             straight=isinstance(element, StraightElement),
             count=count,
@@ -211,7 +212,7 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
     if location == "breakaway":
         actuation[:, 2] -= actuation[:, 2] % len(LAWS)
     values_by_name = {
-        "shares": SHARES[location],
+        "shares": PLACES[location],
         "weights": SIMPSON,
         "moving": element.moving if isinstance(element, FreeElement) else [0],
         "slots": slots,

@@ -161,7 +161,7 @@ class OcpProblem(ABC):
             breakaway_bound=self._breakaway_bound(),
         )
 
-    def refined(self, counts: Indices) -> OcpProblem:
+    def with_cut_elements(self, counts: Indices) -> OcpProblem:
         """Return the problem with every element cut into equal parts.
 
         `counts` (n,) are their numbers.
@@ -274,46 +274,51 @@ def optimise(
         The motion, or the status of the failure.
     """
     cutoff = cutoff if duration is None else HOPELESS * duration
-    fastest = _refine(_Refinement.from_guess(problem, guess), "time", cutoff=cutoff)
+    fastest = _solve_to_tolerance(
+        _RefinementState.from_guess(problem, guess), "time", cutoff=cutoff
+    )
     if finish or not fastest.solution.solved:
-        return _finished(fastest, objective, duration, cutoff)
-    finished = partial(_finished, fastest, objective, duration, cutoff)
-    return replace(fastest.solution, continuation=finished)
+        return _for_objective(fastest, objective, duration, cutoff)
+    continuation = partial(_for_objective, fastest, objective, duration, cutoff)
+    return replace(fastest.solution, continuation=continuation)
 
 
-def _finished(
-    result: _Refined, objective: Objective, duration: float | None, cutoff: float
+def _for_objective(
+    result: _RefinementResult, objective: Objective, duration: float | None, cutoff: float
 ) -> NlpSolution:
     """Return the motion for an objective, from the refined fastest motion."""
-    problem = result.state.problem
     if not result.solution.solved or result.solution.times.sum() > cutoff:
         return result.solution
-    fastest = _confirmed(result, "time")
+    fastest = _confirm(result, "time")
     if fastest is None:
         return replace(result.solution, message=NOT_CONFIRMED)
-    cooled = bool(problem.joint_limits["cooling"].any())
-    # Without motors there is no heat to reduce.
-    heated = objective != "time" and any(motorised(problem.complete_element.robot.joints))
-    time_only = duration is None and not heated and not cooled
-    too_long = fastest.solution.times.sum() > (duration or np.inf)
-    if time_only or too_long or not fastest.solution.solved:
+    if not fastest.solution.solved or fastest.solution.times.sum() > (duration or np.inf):
         return fastest.solution
-    if duration is None:
-        cheapest = _of_least_heat(fastest, cooled=cooled)
-    else:
-        cheapest = _of_least_effort(fastest, duration, "cooling" if cooled else "effort")
+    cheapest = _of_least_cost(fastest, objective, duration)
     if cheapest is None:
         return fastest.solution
     confirmation, of_cost = fastest.solution.confirmation, cheapest.confirmation
     if confirmation is not None and of_cost is not None:
-        confirmation = replace(
-            confirmation, iterations=confirmation.iterations + of_cost.iterations
-        )
+        both = confirmation.iterations + of_cost.iterations
+        confirmation = replace(confirmation, iterations=both)
     iterations = fastest.solution.iterations + cheapest.iterations
     return replace(cheapest, iterations=iterations, confirmation=confirmation)
 
 
-def _of_least_heat(fastest: _Refined, *, cooled: bool) -> NlpSolution | None:
+def _of_least_cost(
+    fastest: _RefinementResult, objective: Objective, duration: float | None
+) -> NlpSolution | None:
+    """Return the motion of least heat or effort. None if time alone counts, or if there is none."""
+    problem = fastest.state.problem
+    cooled = bool(problem.joint_limits["cooling"].any())
+    if duration is not None:
+        return _of_least_effort(fastest, duration, "cooling" if cooled else "effort")
+    # Without motors there is no heat to reduce.
+    heated = objective != "time" and any(motorised(problem.complete_element.robot.joints))
+    return _of_least_heat(fastest, cooled=cooled) if heated or cooled else None
+
+
+def _of_least_heat(fastest: _RefinementResult, *, cooled: bool) -> NlpSolution | None:
     """Return the motion of least heat that is not much longer than the fastest, or None.
 
     With heat weights (`cooled`), it is the motion of least weighted sum of time and heat.
@@ -327,19 +332,21 @@ def _of_least_heat(fastest: _Refined, *, cooled: bool) -> NlpSolution | None:
         guess = replace(guess, times=problem.times)
     state = replace(fastest.state, problem=problem).restarted(guess)
     max_duration = np.inf if cooled else (1 + LONGER) * float(solution.times.sum())
-    result = _refined(state, "cooling" if cooled else "heat", (0.0, max_duration))
+    result = _solve_and_confirm(state, "cooling" if cooled else "heat", (0.0, max_duration))
     return result.solution if result.solution.solved and result.feasible else None
 
 
-def _of_least_effort(fastest: _Refined, duration: float, aim: Aim) -> NlpSolution:
+def _of_least_effort(fastest: _RefinementResult, duration: float, aim: Aim) -> NlpSolution:
     """Return the motion of least effort, or of least weighted heat, that takes `duration`."""
     solution = fastest.solution
     guess = Guess(solution.elements, solution.times).stretched(duration / solution.times.sum())
-    state = _Refinement.from_guess(fastest.state.problem, guess)
-    result = _refined(state, aim, (duration, duration)).solution
+    state = _RefinementState.from_guess(fastest.state.problem, guess)
+    result = _solve_and_confirm(state, aim, (duration, duration)).solution
     # Any motion of this duration is better than none.
     return (
-        result if result.solved else _refine(state, "time", duration=(duration, duration)).solution
+        result
+        if result.solved
+        else _solve_to_tolerance(state, "time", duration=(duration, duration)).solution
     )
 
 
@@ -367,7 +374,7 @@ NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
 
 @record
-class _Refinement:
+class _RefinementState:
     """State of a refinement."""
 
     guess: Guess
@@ -382,7 +389,7 @@ class _Refinement:
     """Initial point of the next solve."""
 
     @classmethod
-    def from_guess(cls, problem: OcpProblem, guess: Guess) -> _Refinement:
+    def from_guess(cls, problem: OcpProblem, guess: Guess) -> _RefinementState:
         """Begin a refinement. The rows that the guess comes near to are active."""
         elements = guess.elements
         active = problem.always_active | chosen_rows(
@@ -391,7 +398,7 @@ class _Refinement:
         backoff = np.zeros((len(elements), len(problem.row_names)))
         return cls(guess, problem, active, backoff, elements=elements, start=guess.point)
 
-    def restarted(self, guess: Guess) -> _Refinement:
+    def restarted(self, guess: Guess) -> _RefinementState:
         """Return the state with another guess, and with the same active rows and backoff."""
         return replace(self, guess=guess, elements=guess.elements, start=guess.point)
 
@@ -443,7 +450,7 @@ class _Refinement:
             )
         return Transcription.build(structure, element).solve(data, self.start)
 
-    def cut(self, solution: NlpSolution, coarse: Array) -> _Refinement:
+    def cut(self, solution: NlpSolution, coarse: Array) -> _RefinementState:
         """Return the state with the coarse elements (n,) cut into PARTS.
 
         The parts keep the backoff.
@@ -454,41 +461,41 @@ class _Refinement:
         start = Guess(elements, solution.times).point
         return replace(
             self,
-            problem=self.problem.refined(counts),
+            problem=self.problem.with_cut_elements(counts),
             elements=elements,
             backoff=backoff,
             start=start,
         )
 
-    def tightened(self, solution: NlpSolution, increase: Array) -> _Refinement:
+    def tightened(self, solution: NlpSolution, increase: Array) -> _RefinementState:
         """Return the state with more backoff (n, r). The next solve is warm from the solution."""
         return replace(self, backoff=self.backoff + increase, start=solution.point)
 
 
 @record
-class _Refined:
+class _RefinementResult:
     """Latest solution with the iterations of all rounds, and the state in which it was found."""
 
     solution: NlpSolution
-    state: _Refinement
+    state: _RefinementState
     feasible: bool
     """True if no row is violated between the collocation points."""
     program: NlpProgram
     """Program that was solved last."""
 
 
-def _refine(
-    state: _Refinement,
+def _solve_to_tolerance(
+    state: _RefinementState,
     aim: Aim,
     *,
     duration: tuple[float, float] | None = None,
     cutoff: float = np.inf,
-) -> _Refined:
+) -> _RefinementResult:
     """Solve, find the violations and refine, until the motion keeps all limits.
 
     Parameters
     ----------
-    state : _Refinement
+    state : _RefinementState
         Initial state.
     aim : str
         Cost that is added to time.
@@ -520,18 +527,22 @@ def _refine(
         feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
         if feasible or k == rounds:
             break
-        state = _next(state, solution, violation, k, may_cut=aim != "heat")
-    return _Refined(replace(solution, iterations=iterations), state, feasible, program=program)
+        state = _next_state(state, solution, violation, k, may_cut=aim != "heat")
+    return _RefinementResult(
+        replace(solution, iterations=iterations), state, feasible, program=program
+    )
 
 
-def _refined(state: _Refinement, aim: Aim, duration: tuple[float, float]) -> _Refined:
+def _solve_and_confirm(
+    state: _RefinementState, aim: Aim, duration: tuple[float, float]
+) -> _RefinementResult:
     """Return a refined and confirmed motion. If Ipopt does not confirm it, Ipopt refines alone."""
-    result = _confirmed(_refine(state, aim, duration=duration), aim)
+    result = _confirm(_solve_to_tolerance(state, aim, duration=duration), aim)
     by_ipopt = replace(state, problem=replace(state.problem, method="Ipopt"))
-    return result or _refine(by_ipopt, aim, duration=duration)
+    return result or _solve_to_tolerance(by_ipopt, aim, duration=duration)
 
 
-def _confirmed(refined: _Refined, aim: Aim) -> _Refined | None:
+def _confirm(refined: _RefinementResult, aim: Aim) -> _RefinementResult | None:
     """Confirm a motion of the structured solver by Ipopt. None if Ipopt does not confirm it.
 
     Ipopt starts at the solution. If both motions are equally good, that of the structured solver is
@@ -570,9 +581,9 @@ def _confirmed(refined: _Refined, aim: Aim) -> _Refined | None:
     )
 
 
-def _next(
-    state: _Refinement, solution: NlpSolution, violation: Array, k: int, *, may_cut: bool
-) -> _Refinement:
+def _next_state(
+    state: _RefinementState, solution: NlpSolution, violation: Array, k: int, *, may_cut: bool
+) -> _RefinementState:
     """Return the state after round k from the violations (n, r) of its solution.
 
     The first of these steps that applies is taken.

@@ -31,6 +31,7 @@ from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Guess,
     Method,
+    NlpSolution,
     NlpStructure,
     PhaseSolution,
     cubics,
@@ -133,24 +134,8 @@ def solve_straight(
         starting=np.full(4, speeds[0] == 0.0),
     )
     initial = Guess(mesh.elements(guess), mesh.times)
-    solution = optimise(problem, initial, objective, None if duration is None else duration / scale)
-    if not solution.solved:
-        return PhaseSolution(
-            solution.status, solution.message, solution.iterations, solver=solution.solver
-        )
-    elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
-    breaks, coefficients = joint_pieces(path, elements, SUBDIVISION, speeds[1])
-    borders = np.interp(knots, np.append(elements[:, 0], 1.0), breaks[::SUBDIVISION])
-    return PhaseSolution(
-        "solved",
-        solution.message,
-        solution.iterations,
-        breaks,
-        coefficients,
-        solver=solution.solver,
-        borders=borders,
-        confirmation=solution.confirmation,
-    )
+    takes = None if duration is None else duration / scale
+    return problem.result(optimise(problem, initial, objective, takes), speeds[1])
 
 
 def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
@@ -190,6 +175,28 @@ class _StraightProblem(OcpProblem):
     """Largest ṡ within the rates of task coordinates between the knots, in scaled time, (k,)."""
     speeds: Array
     """ṡ at both ends, in scaled time, (2,)."""
+
+    def result(self, solution: NlpSolution, end_speed: float) -> PhaseSolution:
+        """Return the solution as joint polynomials. It ends with ṡ = `end_speed`, 1/s."""
+        if not solution.solved:
+            return PhaseSolution(
+                solution.status, solution.message, solution.iterations, solver=solution.solver
+            )
+        scale = self.time_scale
+        elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
+        breaks, coefficients = joint_pieces(self.path, elements, SUBDIVISION, end_speed)
+        positions = np.append(elements[:, 0], 1.0)
+        borders = np.interp(self.path.directions[0], positions, breaks[::SUBDIVISION])
+        return PhaseSolution(
+            "solved",
+            solution.message,
+            solution.iterations,
+            breaks,
+            coefficients,
+            solver=solution.solver,
+            borders=borders,
+            confirmation=solution.confirmation,
+        )
 
     @property
     def boundary(self) -> BoundaryConditions:

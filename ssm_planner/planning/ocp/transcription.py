@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import field, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any, Literal
 from weakref import WeakKeyDictionary
 
@@ -121,7 +121,6 @@ class Transcription:
         n = structure.elements
         m = structure.coordinates
         b = len(structure.block_sizes)
-        moving = structure.moving
 
         # Variables: u, u̇, ü at the start and ü at the end of every element, and the time T of
         # every block.
@@ -136,7 +135,6 @@ class Transcription:
         layout = Layout(fractions=n, end=2 * m, jerk=m, acceleration=m, weights=2, least_times=b)
         own_parameters = ca.MX.sym("p", layout.size)
         p = layout.unpack(own_parameters)
-        end_u, end_v = p.end[:m], p.end[m:]
 
         # Elements: h_k = fraction_k T_block(k) for all coordinates, and z = [u; u̇; ü; ü; h].
         h = p.fractions.T * ca.horzcat(
@@ -145,36 +143,8 @@ class Transcription:
         h_all = ca.repmat(h, m, 1)
         cubic, z = Cubic(u, v, a0, a1, h_all), ca.vertcat(x, h)
 
-        # Objective: duration, smoothing (r = ü/limit is linear in an element), and variance of the
-        # blocks' times.
         duration = ca.sum1(times)
-        r0, r1 = (a / ca.repmat(p.acceleration, 1, n) for a in (a0, a1))
-        smoothing = (
-            ca.sum2(ca.sum1(h_all * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
-        )
-        relative = times / p.least_times
-        variance = ca.sumsqr(relative - ca.sum1(relative) / b) / b
-        objective = p.weights[0] * duration + SMOOTHING * smoothing + EVEN * variance
-
-        # Dynamics: an element ends where the next one starts, the last one at `end`. ü may jump
-        # unless jerk is limited.
-        u_after, v_after = cubic.end
-        dynamics = [
-            _select(u_after - ca.horzcat(u[:, 1:], end_u), moving),
-            _select(v_after - ca.horzcat(v[:, 1:], end_v), moving),
-        ]
-        if structure.smooth:
-            dynamics.append(_select(a1[:, :-1] - a0[:, 1:], moving[:-1] | moving[1:]))
-
-        # Limits of the coordinates: the middle Bernstein coefficient of u̇ (the outer ones are
-        # variables), and |a1 − a0| ≤ jerk h.
-        velocity = _select(cubic.middle_velocity, moving & structure.velocity_limits)
-        jerk_limited = moving & (structure.joints and structure.smooth)
-        rise = a1 - a0
-        jerk_bound = ca.repmat(p.jerk, 1, n) * h_all
-        jerk = ca.vertcat(
-            _select(rise - jerk_bound, jerk_limited), _select(-rise - jerk_bound, jerk_limited)
-        )
+        objective = p.weights[0] * duration + _regularisation(structure, cubic, times, p)
 
         # Boundary conditions: bounds of the variables (BoundaryConditions), and static friction
         # where a joint starts.
@@ -188,9 +158,8 @@ class Transcription:
 
         # Path constraints G(z_k) and cost L(z_k) from the element model, with exact derivatives.
         constraints = {
-            "dynamics": ca.vertcat(*dynamics),
-            "velocity": velocity,
-            "jerk": jerk,
+            "dynamics": _dynamics(structure, cubic, p.end),
+            **_limits(structure, cubic, p.jerk),
             "breakaway": ca.vertcat(*breakaway),
             "duration": duration,
         }
@@ -303,6 +272,51 @@ class Transcription:
         return inputs
 
 
+def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any) -> ca.MX:
+    """Return the smoothing of joints, with r = ü/limit, and the variance of the blocks' times."""
+    r0, r1 = (a / ca.repmat(p.acceleration, 1, structure.elements) for a in (cubic.a0, cubic.a1))
+    smoothing = (
+        ca.sum2(ca.sum1(cubic.h * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
+    )
+    b, relative = times.numel(), times / p.least_times
+    variance = ca.sumsqr(relative - ca.sum1(relative) / b) / b
+    return SMOOTHING * smoothing + EVEN * variance
+
+
+def _dynamics(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> ca.MX:
+    """Return the gaps between elements, and between the last element and `end` (2 m,).
+
+    ü may jump unless jerk is limited.
+    """
+    m, moving = structure.coordinates, structure.moving
+    u_after, v_after = cubic.end
+    gaps = [
+        _select(u_after - ca.horzcat(cubic.u[:, 1:], end[:m]), moving),
+        _select(v_after - ca.horzcat(cubic.v[:, 1:], end[m:]), moving),
+    ]
+    if structure.smooth:
+        gaps.append(_select(cubic.a1[:, :-1] - cubic.a0[:, 1:], moving[:-1] | moving[1:]))
+    return ca.vertcat(*gaps)
+
+
+def _limits(structure: NlpStructure, cubic: Cubic, jerk: ca.MX) -> dict[str, ca.MX]:
+    """Return the rows of velocity and jerk.
+
+    They are the middle Bernstein coefficient of u̇ (the outer ones are variables), and |a1 − a0| −
+    jerk h.
+    """
+    moving = structure.moving
+    jerk_limited = moving & (structure.joints and structure.smooth)
+    rise = cubic.a1 - cubic.a0
+    bound = ca.repmat(jerk, 1, structure.elements) * cubic.h
+    return {
+        "velocity": _select(cubic.middle_velocity, moving & structure.velocity_limits),
+        "jerk": ca.vertcat(
+            _select(rise - bound, jerk_limited), _select(-rise - bound, jerk_limited)
+        ),
+    }
+
+
 def _solvers(
     *,
     x: ca.MX,
@@ -332,17 +346,7 @@ def _solvers(
         ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S.
     """
     n, of_x = z.size2(), ca.jacobian(ca.vec(z), x)
-    for_all = [i + 1 for i, parameter in enumerate(element_parameters) if parameter.size2() == 1]
-
-    def of_elements(function: ca.Function, *inputs: ca.MX) -> Any:
-        """Return the values of a function at all elements side by side."""
-        mapped = (
-            function.map(function.name(), "serial", n, for_all, [])
-            if native is None
-            else native.function(function)
-        )
-        return mapped(z, *element_parameters, *inputs)
-
+    of_elements = partial(_of_elements, native, z, element_parameters)
     jacobians = _block_diagonal(
         of_elements(functions.jacobian), functions.jacobian.sparsity_out(0), n
     )
@@ -369,16 +373,28 @@ def _solvers(
     hess = ca.hessian(lam_f * objective + ca.dot(lam_constraints, constraints), x)[0]
     hess += of_x.T @ hessians @ of_x
 
+    derivatives = {
+        "grad_f": ca.Function("grad_f", [x, p], [same_f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
+    }
+    return _ipopt_by_start({"x": x, "p": p, "f": f, "g": g}, derivatives, first_options, iterations)
+
+
+def _ipopt_by_start(
+    nlp: dict[str, ca.MX],
+    derivatives: dict[str, ca.Function],
+    first_options: dict[str, Any],
+    iterations: int,
+) -> Callable[[Start], ca.Function]:
+    """Return Ipopt for every kind of start, from a program and its derivatives."""
     options: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,
         "no_nlp_grad": True,  # It would only serve multipliers of p, which are not needed.
         "calc_lam_p": False,
-        "grad_f": ca.Function("grad_f", [x, p], [same_f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
-        "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
+        **derivatives,
     }
-    nlp: Any = {"x": x, "p": p, "f": f, "g": g}
     of_ipopt: dict[Start, dict[str, Any]] = {
         "cold": {**IPOPT, **first_options, "max_iter": iterations},
         "warm": {**WARM, "max_iter": iterations},
@@ -387,6 +403,20 @@ def _solvers(
     return cache(
         lambda start: ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": of_ipopt[start]})
     )
+
+
+def _of_elements(
+    native: MappedElements | None,
+    z: ca.MX,
+    parameters: list[ca.MX],
+    function: ca.Function,
+    *inputs: ca.MX,
+) -> Any:
+    """Return the values of a function at all elements z (4 m + 1, n), side by side."""
+    if native is not None:
+        return native.function(function)(z, *parameters, *inputs)
+    shared = [i + 1 for i, parameter in enumerate(parameters) if parameter.size2() == 1]
+    return function.map(function.name(), "serial", z.size2(), shared, [])(z, *parameters, *inputs)
 
 
 Solved = tuple[str, int, float, float, InitialPoint]
