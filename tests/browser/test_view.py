@@ -421,5 +421,11 @@ def test_cancel_and_plan_again(visit: Open, server: ViewServer) -> None:
     opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
 
 
-def test_axe_finds_nothing_serious(visit: Open, server: ViewServer) -> None:
-    assert serious(visit(server.url).page) == []
+@pytest.mark.parametrize("width", [1280, 390])
+def test_axe_finds_nothing_serious(visit: Open, server: ViewServer, width: int) -> None:
+    opened = visit(server.url, width=width)
+    assert serious(opened.page) == []
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    opened.page.click("#pin")
+    opened.wait(f"document.querySelectorAll('#outcome tr:first-child td').length === 2 && {IDLE}")
+    assert serious(opened.page) == [], "with curves of two plans, some below the window"

@@ -26,7 +26,7 @@ SSM.Plots = class {
   // panel: see html/panels.py; lines(): [{label, colour, dash, values}]; drawn when it comes near the window
   add(panel, times, lines) {
     if (panel.section !== this.section) this.open(panel.section);
-    const figure = element("figure", {}, element("div", { class: "plot", role: "img" }));
+    const figure = element("figure", {}, element("div", { class: "plot", role: "img", "aria-label": panel.title }));
     this.grid.append(figure);
     figure.build = () => {
       figure.build = null;

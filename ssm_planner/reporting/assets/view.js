@@ -74,10 +74,10 @@
   const showBranches = (answer) => {
     state.found = answer;
     if (!answer.branches.some(({ branch }) => branch === state.sign)) {
-      state.sign = (answer.branches.find(({ in_limits: inside }) => inside) ?? answer.branches[0]).branch;
+      state.sign = (answer.branches.find(({ in_limits }) => in_limits) ?? answer.branches[0]).branch;
     }
-    find("branches").replaceChildren(...answer.branches.map(({ joints, branch, in_limits: inside }) => element("option", { value: branch, selected: branch === state.sign },
-      listed(start.joints, joints), inside ? "" : " — outside the joint limits")));
+    find("branches").replaceChildren(...answer.branches.map(({ joints, branch, in_limits }) => element("option", { value: branch, selected: branch === state.sign },
+      listed(start.joints, joints), in_limits ? "" : " — outside the joint limits")));
     find("reached").textContent = answer.reachable ? "The pose is reachable." :
       `Outside the workspace: the nearest pose is drawn, its tool axis ${fixed(answer.error * degrees, 2)}° away.`;
     find("reached").className = answer.reachable ? "good" : "bad";
@@ -113,7 +113,7 @@
   const updateAll = follower(async () => {
     const [band, showJoints, begin] = await Promise.all([ask("/workspace", { ...angles(), tilt_range: range() }),
       askJoints(), ask("/ik", { ...angles(), pose: state.from })]);
-    const nearest = begin.branches.find(({ branch, in_limits: inside }) => inside && branch === state.sign) ?? begin.branches.find(({ in_limits: inside }) => inside);
+    const nearest = begin.branches.find(({ branch, in_limits }) => in_limits && branch === state.sign) ?? begin.branches.find(({ in_limits }) => in_limits);
     state.begin = begin.reachable ? (nearest ?? begin.branches[0]).joints : null;
     showWorkspace(band);
     showJoints();
@@ -261,7 +261,7 @@
     const time = find("dwell-number").valueAsNumber;
     if (!(time >= 0.001 && time <= 3600)) return fault("dwell", "a dwell must last 0.001 s to 3600 s");
     fault("dwell", "");
-    return kept({ steps: [...state.steps, { dwell: time }], own: false });
+    kept({ steps: [...state.steps, { dwell: time }], own: false });
   });
   const putAll = (values) => {
     for (const [name, si] of Object.entries(values)) put(name, si);
