@@ -62,14 +62,7 @@ def check(
         robot = _require_robot(robot, Path(motion))
         reading = read_trajectory(Path(motion), robot)
         limits = reading.ends_on(limits or TaskLimits(robot.limits))
-        certificate = checking.check(
-            reading.trajectory,
-            robot,
-            limits,
-            interpolation=reading.interpolation,
-            resolution=reading.resolution,
-        )
-        return certificate.with_more(reading.checks)
+        return reading.check(robot, limits)
     return checking.check(*_smooth(motion, robot, limits), seal=True)
 
 

@@ -77,10 +77,12 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
 def run_check(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(f"reading {options.trajectory}")
+    from ssm_planner.loading.load import load_problem
     from ssm_planner.problem.limits import TipSpeed
-    from ssm_planner.verification.check import check
+    from ssm_planner.verification.visits import with_task
 
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
+    problem = load_problem(options.problem) if options.problem else None
     if options.tip_speed:
         limits = TipSpeed(options.tip_speed).on(limits)
     limits = reading.ends_on(_declared(options, limits))
@@ -92,13 +94,9 @@ def run_check(options: argparse.Namespace) -> int:
     }
     if options.speed is not None:
         return _check_speeds(options, reading, robot, limits, document)
-    certificate = check(
-        reading.trajectory,
-        robot,
-        limits,
-        interpolation=reading.interpolation,
-        resolution=reading.resolution,
-    ).with_more(reading.checks)
+    certificate = reading.check(robot, limits)
+    if problem is not None:
+        certificate = with_task(certificate, reading.trajectory, replace(problem, robot=robot))
     certificate = _allowing(certificate, options.allow_unjudged)
     progress("done")
     document |= certificate.to_dict()
@@ -239,10 +237,8 @@ def read(
         else:
             notes += plan.limit_differences(robot)
         reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
-        # The plan declares the rates at both ends and the path.
-        declared = {
-            name: getattr(plan.limits, name) for name in ("start_rate", "end_rate", "motion")
-        }
+        # The plan declares the rates at both ends.
+        declared = {name: getattr(plan.limits, name) for name in ("start_rate", "end_rate")}
         limits = plan.limits if limits is None else replace(limits, **declared)
         return reading, robot or plan.robot, limits if robot is None else limits.within(robot)
     sampled = path.name == "trajectory.csv" and (path.parent / PLAN_FILE).is_file()

@@ -41,7 +41,6 @@ from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import BLOCK, Samples, Trajectory
 from ssm_planner.typing import Array, Indices, frozen, record
 from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.check import check
 
 RATE = 1000.0
 """Default rate, Hz."""
@@ -248,13 +247,7 @@ def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
     if not with_positions:
         return []
     reading = read_csv(path, plan.robot)
-    certificate = check(
-        reading.trajectory,
-        plan.robot,
-        plan.limits,
-        resolution=reading.resolution,
-        interpolation=reading.interpolation,
-    )
+    certificate = reading.check(plan.robot, plan.limits)
     if not certificate.violations:
         unjudged = ", ".join(dict.fromkeys(line.name for line in certificate.unjudged))
         return [

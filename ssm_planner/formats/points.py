@@ -22,7 +22,8 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, cubics, quintics
 from ssm_planner.typing import Array, Indices, Mask, record
-from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification.check import check
 
 LONG = 1_000_000
 """Number of points beyond which the pieces are computed on demand, block by block."""
@@ -78,6 +79,17 @@ class Reading:
     """
     end_rate: Mapping[str, float] = field(default_factory=dict)
     """Rates of task coordinates that the file declares at the end, rad/s or m/s."""
+
+    def check(self, robot: Robot, limits: TaskLimits) -> Certificate:
+        """Check the trajectory and the other data of the file."""
+        certificate = check(
+            self.trajectory,
+            robot,
+            limits,
+            interpolation=self.interpolation,
+            resolution=self.resolution,
+        )
+        return certificate.with_more(self.checks)
 
     def ends_on(self, limits: TaskLimits) -> TaskLimits:
         """Add the start and end rates that the file declares to limits.

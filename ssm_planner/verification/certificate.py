@@ -232,6 +232,16 @@ class Certificate(ShortRepr):
             raise TrajectoryError(f"not a certificate: {error!r}") from error
 
 
+def worst_of_each(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
+    """Return one result for each limit and joint: the worst of all cases."""
+    tightest: dict[tuple[str, str | None], LimitCheck] = {}
+    for check_ in checks:
+        key = check_.name, check_.joint
+        if key not in tightest or check_.margin < tightest[key].margin:
+            tightest[key] = check_
+    return tuple(tightest.values())
+
+
 def subjects(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
     """Return pairs (limit with its joints, reason) in words, one for each name and reason."""
     joints: dict[tuple[str, str], list[str]] = {}

@@ -23,7 +23,13 @@ from ssm_planner.problem.robot import Joint, Robot
 from ssm_planner.trajectory import BLOCK, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.cases import worst_cases
-from ssm_planner.verification.certificate import Certificate, LimitCheck, Unjudged, sealed
+from ssm_planner.verification.certificate import (
+    Certificate,
+    LimitCheck,
+    Unjudged,
+    sealed,
+    worst_of_each,
+)
 from ssm_planner.verification.ends import Jumps, end_checks
 from ssm_planner.verification.limits import Quantity, Worst, quantities
 from ssm_planner.verification.pieces import find_extremes, pieces_of
@@ -102,11 +108,12 @@ def check(
             trajectory, robot, limits, resolution, dict(zip(checked, checks, strict=True))
         )
         unchecked += rounded
-        dynamic = [item.limit for item in quantities(robot, limits) if item.limit.order > 1]
-        if limits.duty is not None:
-            dynamic += [k for j in robot.joints for k in j.limits if type(k) is ContinuousTorque]
-        dynamic += [limits.stop_travel] if limits.stop_travel else []
-        unjudged += [Unjudged(limit.name, limit.joint, UNDEFINED) for limit in dynamic]
+        unjudged += [
+            Unjudged(limit.name, limit.joint, UNDEFINED)
+            for owner in (*robot.joints, limits)
+            for limit in owner.limits
+            if limit.order > 1 and (limits.duty is not None or type(limit) is not ContinuousTorque)
+        ]
         checks += _dynamics_of_smooth_pieces(trajectory, robot, limits, rate)
     checks += jumps.checks(straight)
     checks += end_checks(trajectory, robot, limits, straight)
@@ -123,7 +130,7 @@ def check(
             "begins"
         )
     certificate = Certificate(
-        _worst_of_each(checks),
+        worst_of_each(checks),
         interpolation,
         sampled.instants,
         tuple(unchecked),
@@ -172,16 +179,6 @@ def _dynamics_of_smooth_pieces(
     piece = part.piece_of(times)
     times += trajectory.breaks[index[piece]] - breaks[piece]
     return [replace(item, time=float(t)) for item, t in zip(checks, times, strict=True)]
-
-
-def _worst_of_each(checks: list[LimitCheck]) -> tuple[LimitCheck, ...]:
-    """Return one result for each limit and joint: the worst of all cases."""
-    tightest: dict[tuple[str, str | None], LimitCheck] = {}
-    for check_ in checks:
-        key = check_.name, check_.joint
-        if key not in tightest or check_.margin < tightest[key].margin:
-            tightest[key] = check_
-    return tuple(tightest.values())
 
 
 def _lacking(joint: Joint) -> str:

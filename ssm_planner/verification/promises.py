@@ -171,7 +171,7 @@ def _path_promise(
         assert isinstance(entry, (Straight, Follow))
         tasks = [task]
         for point in (*(entry.through if isinstance(entry, Follow) else ()), entry.to):
-            tasks.append(_task_at(mechanism, point, tasks[-1], branch))
+            tasks.append(task_at(mechanism, point, tasks[-1], branch))
         if isinstance(entry, Follow) and entry.distance is not None and limits.eye is not None:
             over = limits.eye.centre, limits.eye.radius, entry.distance
             tasks[-1][3] = _depth_in(mechanism, tasks[-1], over[0], over[1] - over[2])
@@ -222,7 +222,7 @@ def _initial_task(
     return tasks[0], int(mechanism.branch_of(q[0]))
 
 
-def _task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> Array:
+def task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> Array:
     """Return the task coordinates (4,) of a point.
 
     Coordinates that the point leaves out are those of `default` (4,).
