@@ -62,7 +62,6 @@ from .loading.load import (
     load_problem as load_problem,
     load_robot as load_robot,
 )
-from .pipeline.certified import Progress as Progress
 from .pipeline.retime import retime as retime
 from .pipeline.run import Replanner as Replanner, plan as plan
 from .planning.reason import Reason as Reason
@@ -123,6 +122,7 @@ from .problem.value import (
     Sign as Sign,
     Vector as Vector,
 )
+from .progress import Progress as Progress, Step as Step
 from .reporting.figures.film import film as film
 from .simulation.draws import Draws as Draws
 from .simulation.simulate import (

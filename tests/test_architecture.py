@@ -17,6 +17,7 @@ ROOMS = (
         "arguments",
         "typing",
         "representation",
+        "progress",
         "units",
         "display",
         "atomic",

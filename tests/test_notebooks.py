@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from ssm_planner import Plan, SsmPlannerError, load_plan, plan
+from ssm_planner.progress import Step
 from ssm_planner.representation import html_table
 from tests.support.paths import ROOT
 
@@ -102,16 +103,16 @@ def test_data_frames_need_pandas(result: Plan, monkeypatch: pytest.MonkeyPatch) 
 def test_messages_reach_the_logger_and_an_exception_cancels(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    messages: list[str] = []
+    steps: list[Step] = []
 
-    def cancel(message: str) -> None:
-        messages.append(message)
+    def cancel(step: Step) -> None:
+        steps.append(step)
         raise KeyboardInterrupt
 
     with caplog.at_level(logging.INFO, "ssm_planner"):
         with pytest.raises(KeyboardInterrupt):
             plan("tilt_insert", cancel)
-        assert len(messages) == 1
-        assert caplog.messages == messages
-        assert plan("tilt_insert", messages.append, relaxations=False).passed
-    assert caplog.messages == messages
+        assert len(steps) == 1
+        assert caplog.messages == [str(step) for step in steps]
+        assert plan("tilt_insert", steps.append, relaxations=False).passed
+    assert caplog.messages == [str(step) for step in steps]

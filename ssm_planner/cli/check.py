@@ -22,6 +22,7 @@ from ssm_planner.cli.shared import (
     show,
 )
 from ssm_planner.errors import ProblemError
+from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
     from ssm_planner.formats.points import Reading
@@ -76,7 +77,7 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_check(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    progress(f"reading {options.trajectory}")
+    progress(Step(f"reading {options.trajectory}"))
     from ssm_planner.loading.load import load_problem
     from ssm_planner.problem.limits import TipSpeed
     from ssm_planner.verification.visits import with_task
@@ -86,7 +87,7 @@ def run_check(options: argparse.Namespace) -> int:
     if options.tip_speed:
         limits = TipSpeed(options.tip_speed).on(limits)
     limits = reading.ends_on(_declared(options, limits))
-    progress("checking")
+    progress(Step("checking"))
     document: dict[str, Any] = {
         "trajectory": str(options.trajectory),
         "robot": robot.name,

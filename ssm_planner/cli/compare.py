@@ -14,6 +14,7 @@ from ssm_planner.cli.shared import (
     quantity_argument,
     show,
 )
+from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
     from ssm_planner.comparison.compare import Comparison
@@ -46,7 +47,7 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_compare(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    progress(f"reading {options.plan}")
+    progress(Step(f"reading {options.plan}"))
     from ssm_planner.comparison.compare import LAG, compare
     from ssm_planner.comparison.measured import assign, read_measured
     from ssm_planner.plans import load_plan
@@ -56,9 +57,9 @@ def run_compare(options: argparse.Namespace) -> int:
         read_measured(path, plan.robot, joint, options.counts_per_turn)
         for joint, path in assign(options.recordings, plan.robot)
     ]
-    progress("comparing")
+    progress(Step("comparing"))
     comparison = compare(plan.motion, plan.robot, plan.certificate, recordings, options.lag or LAG)
-    progress("done")
+    progress(Step("done"))
     document = {"plan": str(options.plan), **comparison.to_dict()}
     show(options.json, document, lambda: compare_lines(comparison))
     return OK if comparison.followed else FAILED

@@ -16,6 +16,7 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.format import FORMATS
+from ssm_planner.progress import Step
 
 
 def export_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +58,7 @@ def _options() -> dict[str, dict[str, list[str]]]:
 
 def run_export(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    progress(f"reading {options.plan}")
+    progress(Step(f"reading {options.plan}"))
     from ssm_planner.formats.export import export
 
     stated = {name: getattr(options, name) for name in ("speed", *_options())}
@@ -67,7 +68,7 @@ def run_export(options: argparse.Namespace) -> int:
     files, manifest = export(
         options.plan, options.to, options.output, force=options.force, **settings
     )
-    progress("done")
+    progress(Step("done"))
     paths = {name: str(path) for name, path in files.items()}
     lines = [f"note: {note}" for note in manifest.get("notes", [])]
     if not manifest["verified"]:

@@ -15,6 +15,7 @@ from ssm_planner.cli.shared import (
     show_with_page,
 )
 from ssm_planner.errors import ProblemError
+from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
     from ssm_planner.identification.identify import Identification
@@ -65,7 +66,7 @@ def run_identify(options: argparse.Namespace) -> int:
     from ssm_planner.identification.identify import identify
 
     fixed = dict(_fixed_parameter(text) for text in options.fix)
-    progress(f"identifying {options.drive}")
+    progress(Step(f"identifying {options.drive}"))
     identification = identify(
         options.drive,
         options.recordings,
@@ -78,7 +79,7 @@ def run_identify(options: argparse.Namespace) -> int:
         **identification.to_dict(),
         "files": _write_drive(identification, options.drive, options.output),
     }
-    progress("done")
+    progress(Step("done"))
     lines = _identified_lines(result, identification.drive)
     show_with_page(options, options.drive.stem, result, lines, result["files"].values())
     return OK
@@ -192,13 +193,13 @@ def run_predict(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     from ssm_planner.identification.identify import friction_origin, predict
 
-    progress(f"predicting with {options.drive}")
+    progress(Step(f"predicting with {options.drive}"))
     origin = friction_origin(options.drive)
     predictions = predict(options.drive, options.recordings, progress)
     results = []
     for k, prediction in enumerate(predictions):
         if options.output is not None:
-            progress(f"figure {k + 1} of {len(predictions)}: {prediction.recording.name}")
+            progress(Step(f"drawing {prediction.recording.name}", k, len(predictions)))
         results.append(
             {
                 **prediction.to_dict(),
@@ -206,7 +207,7 @@ def run_predict(options: argparse.Namespace) -> int:
                 "files": _write_figures(prediction, options.output),
             }
         )
-    progress("done")
+    progress(Step("done"))
     lines = [line for result in results for line in _predicted_lines(result)]
     files = [path for result in results for path in result["files"].values()]
     worst = max(result["nrmsd"] for result in results)

@@ -17,6 +17,7 @@ from ssm_planner.cli.shared import (
     show,
 )
 from ssm_planner.errors import ProblemError
+from ssm_planner.progress import Step
 
 
 def report_arguments(parser: argparse.ArgumentParser) -> None:
@@ -149,14 +150,14 @@ def reproduce_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_reproduce(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    progress("reading the problem files")
+    progress(Step("reading the problem files"))
     from ssm_planner.paper.document import compute, write
     from ssm_planner.paper.published import read_inputs
 
     document = compute(read_inputs(options.problems, options.recordings), progress)
     folder = options.output / "paper"
     files = write(document, folder, progress)
-    progress("done")
+    progress(Step("done"))
     paths, left_out = {name: str(path) for name, path in files.items()}, document.left_out
     result = {"passed": document.passed, "left_out": list(left_out), "files": paths}
     show(

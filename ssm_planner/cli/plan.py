@@ -16,6 +16,7 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.cli.terminal import shorten
 from ssm_planner.errors import ProblemError
+from ssm_planner.progress import Step
 
 
 def plan_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +62,7 @@ def run_plan(options: argparse.Namespace) -> int:
     from ssm_planner.reporting.figures.process import FigureProcess
 
     progress = progress_reporter()
-    progress(f"reading {options.problem}")
+    progress(Step(f"reading {options.problem}"))
     # The process starts before the planning, so that it is ready when the plan is.
     with FigureProcess() as drawer:
         from ssm_planner.loading.load import load_problem
@@ -83,7 +84,7 @@ def run_plan(options: argparse.Namespace) -> int:
         name = file_name(problem.name) + ("" if options.moving is None else "_replanned")
         folder = options.output or Path("results") / name
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
-    progress("done")
+    progress(Step("done"))
     text = summary_lines(result, folder if result.passed else None, options.verbose)
     text += [f"file     {files['page']}"] if "page" in files else []
     document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}

@@ -16,6 +16,7 @@ from ssm_planner.cli.shared import (
     rate_argument,
     show,
 )
+from ssm_planner.progress import Step
 
 
 def retime_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +36,7 @@ def retime_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_retime(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    progress(f"reading {options.path}")
+    progress(Step(f"reading {options.path}"))
     import numpy as np
 
     from ssm_planner.formats.read import read_trajectory
@@ -49,7 +50,7 @@ def run_retime(options: argparse.Namespace) -> int:
     problem, deviation = retiming_problem(reading, robot, base, f"{options.path.stem}_retimed")
     folder = options.output or Path("results") / file_name(problem.name)
     result, files = plan_to_folder(problem, folder, progress, rate=options.rate)
-    progress("done")
+    progress(Step("done"))
     before = reading.trajectory.duration
     runs = "one smooth curve"
     if len(problem.motion) > 1:

@@ -17,6 +17,7 @@ from typing import Any
 from ssm_planner.cli.terminal import print_lines
 from ssm_planner.display import columns
 from ssm_planner.errors import ProblemError
+from ssm_planner.progress import Progress, Step
 
 OK, FAILED, UNJUDGED = 0, 1, 4
 
@@ -141,34 +142,33 @@ def share(text: str, option: str = "--speed") -> float:
         ) from None
 
 
-COUNTED = re.compile(r"\b(\d+) of (\d+)\b")
 REPORT_INTERVAL = 1.0
 """Shortest interval between two reports of counted steps, s."""
 FIRST = 5
 """Number of counted steps that are reported without regard to the interval."""
 
 
-def progress_reporter() -> Callable[[str], None]:
+def progress_reporter() -> Progress:
     """Return a function that reports a step on stderr with the elapsed time.
 
-    If the text of a step counts ("3 of 62"), the report contains an estimate of the remaining time.
+    If the step counts items, the report contains an estimate of the remaining time.
     """
     begin = last_report = time.perf_counter()
-    first_number, series_begin = 0, begin
+    first_done, series_begin = -1, begin
     live = sys.stderr.isatty()
 
-    def report(step: str) -> None:
-        nonlocal last_report, first_number, series_begin
+    def report(step: Step) -> None:
+        nonlocal last_report, first_done, series_begin
         now, estimate, end = time.perf_counter(), "", "\n"
-        if match := COUNTED.search(step):
-            number, count = int(match[1]), int(match[2])
-            if number <= 1 or first_number == 0:
-                first_number, series_begin = number, now
-            if FIRST < number < count and now - last_report < REPORT_INTERVAL:
+        if step.total:
+            if step.done == 0 or first_done < 0:
+                first_done, series_begin = step.done, now
+            is_last = step.done + 1 >= step.total
+            if step.done >= FIRST and not is_last and now - last_report < REPORT_INTERVAL:
                 return
-            elapsed = now - series_begin
-            if number > first_number and elapsed > REPORT_INTERVAL:
-                remaining = elapsed / (number - first_number) * (count - number + 1)
+            elapsed, newly_done = now - series_begin, step.done - first_done
+            if newly_done > 0 and elapsed > REPORT_INTERVAL:
+                remaining = elapsed / newly_done * (step.total - step.done)
                 estimate = f", about {remaining:.0f} s left"
             end = "\r" if live else "\n"
         last_report = now

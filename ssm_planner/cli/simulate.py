@@ -19,6 +19,7 @@ from ssm_planner.cli.shared import (
     write_results,
 )
 from ssm_planner.errors import ProblemError
+from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
     from ssm_planner.problem import Robot
@@ -105,7 +106,7 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_simulate(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    progress(f"reading {options.plan}")
+    progress(Step(f"reading {options.plan}"))
     from ssm_planner.loading.load import load_controller
     from ssm_planner.plans import load_plan
     from ssm_planner.simulation.simulate import EVERYWHERE, simulate
@@ -132,7 +133,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         return {"page": page, **recordings, **write_simulation_figures(result, folder)}
 
     document["files"] = write_results(options.output, "simulation", document, write)
-    progress("done")
+    progress(Step("done"))
     files = document["files"].values()
     show(
         options.json,

@@ -22,6 +22,7 @@ from ssm_planner.cli.shared import (
     write_results,
 )
 from ssm_planner.errors import ProblemError, TrajectoryError
+from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
     from ssm_planner.problem import Drive, Motor
@@ -107,7 +108,7 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_size(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    progress(f"reading {options.plan}")
+    progress(Step(f"reading {options.plan}"))
     from ssm_planner.reporting.text import sizing_lines, sizing_verdict, what_if_lines
     from ssm_planner.sizing.size import size
 
@@ -116,14 +117,14 @@ def run_size(options: argparse.Namespace) -> int:
     if options.catalogue is not None or options.gears:
         return _run_selection(options, duty, conditions)
     candidates = read_candidates(options.motor, duty)
-    progress("judging motors")
+    progress(Step("judging motors"))
     sizing = size(duty, candidates, conditions, options.payload)
     document: dict[str, Any] = {"motion": duty.name, **sizing.to_dict(), "notes": list(duty.notes)}
     lines = [duty.name, *duty.notes, "", *sizing_lines(sizing)]
     if options.what_if:
         from ssm_planner.sizing import largest_payload, shortest_duration
 
-        progress("what if")
+        progress(Step("what if"))
         motors = chosen_motors(sizing)
         payload = largest_payload(duty, motors, conditions, options.payload)
         duration = shortest_duration(duty, motors, conditions, options.payload)
@@ -139,7 +140,7 @@ def run_size(options: argparse.Namespace) -> int:
         return write_sizing_figures(sizing, folder)
 
     document["files"] = write_results(options.output, "sizing", document, write)
-    progress("done")
+    progress(Step("done"))
     files = document["files"].values()
     lines += [*(f"file: {path}" for path in files), *sizing_verdict(sizing)]
     show_with_page(options, "sizing", document, lines, files)
@@ -170,7 +171,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
         if joint.drive is not None
     }
     progress = progress_reporter()
-    progress(f"judging {len(motors)} motors")
+    progress(Step(f"judging {len(motors)} motors"))
     joints = select(duty, motors, gears, conditions, options.payload)
     # The best pair of each joint: 1 is adequate, 0 is not known, and −1 is not adequate.
     best = [joint.adequate.max(initial=-1) for joint in joints]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
 from ssm_planner.display import number
 from ssm_planner.errors import ProblemError
+from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
     from ssm_planner.studies.run import StudyResult
@@ -163,7 +164,7 @@ def _progress() -> Callable[[int, int, dict[str, int]], None]:
 
     def report(done: int, count: int, states: dict[str, int]) -> None:
         counts = ", ".join(f"{number} {name}" for name, number in sorted(states.items()))
-        progress(f"{done} of {count}: {counts}")
+        progress(Step(counts, done, count))
 
     return report
 

@@ -7,7 +7,7 @@ states 95 % intervals of the posterior.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +33,7 @@ from ssm_planner.identification.posterior import (
 from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, weighted_interval
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem import LAW, LAWS, LOAD_OFFSET, Drive, Posterior
+from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, frozen, record
 
@@ -109,7 +110,7 @@ def fit_map(
     fixed: Mapping[str, float] | None = None,
     reference: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> MapFit:
     """Fit friction parameters to a torque–velocity map.
 
@@ -118,7 +119,7 @@ def fit_map(
     out. law: one of LAWS, or `auto` for the simplest law that predicts recordings left out about as
     well as the best. fixed: known values by name. reference: prior centres by name. free:
     parameters that are fitted in addition to those of the law (`b_ov`, `preload`). progress: called
-    with a text for each law.
+    with a step for each law.
 
     Raises RecordingError if the map has one direction only, or too few points for the parameters.
     """
@@ -149,8 +150,8 @@ def fit_map(
         for offset in (((),) if LOAD_OFFSET in fixed else ((), (LOAD_OFFSET,)))
     ]
     fitted = []
-    for k, model in enumerate(models, 1):
-        progress(f"fitting the {model.law.replace('_', ' ')} law ({k} of {len(models) + 1})")
+    for k, model in enumerate(models):
+        progress(Step(f"fitting the {model.law.replace('_', ' ')} law", k, len(models) + 1))
         fitted.append((model, most_likely(model)))
     determined = _determined(fitted)
     errors = [blind_errors(model, z) for model, z in determined]
@@ -161,7 +162,7 @@ def fit_map(
         criterion[model.law] = min(rms, criterion.get(model.law, math.inf))
     model, z = determined[chosen]
     criterion[model.law] = blind[chosen]
-    progress(f"computing the confidence intervals ({len(models) + 1} of {len(models) + 1})")
+    progress(Step("computing the confidence intervals", len(models), len(models) + 1))
     fit = _report(model, z, data, _possible(fitted, model.law))
     rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=rows, criterion=criterion)

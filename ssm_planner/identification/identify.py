@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from ssm_planner.identification.torque_map import (
 from ssm_planner.loading.files import find
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem import Drive, Harmonics
+from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import record
 
@@ -116,7 +117,7 @@ def identify(
     law: str = "auto",
     fixed: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> Identification:
     """Identify the friction of the drive in a file.
 
@@ -124,7 +125,7 @@ def identify(
     and memory to the start–stop recordings. Without steady-state recordings, the map comes from the
     table of figures beside the drive file. law: name of a law, or `auto`. fixed: known parameters,
     SI. free: parameters that are fitted in addition to those of the law (b_ov, preload). progress:
-    called with a text for each step.
+    called with each step.
 
     Raises RecordingError or ProblemError.
     """
@@ -134,7 +135,7 @@ def identify(
     data, evidence = _map(drive, steady, moving)
     data = replace(data, repairs=(*repeated, *data.repairs))
     load, inertia = _load(template)
-    progress(f"fitting the map of {len(data.w)} points")
+    progress(Step(f"fitting the map of {len(data.w)} points"))
     fit = fit_map(
         template,
         data,
@@ -152,7 +153,7 @@ def identify(
     }
     fit = replace(fit, drive=_with_harmonics(fit.drive, harmonics))
     if moving:
-        progress(f"fitting {len(moving)} start–stop recordings")
+        progress(Step(f"fitting {len(moving)} start–stop recordings"))
     return Identification(
         fit=fit,
         dynamic=fit_dynamic(fit.drive, moving, fit.load, inertia) if moving else None,
@@ -179,12 +180,12 @@ def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> 
 def predict(
     drive: str | Path,
     recordings: Sequence[str | Path],
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> list[Prediction]:
     """Predict the motor torque of recordings from their measured speed, with the drive in a file.
 
     recordings: files or folders. If the drive file has no friction, it is identified from the table
-    of figures beside the file. progress: called with a text for each step.
+    of figures beside the file. progress: called with each step.
 
     Raises RecordingError or ProblemError.
     """
@@ -194,14 +195,14 @@ def predict(
     recorded = _read(predicting, recordings)
     load, inertia = _load(predicting)
     if predicting.friction is None:
-        progress("identifying from the table of figures")
+        progress(Step("identifying from the table of figures"))
         data = _map(drive, [], [])[0]
         predicting = fit_map(predicting, data, load, reference=_reference(predicting)).drive
     if predicting.rig is not None:
         load = predicting.rig.load
     predictions = []
-    for k, recording in enumerate(recorded, 1):
-        progress(f"predicting {recording.name} ({k} of {len(recorded)})")
+    for k, recording in enumerate(recorded):
+        progress(Step(f"predicting {recording.name}", k, len(recorded)))
         predictions.append(predict_recording(predicting, recording, load, inertia))
     return predictions
 

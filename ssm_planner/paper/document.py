@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from ssm_planner.paper.departures import departures_section
@@ -18,6 +18,7 @@ from ssm_planner.paper.motions import (
 from ssm_planner.paper.published import RIGS, TABLE_III, Inputs
 from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
+from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.publishing import publishing
 from ssm_planner.reporting.figures.style import save_figures
 from ssm_planner.typing import record
@@ -48,13 +49,13 @@ class Document:
         return render("document", sections=self.sections)
 
 
-def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) -> Document:
+def compute(inputs: Inputs, progress: Progress = silent) -> Document:
     """Compute every section. Raises RecordingError if the table of the rigs cannot be read."""
-    number = itertools.count(1)
+    number = itertools.count()
     steps = 4 + len(RIGS) + len(TABLE_III)
 
     def report_step(step: str) -> None:
-        progress(f"{step} ({next(number)} of {steps})")
+        progress(Step(step, next(number), steps))
 
     report_step("Table I, workspace, choice of the axes")
     sections = [workspace_section(inputs.robot), design_section(inputs.robot, inputs.eye)]
@@ -78,16 +79,14 @@ def compute(inputs: Inputs, progress: Callable[[str], None] = lambda _: None) ->
     return Document(tuple(sections), runs, rig_results)
 
 
-def write(
-    document: Document, folder: Path, progress: Callable[[str], None] = lambda _: None
-) -> dict[str, Path]:
+def write(document: Document, folder: Path, progress: Progress = silent) -> dict[str, Path]:
     """Write README.md and every picture as PNG and PDF, all or nothing; return the paths by name.
 
     Raises ExportError.
     """
     with publishing(folder) as temporary:
-        for k, section in enumerate(document.sections, 1):
-            progress(f"drawing section {k} of {len(document.sections)}")
+        for k, section in enumerate(document.sections):
+            progress(Step("drawing sections", k, len(document.sections)))
             save_figures(section.figures, temporary)
         (temporary / FILE).write_text(document.markdown(), encoding="utf-8")
         names: Sequence[str] = sorted(path.name for path in temporary.iterdir())

@@ -12,6 +12,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
+from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import Certificate
@@ -22,12 +23,6 @@ ROUNDS = 4
 
 A fourth round has never helped where the third did not.
 """
-
-Progress = Callable[[str], None]
-
-
-def silent(_: object) -> None:
-    """Ignore a message."""
 
 
 @record
@@ -126,7 +121,9 @@ def plan_and_check(
             outcome = Outcome(result, None, result.reason)
             break
         on_motion(result.trajectory)
-        progress("independent check" if number == 1 else f"independent check, attempt {number}")
+        progress(
+            Step("independent check" if number == 1 else f"independent check, attempt {number}")
+        )
         outcome = checked(problem, result)
         if outcome.certificate is None or outcome.passed:
             break

@@ -29,6 +29,7 @@ from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Problem
+from ssm_planner.progress import Progress, Step, silent
 
 StopAt = Literal["shortest", "nearest", "any"]
 SEARCH = 2.5
@@ -90,7 +91,7 @@ def plan_mission(
                 raise
         stopped = came()
     if stopped:
-        progress("stopped: the best motion so far is taken")
+        progress(Step("stopped: the best motion so far is taken"))
     return search.listed, search.best_problem, stopped
 
 
@@ -144,7 +145,7 @@ class _Search:
 
         def report() -> None:
             found = f", {self.best.duration:.4f} s so far{self.hint}" if self.best.passed else ""
-            self.progress(f"other joints for {name}, attempt {next(number)}{found}")
+            self.progress(Step(f"other joints for {name}, attempt {next(number)}{found}"))
 
         def plan(alternative: Problem) -> MissionMotion | Reason:
             outcome = self.plan(quickly(alternative))

@@ -23,7 +23,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.loading.load import load_problem
-from ssm_planner.pipeline.certified import Outcome, Progress, plan_and_check, silent
+from ssm_planner.pipeline.certified import Outcome, plan_and_check
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
 from ssm_planner.pipeline.mission import StopAt, plan_mission
 from ssm_planner.pipeline.relaxation import search
@@ -41,6 +41,7 @@ from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Free, Joints, Motion, Point, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
+from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Span, Trajectory
@@ -78,7 +79,7 @@ def _renamed(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 @checked
 def plan(
     problem: Problem | str | Path,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
     on_solution: Callable[[Trajectory], None] = lambda _: None,
     relaxations: bool = True,
     on_relaxation: Callable[[Problem], None] = lambda _: None,
@@ -95,7 +96,7 @@ def plan(
     problem : Problem or file
         The problem, its file, or the name of a shipped problem.
     progress : callable
-        Called with messages, which the logger "ssm_planner" receives too. An exception that it
+        Called with each step, which the logger "ssm_planner" receives too. An exception that it
         raises cancels the planning.
     on_solution : callable
         Called with each motion before it is checked.
@@ -115,9 +116,9 @@ def plan(
     if not isinstance(problem, Problem):
         problem = load_problem(problem)
 
-    def _report(message: str) -> None:
-        logging.getLogger("ssm_planner").info(message)
-        progress(message)
+    def _report(step: Step) -> None:
+        logging.getLogger("ssm_planner").info(step)
+        progress(step)
 
     with _ONE_AT_A_TIME, cache_scope():
         EFFORT.spent = 0.0  # sums of floats depend on where they begin
@@ -158,7 +159,7 @@ def _plan(
     if result.trajectory is not None and motions[-1] is not result.trajectory:
         on_solution(result.trajectory)
     if reason is not None and relaxations:
-        progress("looking for a relaxation")
+        progress(Step("looking for a relaxation"))
         duration = None if result.trajectory is None else result.trajectory.duration
         feasible = partial(_duration_or_reason, any_suffices=True)
         cure = search(problem, reason, _duration_or_reason, duration, feasible=feasible)
@@ -316,7 +317,7 @@ def _nominal(problem: Problem, progress: Progress) -> float | None:
     """Return the duration without ranges of friction and payload, if there are any, s."""
     if problem.friction is None and problem.payload is None:
         return None
-    progress("for comparison without the range")
+    progress(Step("for comparison without the range"))
     result = plan_motion(replace(problem, friction=None, payload=None))
     return None if result.trajectory is None else result.trajectory.duration
 
@@ -394,7 +395,7 @@ def _attempt(
         or exceeds_thermal_bound(problem) is not None
     ):
         return outcome
-    progress("slowing down because a motor gets too hot")
+    progress(Step("slowing down because a motor gets too hot"))
     return ThermalSearch(problem, outcome, plan_cooler).run() or outcome
 
 
@@ -418,7 +419,7 @@ def _duration_or_reason(problem: Problem, *, any_suffices: bool = False) -> floa
 def plan_to_folder(
     problem: Problem,
     folder: Path,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
     drawer: FigureProcess | None = None,
     rate: float | None = None,
 ) -> tuple[Plan, dict[str, Path]]:
@@ -441,7 +442,7 @@ def plan_to_folder(
             drawer.draw("motion", trajectory, problem.robot)
 
     result = plan(problem, progress, draw, stoppable=True)
-    progress("writing results")
+    progress(Step("writing results"))
     if not result.passed:
         from ssm_planner.reporting.html.report import write_no_plan
 

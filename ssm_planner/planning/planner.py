@@ -33,6 +33,7 @@ from ssm_planner.problem.motion import Motion, Scan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
+from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.typing import Array, record
 
@@ -56,7 +57,7 @@ class PlannerResult:
 def plan_motion(
     problem: Problem,
     strict: Robot | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
     cooling: Array | None = None,
     *,
     may_overheat: bool = True,
@@ -109,9 +110,8 @@ def plan_motion(
         return PlannerResult("infeasible", None, (), reason)
     solutions: list[PlannedPhase] = []
     described = []
-    for k, phase in enumerate(phases, 1):
-        suffix = "" if len(phases) == 1 else f" ({k} of {len(phases)})"
-        progress(f"{phase.motion.name}{suffix}")
+    for k, phase in enumerate(phases):
+        progress(Step(phase.motion.name, k, len(phases) if len(phases) > 1 else 0))
         solution, evaluations = plan_phase(planner(phase))
         described.append(tuple(item.described(solution) for item in evaluations))
         if isinstance(solution, Reason):
@@ -216,7 +216,7 @@ def _with_durations(
     phases: tuple[Phase, ...],
     duration: float,
     planner: Callable[[Phase], PhasePlanner],
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """Give the phases durations that add up to the requested one.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from ssm_planner.codegen.vectorised import Vectorised
 from ssm_planner.dynamics import drive_with, spread_of
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Robot
+from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.plant import FRICTION, Q, W
 from ssm_planner.simulation.playback import CURRENT, TRIP, Commands, ControlledArm
@@ -133,7 +133,7 @@ def play_draws(
     friction: Array,
     planned: Array,
     tip_limit: float,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = silent,
 ) -> Draws:
     """Play the same commands from the same state with many sets of friction parameters.
 
@@ -154,7 +154,7 @@ def play_draws(
     tip_limit
         Permitted tip error, m.
     progress
-        Function that receives progress messages.
+        Called with each step.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def play_draws(
     saturated = np.zeros((count, 4), dtype=bool)
     for m, row in enumerate(table):
         if m % PROGRESS_INTERVAL == 0:
-            progress(f"{count} frictions, {100 * m // len(table)} %")
+            progress(Step(f"playing {count} frictions", m, len(table)))
         if m % TIP_INTERVAL == 0:
             target = tip_position(mechanism, planned[m : m + 1])
             tip = np.fmax(tip, np.linalg.norm(tip_position(mechanism, x[:, Q]) - target, axis=1))

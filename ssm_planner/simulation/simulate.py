@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -18,6 +17,7 @@ from ssm_planner.formats.spline_points import at_times
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import JOINTS, Controller, Robot
+from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.cascade import electrics_of
 from ssm_planner.simulation.draws import Draws, drawn_frictions, play_draws
@@ -300,7 +300,7 @@ def simulate(
     plan: Plan | Trajectory | str | Path,
     scenario: Scenario | None = None,
     controller: Controller | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = silent,
     robot: Robot | None = None,
 ) -> SimulationResult:
     """Play a plan's exported set points on the simulated arm.
@@ -314,7 +314,7 @@ def simulate(
     controller
         The motor controller. The default is `Controller()`.
     progress
-        Function that receives progress messages.
+        Called with each step.
     robot
         Robot of a trajectory. A plan contains its robot.
 
@@ -337,9 +337,9 @@ def simulate(
     if scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(scenario.speed))
     stage = _Stage(plan, scenario, controller)
-    progress("playing the set points")
+    progress(Step("playing the set points"))
     played = stage.play()
-    progress("losing power")
+    progress(Step("losing power"))
     losses = stage.lose_power(played, progress)
     return stage.result(played, losses, stage.draws(progress))
 
@@ -401,7 +401,7 @@ class _Stage:
             np.vstack([empty.saturated, loaded.saturated]),
         )
 
-    def lose_power(self, played: Played, progress: Callable[[str], None]) -> PowerLosses:
+    def lose_power(self, played: Played, progress: Progress) -> PowerLosses:
         """Simulate losses of power at the instants of the scenario, or at the end of the motion."""
         loss, duration = self.scenario.power_loss, self.plan.motion.duration
         if loss == EVERYWHERE:
@@ -413,7 +413,7 @@ class _Stage:
         travel, standing = np.zeros(len(instants)), np.zeros(len(instants))
         for i, instant in enumerate(instants):
             if len(instants) > 1 and i % 250 == 0:
-                progress(f"power lost at {i} of {len(instants)} instants")
+                progress(Step("losing power at all instants", i, len(instants)))
             k = min(round(instant / self.period), len(self.time))
             travel[i], standing[i] = self._stop(played.states[k], off, instant)
         return PowerLosses(instants, travel, standing)
@@ -459,7 +459,7 @@ class _Stage:
         joints_stand = np.all(np.abs(states[:, QD]) <= largest, axis=1)
         return np.all(states[:, W] == 0.0, axis=1) & joints_stand
 
-    def draws(self, progress: Callable[[str], None]) -> Draws | None:
+    def draws(self, progress: Progress) -> Draws | None:
         """Play the same set points with random friction, if the scenario requests it."""
         scenario = self.scenario
         if not scenario.draws:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.problem.problem import Problem
+from ssm_planner.progress import Step
 from ssm_planner.studies.workers import Workers
 from ssm_planner.typing import frozen
 from ssm_planner.view.page import Study
@@ -170,11 +171,11 @@ def run_plan(requests: Sequence[tuple[str, Problem, bool]], steps: Path) -> Outc
     """
     start = time.perf_counter()
 
-    def progress(step: str) -> None:
+    def progress(step: Step) -> None:
         with steps.open("a", encoding="utf-8") as file:
             file.write(f"{time.perf_counter() - start:.1f} s  {step}\n")
 
-    progress("loading the planner")
+    progress(Step("loading the planner"))
     from ssm_planner.pipeline.run import plan
     from ssm_planner.pipeline.thermal import quickly
     from ssm_planner.reporting.html.compare import comparison_data

@@ -22,6 +22,7 @@ from ssm_planner.cli.shared import output_file, progress_reporter
 from ssm_planner.cli.terminal import print_lines, shorten, wrap_line
 from ssm_planner.display import columns
 from ssm_planner.plans import load_plan
+from ssm_planner.progress import Step
 from ssm_planner.reporting.text import BINDING, Table, answers, closest_limit, summary_lines
 from ssm_planner.studies.run import StudyResult
 from ssm_planner.studies.store import Candidate
@@ -307,10 +308,10 @@ def test_counted_steps_say_the_time_left(
     now = [0.0]
     monkeypatch.setattr("ssm_planner.cli.shared.time.perf_counter", lambda: now[0])
     report = progress_reporter()
-    for k in range(1, 61):
-        report(f"scan ({k} of 60)")
+    for k in range(60):
+        report(Step("scan", k, 60))
         now[0] += 0.5
-    report("done")
+    report(Step("done"))
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) < 40, "not every step"
     assert any("(31 of 60), about 15 s left" in line for line in lines), lines

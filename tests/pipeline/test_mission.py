@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +26,7 @@ from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
+from ssm_planner.progress import Progress, Step
 
 
 def turning(
@@ -89,12 +89,13 @@ def test_a_sketch_that_is_too_long_is_given_up(
 
 
 def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> None:
-    steps: list[str] = []
+    steps: list[Step] = []
     made = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30)), steps.append)
     assert made.passed
     assert made.duration == pytest.approx(0.7653, abs=1e-4)
     assert any(
-        step.startswith("other joints for free, attempt 1, ") and step.endswith("s so far")
+        step.step.startswith("other joints for free, attempt 1, ")
+        and step.step.endswith("s so far")
         for step in steps
     )
     assert made.lower_bound == pytest.approx(made.duration, rel=1e-5)
@@ -249,12 +250,12 @@ def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
     assert made.duration < 3.3
 
 
-def interrupting(times: int) -> Callable[[str], None]:
+def interrupting(times: int) -> Progress:
     """Progress that presses Ctrl-C when other joints are tried."""
     left = [times]
 
-    def tell(text: str) -> None:
-        if text.startswith("other joints") and left[0]:
+    def tell(step: Step) -> None:
+        if step.step.startswith("other joints") and left[0]:
             left[0] -= 1
             signal.raise_signal(signal.SIGINT)
 
@@ -320,9 +321,9 @@ def test_no_other_joints_are_tried_for_a_target_in_the_retina(depth: float) -> N
     robot = replace(eye_approach.robot, joints=joints, limits=())
     limits = (TaskRange("depth", 0.0, 0.03),)
     problem = replace(eye_approach, robot=robot, motion=motion, limits=limits)
-    steps: list[str] = []
+    steps: list[Step] = []
     made = plan(problem, steps.append, relaxations=depth > 0.022)
     assert made.reason is not None
     assert made.reason.constraint == "retina clearance"
     assert made.reason.relaxation is None
-    assert not any(step.startswith("other joints") for step in steps)
+    assert not any(step.step.startswith("other joints") for step in steps)

@@ -11,6 +11,7 @@ import pytest
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.robot import Robot
+from ssm_planner.progress import Step
 from ssm_planner.simulation import draws as module
 from ssm_planner.simulation.draws import PROGRESS_INTERVAL, TIP_INTERVAL, Draws, play_draws
 from ssm_planner.simulation.plant import MOTOR, Q, W
@@ -33,7 +34,7 @@ def commands() -> Commands:
 
 def playback(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, moved: Any, halved: Any = None
-) -> tuple[Draws, list[tuple[str, np.ndarray, np.ndarray]], list[str]]:
+) -> tuple[Draws, list[tuple[str, np.ndarray, np.ndarray]], list[Step]]:
     """Return the result, the calls (function, states, inputs), and the progress.
 
     `moved` changes the states, errors and saturations of a period in place.
@@ -59,7 +60,7 @@ def playback(
     monkeypatch.setattr(module, "Vectorised", lambda function: function)
     start, friction = np.zeros(FULL_STATE), np.outer(np.arange(1.0, COUNT + 1), np.ones(28))
     start[Q] = START
-    said: list[str] = []
+    said: list[Step] = []
     result = play_draws(
         arm,  # type: ignore[arg-type]
         start,
@@ -90,7 +91,7 @@ def test_every_period_passes_commands_offsets_and_frictions(
         assert np.array_equal(inputs[:, 25:29], np.tile(OFFSETS, (COUNT, 1)))
         assert np.array_equal(inputs[:, 29:], result.friction)
     assert PERIODS < PROGRESS_INTERVAL
-    assert said == [f"{COUNT} frictions, 0 %"]
+    assert said == [Step(f"playing {COUNT} frictions", 0, PERIODS)]
 
 
 def test_a_result_is_the_largest_value_of_all_periods(

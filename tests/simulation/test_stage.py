@@ -15,6 +15,7 @@ from ssm_planner.problem.controller import AxisController, Controller
 from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import JOINTS, Robot
+from ssm_planner.progress import Step
 from ssm_planner.simulation import simulate as module
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
 from ssm_planner.simulation.playback import CURRENT, FULL_STATE, TRIP, Commands, Played
@@ -230,7 +231,7 @@ def test_travel_counts_from_the_loss_of_power(plan: Plan) -> None:
     made.arms = {0.0: arm}  # type: ignore[dict-item]
     played = made.play()
     played.states[:] = arm.start(START)
-    said: list[str] = []
+    said: list[Step] = []
     losses = made.lose_power(played, said.append)
     ends = np.array([START, START - [0, 0, 0, 2e-3]])
     tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ends)
@@ -261,14 +262,14 @@ def test_power_is_lost_at_even_instants_from_the_states_there(plan: Plan) -> Non
     made.arms = {0.0: arm}  # type: ignore[dict-item]
     played = made.play()
     played.states[:, 0] = np.arange(len(played.states))
-    said: list[str] = []
+    said: list[Step] = []
     losses = made.lose_power(played, said.append)
     assert losses.time == pytest.approx(np.linspace(0.0, DURATION, 501))
     begun = np.array([state[0] for state in arm.begun[1:]])
     assert begun == pytest.approx(np.round(losses.time / made.period))
     assert losses.travel.max() <= 1e-15
     assert not losses.standing.any()
-    assert said == [f"power lost at {k} of 501 instants" for k in (0, 250, 500)]
+    assert said == [Step("losing power at all instants", k, 501) for k in (0, 250, 500)]
 
 
 def test_standing_means_that_every_motor_rests_and_no_joint_moves(plan: Plan) -> None:
