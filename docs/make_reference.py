@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ssm_planner.cli.files import KINDS
 from ssm_planner.loading.load import file_keys
 from ssm_planner.loading.schema import Key, keys
 from ssm_planner.studies.study_file import StudyModel
+from ssm_planner.templates import FILE_KINDS
 
 TARGET = Path(__file__).with_name("reference.md")
 JOINTS = r"\b(roll|tilt|spin|insertion)\."
@@ -38,7 +38,7 @@ editors complete and check: `ssm-planner schema robot > robot.schema.json`, and 
 def page() -> str:
     """The whole of docs/reference.md."""
     parts = [HEAD]
-    for kind in KINDS:
+    for kind in FILE_KINDS:
         parts.append(f"## {kind.capitalize()} files\n\n{ABOUT[kind]}\n")
         parts.append("| key | unit | allowed | default | meaning |\n|---|---|---|---|---|")
         parts += [_row(path, rows) for path, rows in grouped(kind).items()]

@@ -62,6 +62,7 @@ from .loading.load import (
     load_problem as load_problem,
     load_robot as load_robot,
 )
+from .paper.document import Reproduction as Reproduction, reproduce as reproduce
 from .pipeline.retime import retime as retime
 from .pipeline.run import Replanner as Replanner, plan as plan
 from .planning.reason import Reason as Reason
@@ -158,6 +159,7 @@ from .studies.study import (
     Varied as Varied,
 )
 from .studies.study_file import load_study as load_study
+from .templates import schema as schema, template as template
 from .trajectory import Samples as Samples, Side as Side, Span as Span, Trajectory as Trajectory
 from .typing import (
     Array as Array,
@@ -173,5 +175,6 @@ from .verification.certificate import (
     Unjudged as Unjudged,
 )
 from .verification.slower import SpeedRange as SpeedRange, WorstSpeed as WorstSpeed
+from .view.server import ViewServer as ViewServer, serve_view as serve_view
 
 __version__: str

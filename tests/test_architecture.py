@@ -43,7 +43,7 @@ ROOMS = (
         "simulation",
         "comparison",
     ),
-    *("reporting", "pipeline", "studies", "api", "view", "paper", "cli", "__main__"),
+    *("reporting", "pipeline", "studies", "templates", "api", "view", "paper", "cli", "__main__"),
 )
 """Bottom to top: a room imports only from itself and from rooms before it."""
 STRANGERS = {"planning", "verification"}

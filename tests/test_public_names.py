@@ -58,6 +58,7 @@ def test_these_names_and_no_others() -> None:
             "predict",
         ),
         *("size", "export", "ik", "fk", "workspace", "design_region", "compare", "report", "film"),
+        *("schema", "template", "reproduce", "serve_view"),
         *("simulate", "retime", "controlled_stops", "check_speeds", "load_controller"),
         *("jacobian", "inverse_dynamics", "motor_torque"),
     } == FUNCTIONS

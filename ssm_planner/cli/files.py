@@ -4,46 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from textwrap import wrap
-from typing import TYPE_CHECKING, Any
-
-import yaml
 
 from ssm_planner.cli.shared import OK
 from ssm_planner.errors import ExportError
-
-if TYPE_CHECKING:
-    from ssm_planner.loading.schema import Key
-
-KINDS = ("problem", "robot", "drive", "motor", "motorisation", "controller", "study")
-EXAMPLES = {
-    "problem": "tilt_insert",
-    "robot": "robots/vitreoretinal",
-    "drive": "drives/vitreoretinal_joint1_worm",
-    "screw": "drives/vitreoretinal_joint4_screw",
-    "motor": "motors/maxon_ecx_speed_13_m",
-    "motorisation": "motorisation/package",
-    "controller": "controllers/epos4",
-}
-"""Shipped files whose values appear in the templates."""
-STUDY = {
-    "robot": "vitreoretinal",
-    "motions": ["tilt_insert"],
-    "vary": {"geometry.alpha": {"from": "28 deg", "to": "34 deg"}},
-    "require": {"reach": ["-135 deg", "-85 deg"], "self_locking": True},
-    "minimise": ["duration", "motor_margin"],
-    "search": {"method": "sobol", "points": 64},
-}
-REFERENCES = ("robot", "drive", "motor", "alternatives")
-COLUMN, WIDTH = 44, 116
-"""Column at which comments begin, and largest width of a line with a comment, characters."""
+from ssm_planner.templates import FILE_KINDS, TEMPLATES, schema, template
 
 
 def schema_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("kind", choices=KINDS, help="kind of file")
+    parser.add_argument("kind", choices=FILE_KINDS, help="kind of file")
 
 
 def run_schema(options: argparse.Namespace) -> int:
@@ -52,9 +21,8 @@ def run_schema(options: argparse.Namespace) -> int:
 
 
 def new_arguments(parser: argparse.ArgumentParser) -> None:
-    kinds = *EXAMPLES, "study"
     parser.add_argument(
-        "kind", choices=kinds, help="kind of file (drive: worm gear, screw: lead screw)"
+        "kind", choices=TEMPLATES, help="kind of file (drive: worm gear, screw: lead screw)"
     )
     parser.add_argument(
         "file", type=Path, nargs="?", help="file to write (default: on stdout); it must not exist"
@@ -77,143 +45,3 @@ def run_new(options: argparse.Namespace) -> int:
         temporary.write_text(text, encoding="utf-8")
     print(f"file: {options.file}")
     return OK
-
-
-def schema(kind: str) -> dict[str, Any]:
-    """Return the JSON schema of a kind of file as JSON types. `kind` is an entry of KINDS."""
-    from ssm_planner.loading.load import json_schema
-    from ssm_planner.studies.study_file import StudyModel
-
-    is_study = kind == "study"
-    document = StudyModel.model_json_schema() if is_study else json_schema(kind)  # type: ignore
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **document,
-        "title": f"ssm_planner {kind} file",
-    }
-
-
-def file_keys(kind: str) -> tuple[Key, ...]:
-    """Return every key of a kind of file.
-
-    The kind "drive" means the drive file of a worm gear, and "screw" that of a lead screw.
-    """
-    from ssm_planner.loading.drives import drive_model
-    from ssm_planner.loading.load import file_keys
-    from ssm_planner.loading.schema import keys
-    from ssm_planner.studies.study_file import StudyModel
-
-    models = {"drive": drive_model("worm"), "screw": drive_model("lead_screw"), "study": StudyModel}
-    if kind in models:
-        return tuple(keys(models[kind]))
-    return file_keys(kind)  # type: ignore[arg-type]
-
-
-def template(kind: str, name: str) -> str:
-    """Return the text of a valid YAML file, in which optional keys are comments.
-
-    `kind` is a key of EXAMPLES or "study". `name` becomes the value of the key `name`.
-    """
-    from ssm_planner.loading.files import read, shipped_folder
-
-    keys = {key.path: key for key in file_keys(kind)}
-    data, figures = STUDY, "an example study"
-    if kind != "study":
-        data = read(shipped_folder() / f"{EXAMPLES[kind]}.yaml").value
-        figures = f"the figures of the shipped {EXAMPLES[kind]}"
-    kind = "drive" if kind == "screw" else kind
-    head = [
-        f"# A {kind} file with {figures}. Replace them with yours.",
-        "# Text after # is a comment. Keys in comments are optional. Every figure has its unit.",
-        f"# Editors can complete and check it with the output of `ssm-planner schema {kind}`.",
-    ]
-    # The first "name" puts the key at the top, and the second replaces the name of the example.
-    body = _Writer(keys).mapping({"name": name} | data | {"name": name}, "", 0)
-    return "\n".join([*head, *body]) + "\n"
-
-
-class _Writer:
-    """Writer of YAML lines that describes each key at its first occurrence."""
-
-    def __init__(self, keys: Mapping[str, Key]) -> None:
-        self.keys = keys
-        self.described: set[str] = set()
-
-    def mapping(self, data: Mapping[str, Any], parent: str, depth: int) -> Iterator[str]:
-        """Yield the lines of a mapping: the keys of `data`, then other optional keys as comments.
-
-        `parent` is the path of the mapping with a final dot, and `depth` its indentation level.
-        """
-        for name, value in data.items():
-            yield from self._entry(name, value, parent, depth)
-        for path, key in self.keys.items():
-            name = path[len(parent) :]
-            is_child = path.startswith(parent) and "." not in name
-            if is_child and name not in data and self._describe(path):
-                default = f" {key.default}"
-                if key.default in ("", "required"):
-                    default = f" … {key.unit}".rstrip()
-                yield _commented(f"{'  ' * depth}# {name}:{default}", key)
-
-    def _entry(self, name: str, value: Any, parent: str, depth: int) -> Iterator[str]:
-        pad, path = "  " * depth, f"{parent}{name}"
-        key = self.keys.get(path) if self._describe(path) else None
-        if isinstance(value, dict) and any(other.startswith(f"{path}.") for other in self.keys):
-            yield _commented(f"{pad}{name}:", key)
-            yield from self.mapping(value, f"{path}.", depth + 1)
-            return
-        if isinstance(value, list) and value and isinstance(value[0], dict):
-            yield _commented(f"{pad}{name}:", key)
-            for item in value:
-                head, *tail = self.mapping(item, f"{path}[].", depth + 2)
-                yield f"{pad}  - {head.lstrip()}"
-                yield from tail
-            return
-        yield _commented(f"{pad}{name}: {_flow(value, name in REFERENCES)}", key)
-
-    def _describe(self, path: str) -> bool:
-        """Record a key as described, and return True if it was not described before.
-
-        The three revolute joints share their keys.
-        """
-        if path.startswith(("joints.", "compliance.")):
-            path = re.sub(r"\b(tilt|spin)\.", "roll.", path)
-        is_new = path not in self.described
-        self.described.add(path)
-        return is_new
-
-
-def _commented(line: str, key: Key | None) -> str:
-    """Add the description of a key as a comment, beside the line or above it if it is long."""
-    if key is None:
-        return line
-    allowed = "" if key.allowed in ("", "a text") else f" ({key.allowed})"
-    text = f"{key.description}{allowed}"
-    if len(line) < COLUMN and COLUMN + len(text) < WIDTH:
-        return f"{line.ljust(COLUMN)}# {text}"
-    pad = " " * (len(line) - len(line.lstrip()))
-    return "\n".join(
-        [*wrap(text, WIDTH, initial_indent=f"{pad}# ", subsequent_indent=f"{pad}# "), line]
-    )
-
-
-def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
-    """Write a value in YAML's flow style, on one line.
-
-    If `reference` is true, the value is the path of a shipped file, and only its name is written,
-    because the name works in any folder. `inside` is true for values within a list or mapping.
-    """
-    if isinstance(value, dict):
-        items = (f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items())
-        return "{" + ", ".join(items) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(_flow(item, reference, True) for item in value) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    text = Path(value).stem if reference else str(value)
-    # Text that YAML would read as another value needs quotes.
-    read_back = yaml.safe_load(f"[{text}]")[0] if inside else yaml.safe_load(f"key: {text}")["key"]
-    is_same = str(read_back) == text or isinstance(value, float)
-    if is_same and not (inside and "," in text):
-        return text
-    return json.dumps(text, ensure_ascii=False)

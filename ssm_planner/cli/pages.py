@@ -102,21 +102,9 @@ def view_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_view(options: argparse.Namespace) -> int:
-    from ssm_planner.loading.load import load_problem
-    from ssm_planner.view.page import Study
-    from ssm_planner.view.server import ADDRESS, ViewServer
+    from ssm_planner.view.server import serve_view
 
-    if not 0 <= options.port <= 65535:
-        raise ProblemError("invalid port", key="--port", value=options.port, allowed="0 to 65535")
-    problem = None if options.problem is None else load_problem(options.problem)
-    try:
-        server = ViewServer(Study(problem), options.port)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise ProblemError(
-            f"{ADDRESS} cannot be used: {reason}", key="--port", value=options.port
-        ) from error
-    with server:
+    with serve_view(options.problem, options.port) as server:
         print(f"{server.url}  (Ctrl-C ends it)", file=sys.stderr, flush=True)
         if not options.no_browser:
             import webbrowser
@@ -149,20 +137,17 @@ def reproduce_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_reproduce(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-    progress(Step("reading the problem files"))
-    from ssm_planner.paper.document import compute, write
-    from ssm_planner.paper.published import read_inputs
+    from ssm_planner.paper.document import reproduce
 
-    document = compute(read_inputs(options.problems, options.recordings), progress)
-    folder = options.output / "paper"
-    files = write(document, folder, progress)
+    progress, folder = progress_reporter(), options.output / "paper"
+    outcome = reproduce(folder, options.problems, options.recordings, progress)
     progress(Step("done"))
-    paths, left_out = {name: str(path) for name, path in files.items()}, document.left_out
-    result = {"passed": document.passed, "left_out": list(left_out), "files": paths}
+    paths = {name: str(path) for name, path in outcome.files.items()}
+    left_out = outcome.left_out
+    result = {"passed": outcome.passed, "left_out": list(left_out), "files": paths}
     show(
         options.json,
         result,
         lambda: [*(f"left out: {line}" for line in left_out), f"Results: {folder}"],
     )
-    return OK if document.passed else FAILED
+    return OK if outcome.passed else FAILED

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ssm_planner.arguments import checked
 from ssm_planner.paper.departures import departures_section
 from ssm_planner.paper.friction import RigResult, friction_section, rig_result, rigs_section
 from ssm_planner.paper.motions import (
@@ -15,13 +16,13 @@ from ssm_planner.paper.motions import (
     payloads,
     speed_runs,
 )
-from ssm_planner.paper.published import RIGS, TABLE_III, Inputs
+from ssm_planner.paper.published import RIGS, TABLE_III, Inputs, read_inputs
 from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.publishing import publishing
 from ssm_planner.reporting.figures.style import save_figures
-from ssm_planner.typing import record
+from ssm_planner.typing import frozen, record
 
 FILE = "README.md"
 
@@ -47,6 +48,59 @@ class Document:
     def markdown(self) -> str:
         """Return the text, which depends on the inputs only, not on time or folders."""
         return render("document", sections=self.sections)
+
+
+@frozen
+class Reproduction:
+    """Outcome of a reproduction of the paper.
+
+    Attributes
+    ----------
+    files : Mapping[str, Path]
+        Written files by name: README.md and every picture.
+    passed : bool
+        True if every motion was planned and passed the independent check.
+    left_out : tuple of str
+        Descriptions of the parts that are missing because their recordings are missing.
+    """
+
+    files: Mapping[str, Path]
+    passed: bool
+    left_out: tuple[str, ...]
+
+
+@checked
+def reproduce(
+    folder: str | Path,
+    problems: str | Path = "problems",
+    recordings: str | Path = "../shared/recordings",
+    progress: Progress = silent,
+) -> Reproduction:
+    """Compute the tables and figures of the paper, and write them as one document.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of README.md and of the pictures.
+    problems : str or Path
+        The project's folder of problem files.
+    recordings : str or Path
+        Folder of the recordings of the three rigs. Missing recordings leave out their rows.
+    progress : callable
+        Called with each step.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    ProblemError, RecordingError or ExportError
+    """
+    progress(Step("reading the problem files"))
+    document = compute(read_inputs(Path(problems), Path(recordings)), progress)
+    files = write(document, Path(folder), progress)
+    return Reproduction(files, document.passed, document.left_out)
 
 
 def compute(inputs: Inputs, progress: Progress = silent) -> Document:

@@ -9,9 +9,13 @@ import sys
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError, SsmPlannerError
+from ssm_planner.loading.load import load_problem
+from ssm_planner.problem.problem import Problem
 from ssm_planner.view.jobs import Jobs
 from ssm_planner.view.page import Study, view_page
 
@@ -66,6 +70,38 @@ class ViewServer(ThreadingHTTPServer):
     def url(self) -> str:
         """Return the address of the page."""
         return f"http://{ADDRESS}:{self.server_port}/"
+
+
+@checked
+def serve_view(problem: Problem | str | Path | None = None, port: int = 0) -> ViewServer:
+    """Return a server of the interactive page of a problem, on the loopback interface.
+
+    Parameters
+    ----------
+    problem : Problem, str or Path, optional
+        Problem or its file. Without it, the page shows the paper's mechanism and does not plan.
+    port : int
+        Port of the server. 0 takes any free port.
+
+    Returns
+    -------
+    ViewServer
+        Context manager with the address `url`. `serve_forever()` answers the page.
+
+    Raises
+    ------
+    ProblemError
+        If the problem is invalid or the port cannot be used.
+    """
+    if not 0 <= port <= 65535:
+        raise ProblemError("invalid port", key="port", value=port, allowed="0 to 65535")
+    if isinstance(problem, (str, Path)):
+        problem = load_problem(problem)
+    try:
+        return ViewServer(Study(problem), port)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ProblemError(f"{ADDRESS} cannot be used: {reason}", key="port", value=port) from error
 
 
 class Handler(BaseHTTPRequestHandler):

@@ -14,9 +14,9 @@ import pytest
 import yaml
 
 from ssm_planner.cli import main
-from ssm_planner.cli.files import EXAMPLES, KINDS, REFERENCES, file_keys, template
 from ssm_planner.loading import load
 from ssm_planner.studies.study_file import load_study
+from ssm_planner.templates import EXAMPLES, FILE_KINDS, REFERENCES, file_keys, schema, template
 from tests.support.paths import ROOT
 
 LOADERS: dict[str, Callable[[Path], Any]] = {
@@ -82,7 +82,7 @@ def test_a_new_file_replaces_none(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert file.read_text(encoding="utf-8") == "precious"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", FILE_KINDS)
 @pytest.mark.slow
 def test_the_schema_describes_every_key(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema", kind]) == 0
@@ -109,8 +109,6 @@ def test_the_schema_describes_every_key(kind: str, capsys: pytest.CaptureFixture
 @pytest.mark.slow
 def test_the_schema_accepts_a_new_file_and_refuses_an_unknown_key(kind: str) -> None:
     validator = jsonschema.Draft202012Validator
-    from ssm_planner.cli.files import schema
-
     known = validator(schema("drive" if kind == "screw" else kind))
     data = yaml.safe_load(template(kind, "mine"))
     assert not [error.message for error in known.iter_errors(data)]
@@ -121,6 +119,6 @@ def test_the_schema_accepts_a_new_file_and_refuses_an_unknown_key(kind: str) -> 
 def test_the_page_of_keys_is_current_and_describes_every_key() -> None:
     script = runpy.run_path(str(ROOT / "docs/make_reference.py"))
     assert script["TARGET"].read_text(encoding="utf-8") == script["page"](), "run `make api`"
-    for kind in KINDS:
+    for kind in FILE_KINDS:
         for path, rows in script["grouped"](kind).items():
             assert all(row.description for row in rows), (kind, path)

@@ -1,0 +1,228 @@
+"""JSON schemas of the YAML files, and templates that describe every key."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from ssm_planner.arguments import checked
+from ssm_planner.errors import ProblemError
+
+if TYPE_CHECKING:
+    from ssm_planner.loading.schema import Key
+
+FILE_KINDS = ("problem", "robot", "drive", "motor", "motorisation", "controller", "study")
+EXAMPLES = {
+    "problem": "tilt_insert",
+    "robot": "robots/vitreoretinal",
+    "drive": "drives/vitreoretinal_joint1_worm",
+    "screw": "drives/vitreoretinal_joint4_screw",
+    "motor": "motors/maxon_ecx_speed_13_m",
+    "motorisation": "motorisation/package",
+    "controller": "controllers/epos4",
+}
+"""Shipped files whose values appear in the templates."""
+TEMPLATES = (*EXAMPLES, "study")
+"""Kinds that have templates."""
+STUDY = {
+    "robot": "vitreoretinal",
+    "motions": ["tilt_insert"],
+    "vary": {"geometry.alpha": {"from": "28 deg", "to": "34 deg"}},
+    "require": {"reach": ["-135 deg", "-85 deg"], "self_locking": True},
+    "minimise": ["duration", "motor_margin"],
+    "search": {"method": "sobol", "points": 64},
+}
+REFERENCES = ("robot", "drive", "motor", "alternatives")
+COLUMN, WIDTH = 44, 116
+"""Column at which comments begin, and largest width of a line with a comment, characters."""
+
+
+@checked
+def schema(kind: str) -> dict[str, Any]:
+    """Return the JSON schema of a kind of YAML file, as JSON types.
+
+    Parameters
+    ----------
+    kind : str
+        "problem", "robot", "drive", "motor", "motorisation", "controller" or "study".
+
+    Raises
+    ------
+    ProblemError
+        If there is no such kind.
+
+    Examples
+    --------
+    >>> import ssm_planner
+    >>> ssm_planner.schema("motor")["title"]
+    'ssm_planner motor file'
+    """
+    _require(kind, FILE_KINDS)
+    from ssm_planner.loading.load import json_schema
+    from ssm_planner.studies.study_file import StudyModel
+
+    is_study = kind == "study"
+    document = StudyModel.model_json_schema() if is_study else json_schema(kind)  # type: ignore
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **document,
+        "title": f"ssm_planner {kind} file",
+    }
+
+
+def _require(kind: str, allowed: tuple[str, ...]) -> None:
+    if kind not in allowed:
+        raise ProblemError(
+            "unknown kind of file", key="kind", value=kind, allowed=", ".join(allowed)
+        )
+
+
+def file_keys(kind: str) -> tuple[Key, ...]:
+    """Return every key of a kind of file.
+
+    The kind "drive" means the drive file of a worm gear, and "screw" that of a lead screw.
+    """
+    from ssm_planner.loading.drives import drive_model
+    from ssm_planner.loading.load import file_keys
+    from ssm_planner.loading.schema import keys
+    from ssm_planner.studies.study_file import StudyModel
+
+    models = {"drive": drive_model("worm"), "screw": drive_model("lead_screw"), "study": StudyModel}
+    if kind in models:
+        return tuple(keys(models[kind]))
+    return file_keys(kind)  # type: ignore[arg-type]
+
+
+@checked
+def template(kind: str, name: str) -> str:
+    """Return the text of a valid YAML file, in which optional keys are comments.
+
+    Parameters
+    ----------
+    kind : str
+        "problem", "robot", "drive" (a worm gear), "screw" (a lead screw), "motor", "motorisation",
+        "controller" or "study".
+    name : str
+        Value of the key `name`.
+
+    Raises
+    ------
+    ProblemError
+        If there is no such kind.
+
+    Examples
+    --------
+    >>> import ssm_planner
+    >>> print(ssm_planner.template("motor", "mine").splitlines()[3].split("#")[0].strip())
+    name: mine
+    """
+    _require(kind, TEMPLATES)
+    from ssm_planner.loading.files import read, shipped_folder
+
+    keys = {key.path: key for key in file_keys(kind)}
+    data, figures = STUDY, "an example study"
+    if kind != "study":
+        data = read(shipped_folder() / f"{EXAMPLES[kind]}.yaml").value
+        figures = f"the figures of the shipped {EXAMPLES[kind]}"
+    kind = "drive" if kind == "screw" else kind
+    head = [
+        f"# A {kind} file with {figures}. Replace them with yours.",
+        "# Text after # is a comment. Keys in comments are optional. Every figure has its unit.",
+        f"# Editors can complete and check it with the output of `ssm-planner schema {kind}`.",
+    ]
+    # The first "name" puts the key at the top, and the second replaces the name of the example.
+    body = _Writer(keys).mapping({"name": name} | data | {"name": name}, "", 0)
+    return "\n".join([*head, *body]) + "\n"
+
+
+class _Writer:
+    """Writer of YAML lines that describes each key at its first occurrence."""
+
+    def __init__(self, keys: Mapping[str, Key]) -> None:
+        self.keys = keys
+        self.described: set[str] = set()
+
+    def mapping(self, data: Mapping[str, Any], parent: str, depth: int) -> Iterator[str]:
+        """Yield the lines of a mapping: the keys of `data`, then other optional keys as comments.
+
+        `parent` is the path of the mapping with a final dot, and `depth` its indentation level.
+        """
+        for name, value in data.items():
+            yield from self._entry(name, value, parent, depth)
+        for path, key in self.keys.items():
+            name = path[len(parent) :]
+            is_child = path.startswith(parent) and "." not in name
+            if is_child and name not in data and self._describe(path):
+                default = f" {key.default}"
+                if key.default in ("", "required"):
+                    default = f" … {key.unit}".rstrip()
+                yield _commented(f"{'  ' * depth}# {name}:{default}", key)
+
+    def _entry(self, name: str, value: Any, parent: str, depth: int) -> Iterator[str]:
+        pad, path = "  " * depth, f"{parent}{name}"
+        key = self.keys.get(path) if self._describe(path) else None
+        if isinstance(value, dict) and any(other.startswith(f"{path}.") for other in self.keys):
+            yield _commented(f"{pad}{name}:", key)
+            yield from self.mapping(value, f"{path}.", depth + 1)
+            return
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            yield _commented(f"{pad}{name}:", key)
+            for item in value:
+                head, *tail = self.mapping(item, f"{path}[].", depth + 2)
+                yield f"{pad}  - {head.lstrip()}"
+                yield from tail
+            return
+        yield _commented(f"{pad}{name}: {_flow(value, name in REFERENCES)}", key)
+
+    def _describe(self, path: str) -> bool:
+        """Record a key as described, and return True if it was not described before.
+
+        The three revolute joints share their keys.
+        """
+        if path.startswith(("joints.", "compliance.")):
+            path = re.sub(r"\b(tilt|spin)\.", "roll.", path)
+        is_new = path not in self.described
+        self.described.add(path)
+        return is_new
+
+
+def _commented(line: str, key: Key | None) -> str:
+    """Add the description of a key as a comment, beside the line or above it if it is long."""
+    if key is None:
+        return line
+    allowed = "" if key.allowed in ("", "a text") else f" ({key.allowed})"
+    text = f"{key.description}{allowed}"
+    if len(line) < COLUMN and COLUMN + len(text) < WIDTH:
+        return f"{line.ljust(COLUMN)}# {text}"
+    pad = " " * (len(line) - len(line.lstrip()))
+    return "\n".join(
+        [*wrap(text, WIDTH, initial_indent=f"{pad}# ", subsequent_indent=f"{pad}# "), line]
+    )
+
+
+def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
+    """Write a value in YAML's flow style, on one line.
+
+    If `reference` is true, the value is the path of a shipped file, and only its name is written,
+    because the name works in any folder. `inside` is true for values within a list or mapping.
+    """
+    if isinstance(value, dict):
+        items = (f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items())
+        return "{" + ", ".join(items) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_flow(item, reference, True) for item in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = Path(value).stem if reference else str(value)
+    # Text that YAML would read as another value needs quotes.
+    read_back = yaml.safe_load(f"[{text}]")[0] if inside else yaml.safe_load(f"key: {text}")["key"]
+    is_same = str(read_back) == text or isinstance(value, float)
+    if is_same and not (inside and "," in text):
+        return text
+    return json.dumps(text, ensure_ascii=False)
