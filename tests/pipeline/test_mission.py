@@ -272,11 +272,11 @@ def test_a_search_that_is_stopped_gives_the_best_so_far(
     problem = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     whole = plan(problem)
     before = signal.getsignal(signal.SIGINT)
-    told: list[str] = []
+    told: list[Step] = []
 
-    def tell(text: str) -> None:
-        told.append(text)
-        press(text)
+    def tell(step: Step) -> None:
+        told.append(step)
+        press(step)
 
     press = interrupting(1)
     stopped, files = run.plan_to_folder(problem, tmp_path / "out", tell)
@@ -286,7 +286,7 @@ def test_a_search_that_is_stopped_gives_the_best_so_far(
     assert whole.duration is not None
     assert stopped.duration is not None
     assert stopped.duration > 1.1 * whole.duration
-    assert any("Ctrl-C takes it" in text for text in told)
+    assert any("Ctrl-C takes it" in str(step) for step in told)
     assert "the search was stopped" in " ".join(stopped.notes)
     assert load_plan(files["plan"]).stopped
     assert "stopped" not in whole.summary()
