@@ -26,8 +26,7 @@ from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
     from ssm_planner.formats.points import Reading
-    from ssm_planner.problem.problem import TaskLimits
-    from ssm_planner.problem.robot import Robot
+    from ssm_planner.problem import Robot, TaskLimits
     from ssm_planner.verification.certificate import Certificate
     from ssm_planner.verification.slower import SpeedRange
 
@@ -79,7 +78,7 @@ def run_check(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.trajectory}"))
     from ssm_planner.loading.load import load_problem
-    from ssm_planner.problem.limits import TipSpeed
+    from ssm_planner.problem import TipSpeed
     from ssm_planner.verification.visits import with_task
 
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
@@ -99,7 +98,7 @@ def run_check(options: argparse.Namespace) -> int:
     if problem is not None:
         certificate = with_task(certificate, reading.trajectory, replace(problem, robot=robot))
     certificate = _allowing(certificate, options.allow_unjudged)
-    progress("done")
+    progress(Step("done"))
     document |= certificate.to_dict()
     show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
     return STATUS[certificate.verdict]
@@ -215,7 +214,7 @@ def read(
     from ssm_planner.errors import TrajectoryError
     from ssm_planner.formats.read import read_trajectory
     from ssm_planner.loading.load import load_problem, load_robot
-    from ssm_planner.problem.problem import TaskLimits
+    from ssm_planner.problem import TaskLimits
 
     robot = limits = None
     if problem_file is not None:
@@ -279,7 +278,7 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
     Returns the rates (rad/s or m/s) by task coordinate, or None if the option permits any rate.
     Raises ProblemError if the text is invalid.
     """
-    from ssm_planner.problem.limits import TASK
+    from ssm_planner.problem import TASK
 
     if text.strip() == "any":
         return None

@@ -17,23 +17,22 @@ import numpy as np
 from ssm_planner.codegen.c import REAL, SIGN, Argument, literal, write_function
 from ssm_planner.codegen.vectorised import dense
 from ssm_planner.display import environment, render_template
-from ssm_planner.dynamics.motors import directions_law, motor_law
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics import RigidBody, directions_law, motor_law
 from ssm_planner.formats.spline_points import REST
-from ssm_planner.kinematics.forward import forward_symbolic
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import joints_from_task_symbolic
+from ssm_planner.kinematics import Mechanism, forward_symbolic, joints_from_task_symbolic
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import (
+from ssm_planner.problem import (
+    JOINTS,
+    Joint,
     JointAcceleration,
     JointJerk,
     JointVelocity,
     Limit,
     MotorSpeed,
     MotorTorque,
+    Robot,
+    robot_hash,
 )
-from ssm_planner.problem.robot import JOINTS, Joint, Robot
-from ssm_planner.problem.serialization import robot_hash
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import JsonObject, record
 from ssm_planner.verification.certificate import Certificate

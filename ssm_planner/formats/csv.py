@@ -19,8 +19,7 @@ from typing import IO
 import numpy as np
 
 from ssm_planner.atomic import replacing
-from ssm_planner.dynamics.motors import directions, motor_motion
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics import RigidBody, directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4_setup import (
     INT32,
@@ -32,12 +31,9 @@ from ssm_planner.formats.epos4_setup import (
 from ssm_planner.formats.points import LONG, Points, Reading, Table, join_points
 from ssm_planner.formats.spline_points import at_times, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.kinematics import Mechanism, task_from_joints, tip_position
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import TASK, Robot
 from ssm_planner.trajectory import BLOCK, Samples, Trajectory
 from ssm_planner.typing import Array, Indices, frozen, record
 from ssm_planner.verification.certificate import Certificate

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.display import number
-from ssm_planner.dynamics.motors import directions, motor_motion
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics import RigidBody, directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.csv import data_rows, layout_of
 from ssm_planner.formats.epos4_offsets import Offsets, offset_checks
@@ -39,7 +38,7 @@ from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import REST, at_times
 from ssm_planner.formats.trajectory_csv import Heading
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import JOINTS, Joint, Robot
+from ssm_planner.problem import JOINTS, Joint, Robot
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import display_unit, rpm
 from ssm_planner.verification.certificate import Certificate

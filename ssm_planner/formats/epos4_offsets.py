@@ -6,10 +6,8 @@ from itertools import product
 
 import numpy as np
 
-from ssm_planner.dynamics.motors import motor_motion
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.problem.limits import FeedForward, MotorTorque
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.dynamics import RigidBody, motor_motion
+from ssm_planner.problem import FeedForward, Joint, MotorTorque, Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import LimitCheck

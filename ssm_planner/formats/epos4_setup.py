@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem import Joint, Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.units import rpm

@@ -18,8 +18,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.format import FORMATS
 from ssm_planner.plans import Plan, as_plan, software
-from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import robot_hash
+from ssm_planner.problem import Robot, robot_hash
 from ssm_planner.publishing import EXPORT, MANIFEST, hashes, publishing
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Trajectory

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics import RigidBody
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import SplinePoints
 from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.loading.yaml_nodes import parse
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, JsonObject, record
 
 TICKS = 10**9

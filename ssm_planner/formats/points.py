@@ -18,8 +18,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, cubics, quintics
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck

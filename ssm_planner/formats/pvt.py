@@ -30,12 +30,9 @@ from ssm_planner.formats.epos4_setup import (
 )
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
+from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem import TASK, Joint, Robot, TaskLimits
 from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check

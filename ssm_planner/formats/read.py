@@ -13,8 +13,7 @@ from ssm_planner.formats.joint_trajectory import read_yaml
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.ros2 import read_rosbag
 from ssm_planner.loading.json_files import read_json
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import TASK, Robot
 from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, is_inside, sha256
 from ssm_planner.typing import JsonObject
 

@@ -27,10 +27,10 @@ from ssm_planner.formats.joint_trajectory import (
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.spline_points import at_times, spline_points
 from ssm_planner.formats.urdf import LINKS, TOOL, urdf
-from ssm_planner.kinematics.rotations import rotation
+from ssm_planner.kinematics import rotation
 from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification.certificate import Certificate

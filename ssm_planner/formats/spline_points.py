@@ -13,8 +13,7 @@ import numpy as np
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.points import Points, join_points
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limit import Symmetric
-from ssm_planner.problem.limits import ContinuousTorque
+from ssm_planner.problem import ContinuousTorque, Symmetric
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot
 from ssm_planner.typing import frozen
 from ssm_planner.units import ANGLES, LENGTHS, PER, TIMES, of_heading
 

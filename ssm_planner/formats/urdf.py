@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ssm_planner.display import environment, render_template
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.rigid_body import inertia_about_com
-from ssm_planner.dynamics.transmission import motor_torque_rows
+from ssm_planner.dynamics import friction_of, inertia_about_com, motor_torque_rows
 from ssm_planner.plans import Plan
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem import Joint, Robot
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification.certificate import Certificate

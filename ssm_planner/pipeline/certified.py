@@ -9,9 +9,15 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
-from ssm_planner.problem.limits import JUMPS, ContinuousTorque, Jump, Limit, SelfLocking
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import (
+    JUMPS,
+    ContinuousTorque,
+    Jump,
+    Limit,
+    Problem,
+    SelfLocking,
+    unchecked,
+)
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record

@@ -13,7 +13,7 @@ from itertools import count
 from typing import Literal
 
 from ssm_planner.atomic import first_interruption
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import Mechanism
 from ssm_planner.pipeline.certified import Outcome
 from ssm_planner.pipeline.thermal import RESERVE, quickly
 from ssm_planner.planning.candidates.other_joints import (
@@ -27,8 +27,7 @@ from ssm_planner.planning.prechecks import eye_forbids_target, feasible_phases
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import GAP
-from ssm_planner.problem.motion import Free, Joints
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem import Free, Joints, Problem
 from ssm_planner.progress import Progress, Step, silent
 
 StopAt = Literal["shortest", "nearest", "any"]
@@ -41,7 +40,7 @@ MAX_TARGETS = 8
 def plan_mission(
     problem: Problem,
     plan: Callable[[Problem], Outcome],
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
     *,
     stoppable: bool = False,
     stop_at: StopAt = "shortest",
@@ -101,7 +100,7 @@ class _Search:
 
     problem: Problem
     plan: Callable[[Problem], Outcome]
-    progress: Callable[[str], None]
+    progress: Progress
     any_suffices: bool
     best: Outcome
     best_problem: Problem

@@ -15,17 +15,17 @@ from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.prechecks import eye_forbids_target
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem.limits import (
+from ssm_planner.problem import (
     ContinuousTorque,
     Duration,
+    Dwell,
     JointAcceleration,
     JointVelocity,
     Limit,
     MotorTorque,
+    Problem,
     StopTravel,
 )
-from ssm_planner.problem.motion import Dwell
-from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 

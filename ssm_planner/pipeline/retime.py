@@ -12,15 +12,12 @@ from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.rotations import batch
+from ssm_planner.kinematics import Mechanism, batch
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.retiming.paths import MANY, SplinePath, smooth_runs
 from ssm_planner.plans import Plan
-from ssm_planner.problem.motion import Follow, Joints
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Follow, Joints, Problem, Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 

@@ -20,8 +20,7 @@ import numpy as np
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
+from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.certified import Outcome, plan_and_check
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
@@ -37,10 +36,17 @@ from ssm_planner.planning.prechecks import exceeds_thermal_bound
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.plans import PhaseSummary, Plan
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Free, Joints, Motion, Point, Straight, Task
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import (
+    TASK,
+    Free,
+    Joints,
+    Motion,
+    Point,
+    Problem,
+    Straight,
+    Task,
+    unchecked,
+)
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.representation import ShortRepr

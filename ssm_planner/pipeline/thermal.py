@@ -27,9 +27,7 @@ import numpy as np
 from ssm_planner.pipeline.certified import Outcome, checked
 from ssm_planner.planning.planner import joined
 from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem.motion import Follow, Motion, Scan
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import Follow, Motion, Problem, Scan, unchecked
 from ssm_planner.typing import Array
 
 MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)

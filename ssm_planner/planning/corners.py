@@ -18,16 +18,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.motors import drive_torque
-from ssm_planner.dynamics.rigid_body import with_payload
-from ssm_planner.dynamics.spread import drive_with, spread_of
-from ssm_planner.dynamics.transmission import mesh_coefficients
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.posterior import LAW, LAWS
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.dynamics import (
+    drive_torque,
+    drive_with,
+    friction_of,
+    mesh_coefficients,
+    spread_of,
+    with_payload,
+)
+from ssm_planner.problem import LAW, LAWS, Drive, Joint, Problem, Robot, unchecked
 from ssm_planner.typing import Array
 
 EASE = 0.01

@@ -10,16 +10,18 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.inverse import inverse_tip
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import joints_of_task, pose_from_task, task_from_joints
+from ssm_planner.kinematics import (
+    Mechanism,
+    inverse_tip,
+    joints_of_task,
+    pose_from_task,
+    task_from_joints,
+    tip_position,
+)
 from ssm_planner.planning.retiming.paths import TipPath
 from ssm_planner.planning.scan_pattern import refuse_tilt, tips_over_retina
 from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Follow, Joints, Point, Task, Tip
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem import TASK, Follow, Joints, Point, Problem, Task, Tip
 from ssm_planner.typing import Array, Mask
 
 Curve = tuple[Array, float]

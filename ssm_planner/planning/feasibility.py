@@ -15,37 +15,48 @@ from itertools import compress, pairwise, product
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
-from ssm_planner.dynamics.motors import drive_torque, motorised
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque_rows
+from ssm_planner.dynamics import (
+    RigidBody,
+    breakaway_coefficient,
+    breakaway_torque,
+    drive_torque,
+    friction_coefficient,
+    friction_of,
+    motor_torque_rows,
+    motorised,
+)
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.eye import eye_limits
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import joint_rates, task_from_joints, task_of_joints, task_rates
+from ssm_planner.kinematics import (
+    Mechanism,
+    eye_limits,
+    joint_rates,
+    task_from_joints,
+    task_of_joints,
+    task_rates,
+    tip_position,
+)
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase, reversal_ranges, straight_path
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import (
+from ssm_planner.problem import (
     TASK,
     ConstantSpeed,
     ContinuousTorque,
+    Drive,
     Duration,
     JointAcceleration,
     JointPosition,
     JointVelocity,
     Limit,
     MotorTorque,
+    Problem,
     RetinaClearance,
+    Robot,
     TaskRange,
 )
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array, record
 from ssm_planner.units import display_unit
 

@@ -9,12 +9,9 @@ import math
 
 import numpy as np
 
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.problem.limits import TASK, TipSpeed
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import TASK, Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, record
 

@@ -29,9 +29,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import retime, stays_at
 from ssm_planner.planning.tolerances import GAP, SAME
-from ssm_planner.problem.limits import TipSpeed
-from ssm_planner.problem.motion import Follow
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import Follow, TipSpeed, unchecked
 
 METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipopt": "Ipopt"}
 """Solution methods by the name of the planner."""

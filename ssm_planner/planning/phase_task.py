@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.prechecks import least_duration
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Problem, Robot
 from ssm_planner.typing import Array, record
 
 

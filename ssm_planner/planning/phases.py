@@ -9,11 +9,14 @@ from itertools import product
 import numpy as np
 
 from ssm_planner.errors import ProblemError, within
-from ssm_planner.kinematics.inverse import inverse_task, inverse_tip
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.solutions import Solutions
-from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.kinematics.workspace import theta2_from_tilt
+from ssm_planner.kinematics import (
+    Mechanism,
+    Solutions,
+    inverse_task,
+    inverse_tip,
+    task_from_joints,
+    theta2_from_tilt,
+)
 from ssm_planner.planning.curves import (
     at_distance,
     driven_joints,
@@ -31,23 +34,23 @@ from ssm_planner.planning.retiming.paths import (
 )
 from ssm_planner.planning.scan_pattern import refuse_tilt, visits_of
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import (
+from ssm_planner.problem import (
     ALONE,
     OF_TIP,
+    TASK,
     Dwell,
     Follow,
     Free,
     Joints,
     Motion,
     Point,
+    Problem,
     Scan,
     Straight,
     Task,
     Tip,
     key_of,
 )
-from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array, record
 
 

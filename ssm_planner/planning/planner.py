@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.cache import IdentityKey, cached
 from ssm_planner.planning.candidates.candidate import PhaseEvaluation
 from ssm_planner.planning.candidates.listed import KINDS
@@ -29,10 +29,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath, StraightPath
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem.motion import Motion, Scan
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import Motion, Problem, Robot, Scan, unchecked
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.typing import Array, record
@@ -250,12 +247,12 @@ def _with_durations(
 
 
 def _fastest_durations(
-    phases: Sequence[Phase], planners: Sequence[PhasePlanner], progress: Callable[[str], None]
+    phases: Sequence[Phase], planners: Sequence[PhasePlanner], progress: Progress
 ) -> list[float] | Reason:
     """Return the durations of the fastest motions, s, and 0 for phases whose duration is given."""
     durations = []
     for phase, planner in zip(phases, planners, strict=True):
-        progress(f"{phase.motion.name}, fastest")
+        progress(Step(f"{phase.motion.name}, fastest"))
         if phase.motion.duration is not None:
             durations.append(0.0)
             continue

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.feasibility import no_motion
 from ssm_planner.planning.ocp.constraints import with_margin
 from ssm_planner.planning.ocp.nlp import PhaseSolution

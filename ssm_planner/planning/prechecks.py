@@ -6,16 +6,14 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
+from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.planning.cache import IdentityKey, cached
 from ssm_planner.planning.feasibility import infeasible_place, motor_too_hot, with_boundary_rates
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem.limits import LensClearance, RetinaClearance
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem import LensClearance, Problem, RetinaClearance
 
 
 def feasible_phases(

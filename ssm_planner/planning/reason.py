@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ssm_planner.problem.limits import Limit
+from ssm_planner.problem import Limit
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import frozen
 

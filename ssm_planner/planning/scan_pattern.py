@@ -11,16 +11,16 @@ from __future__ import annotations
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.inverse import inverse_tip
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import pose_from_task
-from ssm_planner.kinematics.workspace import tilt_interval
+from ssm_planner.kinematics import (
+    Mechanism,
+    inverse_tip,
+    pose_from_task,
+    tilt_interval,
+    tip_position,
+)
 from ssm_planner.planning.lower_bound import least_times
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Tip
-from ssm_planner.problem.problem import Eye, Problem
+from ssm_planner.problem import TASK, Dwell, Eye, Free, Motion, Problem, Scan, Tip
 from ssm_planner.typing import Array, Indices
 
 STARTS, MANY = 8, 300

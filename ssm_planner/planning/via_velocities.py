@@ -14,7 +14,7 @@ from ssm_planner.planning.lower_bound import minimum_times
 from ssm_planner.planning.ocp.nlp import Reversals
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem import Problem
 from ssm_planner.typing import Array, record
 
 PAYS = 2e-3

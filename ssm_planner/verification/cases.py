@@ -13,14 +13,15 @@ from itertools import starmap
 
 import numpy as np
 
-from ssm_planner.dynamics.motors import directions, drive_torque
-from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
-from ssm_planner.dynamics.spread import drive_with, spread_of
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import MotorTorque
-from ssm_planner.problem.posterior import LAW, LAWS
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.dynamics import (
+    RigidBody,
+    directions,
+    drive_torque,
+    drive_with,
+    spread_of,
+    with_payload,
+)
+from ssm_planner.problem import LAW, LAWS, Drive, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.limits import Case, Quantity

@@ -16,11 +16,16 @@ from weakref import ref
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.problem.limits import PROMISES, Limit
-from ssm_planner.problem.motion import Follow, Straight
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain, robot_text
+from ssm_planner.problem import (
+    PROMISES,
+    Follow,
+    Limit,
+    Robot,
+    Straight,
+    TaskLimits,
+    plain,
+    robot_text,
+)
 from ssm_planner.representation import ShortRepr, data_frame, html_table
 from ssm_planner.trajectory import BLOCK, Trajectory
 from ssm_planner.typing import frozen

@@ -14,12 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics.spread import spread_of
-from ssm_planner.dynamics.transmission import self_locking_margin
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.problem.limits import ENDS, JUMPS, ContinuousTorque, SelfLocking
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.dynamics import self_locking_margin, spread_of
+from ssm_planner.kinematics import Mechanism
+from ssm_planner.problem import ENDS, JUMPS, ContinuousTorque, Joint, Robot, SelfLocking, TaskLimits
 from ssm_planner.trajectory import BLOCK, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.cases import worst_cases

@@ -10,11 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import joint_rates
-from ssm_planner.problem.limits import TASK, EndVelocity, Jump
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.kinematics import Mechanism, joint_rates
+from ssm_planner.problem import TASK, EndVelocity, Jump, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck

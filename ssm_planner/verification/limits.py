@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import (
+from ssm_planner.problem import (
     TASK,
     ContinuousTorque,
+    Drive,
     JointAcceleration,
     JointJerk,
     Limit,
@@ -18,12 +18,12 @@ from ssm_planner.problem.limits import (
     MotorTorque,
     NutContact,
     RetinaClearance,
+    Robot,
     SelfLocking,
+    TaskLimits,
     TaskRange,
     TaskRate,
 )
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck
 

@@ -12,8 +12,8 @@ from itertools import zip_longest
 
 import numpy as np
 
-from ssm_planner.dynamics.motors import STILL
-from ssm_planner.problem.robot import Robot
+from ssm_planner.dynamics import STILL
+from ssm_planner.problem import Robot
 from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification import bernstein

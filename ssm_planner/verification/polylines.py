@@ -15,12 +15,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ssm_planner.kinematics.forward import tool_speed
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
-from ssm_planner.problem.limits import Jump, SpeedLimit
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
+from ssm_planner.problem import Jump, Robot, SpeedLimit, TaskLimits
 from ssm_planner.trajectory import DEGREE, Trajectory
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import LimitCheck, Unjudged

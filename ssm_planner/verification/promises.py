@@ -12,21 +12,32 @@ from functools import partial
 
 import numpy as np
 
-from ssm_planner.kinematics.forward import tip_position, tool_speed
-from ssm_planner.kinematics.inverse import inverse_tip
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints, tip_from_task
-from ssm_planner.problem.limits import (
+from ssm_planner.kinematics import (
+    Mechanism,
+    inverse_tip,
+    task_from_joints,
+    tip_from_task,
+    tip_position,
+    tool_speed,
+)
+from ssm_planner.problem import (
+    OF_TIP,
     TASK,
     ConstantSpeed,
     CornerRounding,
+    Follow,
+    Joints,
+    Motion,
     OfPath,
     PathDeparture,
+    Point,
     RetinaDistance,
+    Scan,
+    Straight,
+    Task,
+    TaskLimits,
     TipSpeed,
 )
-from ssm_planner.problem.motion import OF_TIP, Follow, Joints, Motion, Point, Scan, Straight, Task
-from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck

@@ -30,26 +30,28 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.codegen.vectorised import Vectorised, dense
-from ssm_planner.dynamics.motors import drive_torque, motor_law
-from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
-from ssm_planner.dynamics.transmission import nut_contact
-from ssm_planner.kinematics.eye import eye_limits
-from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.solutions import nearest_turn
-from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
-from ssm_planner.problem.limits import (
+from ssm_planner.dynamics import RigidBody, drive_torque, motor_law, nut_contact, with_payload
+from ssm_planner.kinematics import (
+    JACOBIANS,
+    Mechanism,
+    eye_limits,
+    nearest_turn,
+    task_from_joints_symbolic,
+    task_rates_symbolic,
+    tip_position_symbolic,
+)
+from ssm_planner.problem import (
     ContinuousTorque,
+    Eye,
     Limit,
     MotorTorque,
     NutContact,
+    Robot,
     SpeedLimit,
     TaskRange,
     TaskRate,
+    unchecked,
 )
-from ssm_planner.problem.problem import Eye
-from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.certificate import LimitCheck

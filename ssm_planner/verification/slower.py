@@ -11,12 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics.motors import directions, motor_motion
-from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics import RigidBody, directions, motor_motion
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.limits import ContinuousTorque, MotorTorque
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import ContinuousTorque, MotorTorque, Robot, TaskLimits
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Samples, Trajectory
 from ssm_planner.typing import Array, frozen, record

@@ -19,13 +19,17 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
-from ssm_planner.dynamics.motors import motorised
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import TorqueRows, motor_torque_rows, output_effort
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.dynamics import (
+    RigidBody,
+    TorqueRows,
+    friction_coefficient,
+    friction_of,
+    motor_torque_rows,
+    motorised,
+    output_effort,
+)
+from ssm_planner.kinematics import Mechanism, tip_position
+from ssm_planner.problem import Joint, Robot
 from ssm_planner.trajectory import DEGREE, Trajectory, quintics
 from ssm_planner.typing import Array, Indices, Mask, record
 

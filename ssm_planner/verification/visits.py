@@ -10,10 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.problem.motion import Dwell, Point, Scan
-from ssm_planner.problem.problem import Problem
+from ssm_planner.kinematics import Mechanism, task_from_joints
+from ssm_planner.problem import Dwell, Point, Problem, Scan
 from ssm_planner.trajectory import BLOCK, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck, Unjudged, worst_of_each

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ssm_planner.errors import ProblemError, SsmPlannerError
-from ssm_planner.problem.problem import Problem
+from ssm_planner.problem import Problem
 from ssm_planner.progress import Step
 from ssm_planner.studies.workers import Workers
 from ssm_planner.typing import frozen

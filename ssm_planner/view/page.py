@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import GeometryError, ProblemError
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.inverse import inverse_task
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import design_region, tilt_interval
+from ssm_planner.kinematics import (
+    Mechanism,
+    design_region,
+    inverse_task,
+    tilt_interval,
+    tip_position,
+)
 from ssm_planner.loading.catalogues import entries
 from ssm_planner.loading.files import follow, read, shipped_folder
 from ssm_planner.loading.problems import problem_from
 from ssm_planner.loading.yaml_nodes import Section, plain_node
-from ssm_planner.problem.limits import TASK
-from ssm_planner.problem.motion import Task
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import JOINTS
+from ssm_planner.problem import JOINTS, TASK, Problem, Task
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render
 from ssm_planner.reporting.html.scene import link_sides, mechanism_scene

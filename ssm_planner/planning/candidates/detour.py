@@ -14,7 +14,7 @@ from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath
-from ssm_planner.problem.limits import LensClearance, RetinaClearance
+from ssm_planner.problem import LensClearance, RetinaClearance
 from ssm_planner.typing import record
 
 DEPTHS = (0.7, 0.55, 0.4, 0.85, 0.25)

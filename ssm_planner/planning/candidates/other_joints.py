@@ -15,8 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints
+from ssm_planner.kinematics import Mechanism, task_from_joints
 from ssm_planner.planning.cache import cached
 from ssm_planner.planning.candidates.candidate import Candidate, Evaluation
 from ssm_planner.planning.phase_task import PlannedPhase
@@ -30,9 +29,7 @@ from ssm_planner.planning.prechecks import (
 )
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
-from ssm_planner.problem.motion import Free, Joints, Motion
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked
 from ssm_planner.typing import Array, record
 
 RESCUES = 3

@@ -16,8 +16,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.reversals import current_reversals, refine_directions
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.planning.via_velocities import PAYS, passing_turns
-from ssm_planner.problem.limits import Duration
-from ssm_planner.problem.motion import Free
+from ssm_planner.problem import Duration, Free
 from ssm_planner.typing import record
 
 NONE_PAYS = Reason(message="no reversal saves time")

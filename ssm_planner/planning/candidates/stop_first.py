@@ -16,7 +16,7 @@ from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import find_fastest
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot
 from ssm_planner.trajectory import join
 from ssm_planner.typing import Array, record
 

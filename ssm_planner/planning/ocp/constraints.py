@@ -17,23 +17,30 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
-from ssm_planner.dynamics.motors import motorised, motorless
-from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
-from ssm_planner.kinematics.forward import JACOBIANS, speed_bounds
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import (
+from ssm_planner.dynamics import (
+    breakaway_coefficient,
+    friction_coefficient,
+    friction_of,
+    motor_torque_rows,
+    motorised,
+    motorless,
+    output_effort,
+)
+from ssm_planner.kinematics import JACOBIANS, speed_bounds
+from ssm_planner.problem import (
+    Drive,
+    Joint,
     JointAcceleration,
     JointJerk,
     JointVelocity,
     MotorTorque,
+    Robot,
     SpeedLimit,
     StopTravel,
     TipSpeed,
     ToolLimit,
+    unchecked,
 )
-from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array, frozen
 
 UNLIMITED = 1e9

@@ -29,7 +29,7 @@ from ssm_planner.planning.ocp.constraints import (
     heat,
     torque_rows,
 )
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import keyword_record, record
 

@@ -17,10 +17,13 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.kinematics.eye import retina_row
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints, task_of_joints
+from ssm_planner.kinematics import (
+    Mechanism,
+    retina_row,
+    task_from_joints,
+    task_of_joints,
+    tip_position,
+)
 from ssm_planner.planning.ocp.constraints import (
     UNLIMITED,
     RowName,
@@ -59,9 +62,7 @@ from ssm_planner.planning.ocp.turning import TurningGuess, braking, turning_gues
 from ssm_planner.planning.phases import reversal_ranges
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.problem.limits import TASK, RetinaClearance, TaskRange, TaskRate
-from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import TASK, Problem, RetinaClearance, Robot, TaskRange, TaskRate
 from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record, record
 

@@ -20,9 +20,8 @@ import casadi as ca
 
 from ssm_planner.codegen.c import PLAIN, Argument, write_function
 from ssm_planner.codegen.namespace import casadi_namespace
-from ssm_planner.dynamics.rigid_body import LOAD, efforts_by_figures
-from ssm_planner.kinematics.eye import lens_row
-from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic
+from ssm_planner.dynamics import LOAD, efforts_by_figures
+from ssm_planner.kinematics import JACOBIANS, lens_row, tip_position_symbolic
 from ssm_planner.planning.ocp.constraints import (
     Instant,
     acceleration_rows,
@@ -42,7 +41,7 @@ from ssm_planner.planning.ocp.models import (
     seen_rows,
 )
 from ssm_planner.planning.ocp.natively import DRIVE, EYE, MECHANISM, MESHES
-from ssm_planner.problem.posterior import LAWS
+from ssm_planner.problem import LAWS
 from ssm_planner.trajectory import Cubic
 
 HEADER = Path(__file__).parents[2] / "native" / "kernels.h"

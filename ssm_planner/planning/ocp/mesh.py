@@ -18,8 +18,7 @@ from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime
 from ssm_planner.planning.tolerances import ROUNDING, SAME
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import Cubic, Trajectory
 from ssm_planner.typing import Array, Indices, record
 

@@ -30,11 +30,16 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.codegen.vectorised import Layout
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.kinematics.eye import eye_rows
-from ssm_planner.kinematics.forward import JACOBIANS, tip_position_symbolic, tool_speed
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_from_joints_symbolic, task_rates_symbolic
+from ssm_planner.dynamics import RigidBody
+from ssm_planner.kinematics import (
+    JACOBIANS,
+    Mechanism,
+    eye_rows,
+    task_from_joints_symbolic,
+    task_rates_symbolic,
+    tip_position_symbolic,
+    tool_speed,
+)
 from ssm_planner.planning.ocp.constraints import (
     JOINT_ROWS,
     LIMITS,
@@ -50,8 +55,7 @@ from ssm_planner.planning.ocp.constraints import (
 )
 from ssm_planner.planning.ocp.element import ElementModel, Parameter
 from ssm_planner.planning.retiming.paths import JointPath
-from ssm_planner.problem.limits import TASK, LensClearance, RetinaClearance, TaskRange, TaskRate
-from ssm_planner.problem.problem import Eye
+from ssm_planner.problem import TASK, Eye, LensClearance, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.typing import Array, keyword_record
 
 DEGREE = 6

@@ -15,21 +15,21 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout, call
-from ssm_planner.dynamics.friction import breakaway_coefficient, friction_of
-from ssm_planner.dynamics.motors import motorised, motorless
-from ssm_planner.dynamics.rigid_body import axes_frames, load_figures
+from ssm_planner.dynamics import (
+    axes_frames,
+    breakaway_coefficient,
+    friction_of,
+    load_figures,
+    motorised,
+    motorless,
+)
 from ssm_planner.interior.problem import ElementGroup
-from ssm_planner.kinematics.eye import lens_limit
-from ssm_planner.kinematics.forward import JACOBIANS
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import JACOBIANS, Mechanism, lens_limit
 from ssm_planner.native.library import load
 from ssm_planner.planning.ocp.constraints import ACCELERATION_SHARE, actuations_by_load
 from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, SIMPSON, ElementModel
 from ssm_planner.planning.ocp.models import DEGREE, FreeElement, StraightElement
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import MotorTorque, TipSpeed
-from ssm_planner.problem.posterior import LAWS
-from ssm_planner.problem.problem import Eye
+from ssm_planner.problem import LAWS, Drive, Eye, MotorTorque, TipSpeed
 from ssm_planner.typing import Array, record
 
 MECHANISM = Layout(

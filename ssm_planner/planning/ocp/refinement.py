@@ -16,7 +16,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ssm_planner.dynamics.motors import motorised
+from ssm_planner.dynamics import motorised
 from ssm_planner.planning.ocp.constraints import RowName
 from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, Aim, ElementModel, shared
 from ssm_planner.planning.ocp.natively import rows_between
@@ -34,8 +34,7 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem.limits import LensClearance, MotorTorque
-from ssm_planner.problem.problem import Objective
+from ssm_planner.problem import LensClearance, MotorTorque, Objective
 from ssm_planner.typing import Array, Indices, Mask, keyword_record, record
 
 NEAR = 0.8

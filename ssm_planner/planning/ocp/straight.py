@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.kinematics.task import task_rates
+from ssm_planner.dynamics import RigidBody
+from ssm_planner.kinematics import task_rates
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.constraints import (
     UNLIMITED,
@@ -40,9 +40,16 @@ from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import SAMPLES
-from ssm_planner.problem.limits import TASK, JointAcceleration, JointJerk, JointVelocity, ToolLimit
-from ssm_planner.problem.problem import Objective, TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import (
+    TASK,
+    JointAcceleration,
+    JointJerk,
+    JointVelocity,
+    Objective,
+    Robot,
+    TaskLimits,
+    ToolLimit,
+)
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, keyword_record
 

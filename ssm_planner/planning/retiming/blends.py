@@ -21,8 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.forward import tip_position
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.planning.retiming.paths import (
     FEW,
     MANY,

@@ -22,18 +22,18 @@ from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
-from ssm_planner.dynamics.motors import motorised
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
-from ssm_planner.kinematics.forward import tool_speed
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
+from ssm_planner.dynamics import (
+    RigidBody,
+    breakaway_coefficient,
+    friction_coefficient,
+    friction_of,
+    motor_torque_rows,
+    motorised,
+    output_effort,
+)
+from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
-from ssm_planner.problem.drive import Drive
-from ssm_planner.problem.limits import TASK, TipSpeed
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import TASK, Drive, Robot, TaskLimits, TipSpeed
 from ssm_planner.typing import Array, Indices, Mask, record
 
 ACTIVE = 0.998

@@ -16,8 +16,12 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import call
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import joints_from_task_symbolic, roll_of_tip, task_of_tip_symbolic
+from ssm_planner.kinematics import (
+    Mechanism,
+    joints_from_task_symbolic,
+    roll_of_tip,
+    task_of_tip_symbolic,
+)
 from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask, record

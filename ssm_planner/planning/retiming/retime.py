@@ -14,14 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.kinematics.forward import tool_speed
+from ssm_planner.kinematics import tool_speed
 from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
 from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest_profile
 from ssm_planner.planning.tolerances import GAP, ROUNDING
-from ssm_planner.problem.limits import TipSpeed
-from ssm_planner.problem.problem import TaskLimits
-from ssm_planner.problem.robot import Robot
+from ssm_planner.problem import Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Trajectory, hermite
 from ssm_planner.typing import Array, record
 
