@@ -16,7 +16,15 @@ import numpy as np
 
 from ssm_planner.dynamics import self_locking_margin, spread_of
 from ssm_planner.kinematics import Mechanism
-from ssm_planner.problem import ENDS, JUMPS, ContinuousTorque, Joint, Robot, SelfLocking, TaskLimits
+from ssm_planner.problem import (
+    ENDS,
+    JUMPS,
+    ContinuousTorque,
+    Joint,
+    Robot,
+    SelfLocking,
+    TaskLimits,
+)
 from ssm_planner.trajectory import BLOCK, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.cases import worst_cases
@@ -31,7 +39,7 @@ from ssm_planner.verification.ends import Jumps, end_checks
 from ssm_planner.verification.limits import Quantity, Worst, quantities
 from ssm_planner.verification.pieces import find_extremes, pieces_of
 from ssm_planner.verification.polylines import linear_limits
-from ssm_planner.verification.promises import promises_kept
+from ssm_planner.verification.promises import promises_kept, unchecked_lines
 from ssm_planner.verification.sampled_extremes import SampledExtremes
 from ssm_planner.verification.stops import StopMotions, quickest_stops
 
@@ -122,10 +130,7 @@ def check(
         for promise in promises_kept(trajectory, mechanism, limits):
             checks += promise.checks
     elif limits.promising:
-        unchecked.append(
-            f"that the tip keeps to the path of {limits.promising}: a table does not say when it "
-            "begins"
-        )
+        unchecked.append(unchecked_lines(limits))
     certificate = Certificate(
         worst_of_each(checks),
         interpolation,

@@ -40,7 +40,7 @@ from ssm_planner.problem import (
 )
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import Array, frozen
-from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification.certificate import LimitCheck, Unjudged
 
 OFF = 1e-7
 """Distance from its lines, m, beyond which the tip has left them."""
@@ -125,6 +125,63 @@ def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) 
     ]
 
 
+def lines_kept(
+    motion: Trajectory,
+    mechanism: Mechanism,
+    limits: TaskLimits,
+    chain: list[Motion],
+    span: Span,
+    allowed: float,
+) -> tuple[list[LimitCheck], list[Unjudged]]:
+    """Check that a table follows the lines of motions without a stop between them.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        The table.
+    mechanism : Mechanism
+    limits : TaskLimits
+    chain : list of Motion
+        Motions joined by rounded corners, or one motion.
+    span : Span
+        Times between which the table performs them.
+    allowed : float
+        Largest distance from the lines outside rounded corners, m.
+
+    Returns
+    -------
+    checks : list of LimitCheck
+        The largest distance from the lines. Empty if the motions have no lines.
+    unjudged : list of Unjudged
+        Promises that the points of a table cannot show.
+    """
+    if not _has_lines(chain[0]):
+        return [], []
+    way = replace(_path_promise(motion, mechanism, limits, chain, span), speed=None)
+    names = [CornerRounding.name] * bool(way.distances)
+    checks = []
+    if way.over is None:
+        departure = _compare(motion, mechanism, way).checks[0]
+        checks.append(_check(PathDeparture(allowed), way, departure.worst, departure.time))
+    else:
+        names.append(PathDeparture.name)
+    names += [ConstantSpeed.name] * bool(getattr(chain[0], "constant_speed", None))
+    reason = f"the points of a table do not show it for {span.name}"
+    return checks, [Unjudged(name, None, reason) for name in names]
+
+
+def unchecked_lines(limits: TaskLimits) -> str:
+    """Return a remark that the lines of the motions were not checked."""
+    return (
+        f"that the tip keeps to the path of {limits.promising}: a table does not say when it begins"
+    )
+
+
+def _has_lines(entry: Motion) -> bool:
+    """Return whether the tip follows lines that a motion prescribes."""
+    return isinstance(entry, Straight) or (isinstance(entry, Follow) and entry.curve in OF_TIP)
+
+
 def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Iterator[Way]:
     """Return the promises of the motions of a problem with their phases.
 
@@ -146,7 +203,7 @@ def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits)
         span = spans[index] if index < len(spans) else None
         index += 1
         counts_unknown = False
-        if isinstance(head, Straight) or (isinstance(head, Follow) and head.curve in OF_TIP):
+        if _has_lines(head):
             start = motion.breaks[-1] if span is None else span.start
             is_phase = span is not None and span.name == name
             yield _path_promise(

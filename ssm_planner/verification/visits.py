@@ -1,4 +1,4 @@
-"""Check that a motion does what a problem asks: targets in order, waypoints, dwells, durations.
+"""Check that a motion does what a problem asks: targets, waypoints, lines, dwells, durations.
 
 The check searches the earliest instant at which each point is reached after the one before it. It
 needs no phases, so it judges any table.
@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism, task_from_joints
-from ssm_planner.problem import Dwell, Point, Problem, Scan
-from ssm_planner.trajectory import BLOCK, Trajectory
+from ssm_planner.problem import Dwell, Motion, PathDeparture, Point, Problem, Scan
+from ssm_planner.trajectory import BLOCK, Span, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck, Unjudged, worst_of_each
-from ssm_planner.verification.promises import task_at
+from ssm_planner.verification.promises import lines_kept, task_at, unchecked_lines
 
 NEAR = np.array([2e-4, 2e-4, 2e-4, 1e-5])
 """Largest error at a point, rad and m: 0.01° and 10 µm."""
@@ -31,21 +31,27 @@ ROW = 5e-3
 
 
 def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) -> Certificate:
-    """Return a certificate with the points, dwells and durations of a problem.
+    """Return a certificate with the points, lines, dwells and durations of a problem.
 
     The results are named "target", "waypoint", "dwell" and "duration". The worst value of a point
-    is its error as a multiple of NEAR.
+    is its error as a multiple of NEAR. `check` has judged the lines of a motion with phases.
     """
+    limits = problem.task_limits
+    unchecked = [text for text in certificate.unchecked if text != unchecked_lines(limits)]
+    unjudged = list(certificate.unjudged)
+    chain: list[Motion] = []
     path = _Path(motion, Mechanism.from_geometry(problem.robot.geometry))
     _, error = path.nearest(path.errors(problem.start)[:1], 0)
     checks = [_of_point("target", "start", error, path.t[0])]
     begin = last = 0
+    scanned = False
     for entry in problem.motion:
         if isinstance(entry, Dwell):
             stay, last = path.stay(last, entry.duration)
             checks.append(_timed("dwell", entry.name, min(stay, entry.duration), entry.duration))
         elif isinstance(entry, Scan):
             path.held = np.full(4, np.nan)
+            scanned = True
         else:
             for point in getattr(entry, "through", ()):
                 last, error = path.nearest(path.errors(point), last)
@@ -54,11 +60,18 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
             is_open = getattr(entry, "spin_free", False), getattr(entry, "distance", 0)
             path.held[2:][np.array(is_open, bool)] = np.nan
             errors[:, np.isnan(path.held)] = np.nan
+            chain.append(entry)
             if getattr(entry, "blend", None) is not None:
                 continue
             final = entry is problem.motion[-1]
             last, error = path.nearest(errors, len(path.t) - 1 if final else last)
             checks.append(_of_point("target", entry.name, error, path.t[last]))
+            if begin < last and not (scanned or motion.phases):
+                span = Span(entry.name, float(path.t[begin]), float(path.t[last]))
+                lines = lines_kept(motion, path.mechanism, limits, chain, span, allowed=NEAR[3])
+                checks += lines[0]
+                unjudged += lines[1]
+            chain = []
             if entry.duration is not None:
                 actual = float(path.t[last] - path.t[begin])
                 checks.append(_timed("duration", entry.name, actual, entry.duration))
@@ -66,10 +79,13 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
     if isinstance(problem.motion[-1], Dwell):
         _, error = path.nearest(errors, len(path.t) - 1)
         checks.append(_of_point("target", "end", error, path.t[-1]))
+    if problem.duration is not None:
+        checks.append(_timed("duration", problem.name, motion.duration, problem.duration))
+    if scanned:
+        reason = "the check does not know the spots of a scan"
+        unjudged += [Unjudged(name, None, reason) for name in ("target", PathDeparture.name)]
     certificate = certificate.with_more(worst_of_each(checks))
-    spots = Unjudged("target", None, "the check does not know the spots of a scan")
-    scans = any(isinstance(entry, Scan) for entry in problem.motion)
-    return replace(certificate, unjudged=(*certificate.unjudged, *[spots] * scans))
+    return replace(certificate, unchecked=tuple(unchecked), unjudged=tuple(unjudged))
 
 
 def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:

@@ -66,7 +66,7 @@ def knot(motion: Trajectory) -> int:
 def test_a_motion_does_what_its_problem_asks(table: Trajectory, problem: Problem) -> None:
     found = with_task(EMPTY, table, problem)
     assert found.verdict == "kept"
-    assert {line.name for line in found.limits} == {"target"}
+    assert {line.name for line in found.limits} == {"target", "path departure"}
     plan = load_plan(SHIPPED).motion
     assert with_task(EMPTY, plan, problem).verdict == "kept"
 
@@ -147,11 +147,62 @@ def test_durations_are_those_of_the_problem(table: Trajectory, problem: Problem)
         assert ("duration" in broken(table, timed)) == late
 
 
+@pytest.mark.parametrize("factor", [0.5, 0.97, 1.03, 2.0])
+def test_the_duration_of_the_whole_motion_counts(
+    table: Trajectory, problem: Problem, factor: float
+) -> None:
+    asked = replace(problem, objective="effort", duration=table.duration)
+    assert not broken(table, asked)
+    late = replace(problem, objective="effort", duration=factor * table.duration)
+    assert broken(table, late) == {"duration"}
+
+
+@pytest.mark.parametrize("joint", [0, 2, 3])
+@pytest.mark.parametrize("aside", [1e-5, 1e-3, 0.05])
+def test_a_table_that_leaves_its_line_is_noticed(
+    table: Trajectory, problem: Problem, joint: int, aside: float
+) -> None:
+    """Another joint moves to and fro during the tilt. Spin does not move the tip."""
+    k = knot(table)
+    coefficients = table.coefficients.copy()
+    shares = np.linspace(0.0, np.pi, k + 1)
+    values = np.append(aside * np.sin(shares) ** 2, np.zeros(len(table.breaks) - 1 - k))
+    slopes = np.diff(values) / np.diff(table.breaks)
+    coefficients[:, 0, joint] += values[:-1]
+    coefficients[:, 1, joint] += slopes
+    bent = Trajectory(table.breaks, coefficients, ())
+    found = with_task(EMPTY, bent, problem)
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    from ssm_planner.kinematics.forward import tip_position
+
+    tips = [
+        tip_position(mechanism, motion.positions(table.breaks[: k + 1])) for motion in (bent, table)
+    ]
+    distance = np.linalg.norm(tips[0] - tips[1], axis=1).max()
+    (departure,) = (line for line in found.limits if line.name == "path departure")
+    assert departure.worst <= distance + 2e-6
+    if joint == 0:  # the roll moves the tip across its line
+        assert departure.worst == pytest.approx(distance, rel=0.05, abs=1e-6)
+        assert (departure.margin < 0) == (departure.worst > 1e-5)
+
+
+def test_lines_of_a_plan_are_left_to_the_check(problem: Problem) -> None:
+    found = with_task(EMPTY, load_plan(SHIPPED).motion, problem)
+    assert "path departure" not in {line.name for line in found.limits}
+
+
+def test_rounded_corners_and_constant_speeds_of_tables_are_not_judged(
+    table: Trajectory, problem: Problem
+) -> None:
+    rounded = asking(problem, replace(TILT, blend=0.0005), INSERT)
+    assert [u.name for u in with_task(EMPTY, table, rounded).unjudged] == ["corner rounding"]
+
+
 def test_what_is_unknown_is_not_judged(table: Trajectory, problem: Problem) -> None:
     eye = load_problem(PROBLEMS / "eye_approach.yaml").eye
     spots = Scan(Task(tilt=-2.0), 0.0015, rows=2, columns=2)
     found = with_task(EMPTY, table, asking(problem, TILT, spots, INSERT, eye=eye))
-    assert [u.name for u in found.unjudged] == ["target"]
+    assert [u.name for u in found.unjudged] == ["target", "path departure"]
 
 
 def test_the_command_judges_the_task(tmp_path: Path) -> None:
