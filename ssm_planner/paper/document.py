@@ -22,6 +22,7 @@ from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.publishing import publishing
 from ssm_planner.reporting.figures.style import save_figures
+from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import frozen, record
 
 FILE = "README.md"
@@ -51,7 +52,7 @@ class Document:
 
 
 @frozen
-class Reproduction:
+class Reproduction(ShortRepr):
     """Outcome of a reproduction of the paper.
 
     Attributes
