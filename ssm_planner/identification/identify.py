@@ -242,7 +242,7 @@ def _reference(drive: Drive) -> dict[str, float]:
 def _map(
     drive_path: str | Path, steady: list[Recording], moving: list[Recording]
 ) -> tuple[TorqueMap, str]:
-    """Return the map to fit and its origin as a text."""
+    """Return the torque map to fit, and a description of its recordings or of its table."""
     also = f" and {len(moving)} start-stop recordings" if moving else ""
     if steady:
         data = torque_map(steady)

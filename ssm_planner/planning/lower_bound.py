@@ -101,8 +101,8 @@ def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
         |φ'| ≤ sin β,           |φ''| ≤ (sin β + |cos φ| sin² β) / sin φ,
         |ζ'| ≤ sin β / sin φ,   |ζ''| ≤ (sin β + 2 |cos φ| sin² β / sin φ) / sin φ.
 
-    The bounds of spin are the same with α. The result is infinite if the range of tilt contains 0
-    or ±π.
+    The bounds of spin are the same with α instead of β. `name` is "roll", "tilt" or "spin". The
+    result is infinite if the range of tilt contains 0 or ±π.
     """
     mechanism = Mechanism.from_geometry(robot.geometry)
     first, second, third, _ = robot.joints
@@ -111,10 +111,10 @@ def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
         return math.inf
     sine = min(abs(math.sin(low)), abs(math.sin(high)))
     radius = math.sin(mechanism.alpha if name == "spin" else mechanism.beta)
-    once, twice = (1.0, 1.0) if name == "tilt" else (1 / sine, 2 / sine)
+    slope, curvature = (1.0, 1.0) if name == "tilt" else (1 / sine, 2 / sine)
     contribution = (
-        radius * once * second.acceleration
-        + (radius + twice * radius**2) / sine * second.velocity**2
+        radius * slope * second.acceleration
+        + (radius + curvature * radius**2) / sine * second.velocity**2
     )
     return (
         contribution + {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]

@@ -311,9 +311,11 @@ def _curved_phases(
 def _retina_phases(
     problem: Problem, mechanism: Mechanism, motion: Follow, origin: tuple[Array, Array]
 ) -> list[Phase]:
-    """Return the phases along the retina from `origin`: task coordinates and joints, (4,) each.
+    """Return the phases of a motion along the retina.
 
-    A free motion to the requested distance precedes it, unless the tip is there already.
+    `origin` contains the task coordinates and the joints at the start, (4,) each. The first phase
+    moves the tip freely to the requested distance from the retina. It is omitted if the tip has
+    this distance already.
     """
     start, q = origin
     target = at_distance(problem, mechanism, motion, start, q)
@@ -330,7 +332,10 @@ def _retina_phases(
 def _tip_phase(
     problem: Problem, mechanism: Mechanism, motion: Follow, origin: tuple[Array, Array]
 ) -> Phase:
-    """Return a tip line or arc from `origin`: task coordinates and joints, (4,) each."""
+    """Return the phase in which the tip follows a line or an arc.
+
+    `origin` contains the task coordinates and the joints at the start, (4,) each.
+    """
     start, q = origin
     path: JointPath | Array = tip_curve(problem, mechanism, motion, start, q)
     if not isinstance(path, JointPath):

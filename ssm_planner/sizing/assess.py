@@ -187,12 +187,12 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
     Returns
     -------
     drive
-        Drive with the new input inertia. If a rotor inertia is not stated, it has the largest
-        possible value.
+        Drive with the new input inertia. If a motor file does not state the rotor's inertia, the
+        drive has the largest input inertia that is possible.
     inertia
         Range of the input inertia, kg·m². None if it is certain.
     rotors
-        Names of the rotor inertias that are not stated.
+        Descriptions of the rotor inertias that the motor files do not state.
     """
     low, high = shaft_inertia(load, motor)
     original = load.motor

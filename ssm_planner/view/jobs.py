@@ -72,10 +72,12 @@ class Jobs:
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
     def start(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Answer a request as in `Study.problem_content` with {job}.
+        """Start to plan the motion of a request, and return the name of the run as {job}.
 
-        `relaxed` replaces an infeasible problem by its relaxation. `pinned` is a request with which
-        the motion is compared. Raises ProblemError.
+        The keys of the request are those of `Study.problem_content`, and two more. With `relaxed`,
+        an infeasible problem is replaced by its relaxation. `pinned` is another request, whose
+        motion A is planned for comparison with the motion B of this request. Raises ProblemError if
+        a request is invalid, or while another run is in progress.
         """
         named = {"A": request.get("pinned"), "B": request}
         requests = [

@@ -572,7 +572,13 @@ class SegmentChain:
         )
 
     def within(self, port: float) -> Mask:
-        """Return the segments (k,) in which the tip stays within the port."""
+        """Return the segments (k,) in which the depth of the tip is at most `port`, m.
+
+        The depth of a point that is not fixed is unknown. Within a segment, the depth only grows or
+        only shrinks. A point is therefore at most as deep as its neighbour if the depth grows
+        towards the neighbour. Two passes, forwards and backwards, carry the depths of the fixed
+        points to all others.
+        """
         depths = np.abs(self.points[:, 3])
         upper = np.where(self.fixed[:, 3], depths, np.inf)
         grows = np.diff(depths)
