@@ -14,7 +14,7 @@ class Step:
     Attributes
     ----------
     step : str
-        What the step does, for example "fitting the coulomb law".
+        Description of the step, for example "fitting the coulomb law".
     done : int
         Number of items that are finished, if the step counts items.
     total : int

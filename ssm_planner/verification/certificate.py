@@ -108,8 +108,8 @@ class Unjudged(ShortRepr):
 class Certificate(ShortRepr):
     """The result of checking one trajectory.
 
-    `unchecked` lists what is not a limit of this motion, and limits that the caller allowed to
-    remain unjudged, with reasons.
+    `unchecked` lists quantities that this motion does not limit, and limits that the caller
+    allowed to remain unjudged, with reasons.
     """
 
     limits: tuple[LimitCheck, ...]

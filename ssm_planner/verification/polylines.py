@@ -57,7 +57,7 @@ def linear_limits(
             unjudged.append(Unjudged(limit.name, limit.joint, reason))
         results.append(result)
     results += speeds.checks()
-    note = "velocity jumps are held against what the acceleration limit allows within one interval"
+    note = "velocity may jump by as much as the acceleration limit allows within one interval"
     if resolution.max() > FINEST:
         note += ", less what the rounding of the positions can explain"
     return results, [note], unjudged
@@ -169,8 +169,8 @@ def _longer_windows(
 
     A motion with |q̇| ≤ bound passes all points within their rounding if and only if
     |q(t) − q(s)| ≤ bound (t − s) + 2 resolution for all points s < t (McShane's extension). The
-    window exceeds this by most, so the mean speed is above the bound exactly if there is no such
-    motion. It ends where q(t) − bound t is farthest above its lowest earlier value.
+    window exceeds this by most, so its mean speed is above the bound if and only if such a motion
+    does not exist. It ends where q(t) − bound t is farthest above its lowest earlier value.
     """
     t = trajectory.breaks
     blocks = (t[k : k + BLOCK] for k in range(0, len(t), BLOCK))

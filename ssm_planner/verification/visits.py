@@ -1,4 +1,4 @@
-"""Check that a motion does what a problem asks: targets, waypoints, lines, dwells, durations.
+"""Check that a motion performs a task: its targets, waypoints, lines, dwells and durations.
 
 The check searches the earliest instant at which each point is reached after the one before it. It
 needs no phases, so it judges any table.

@@ -548,7 +548,7 @@ def _confirm(refined: _RefinementResult, aim: Aim) -> _RefinementResult | None:
     taken, because it satisfies the dynamics exactly, which very short elements need. A better
     motion of Ipopt that violates a row between the collocation points would have to be refined, so
     it confirms nothing. If Ipopt's motion is longer, the structured one is taken, and its confirmation
-    states the difference. Motions that no Ipopt run has to confirm are returned as they are.
+    states the difference. A motion that needs no confirmation is returned unchanged.
     """
     structured, problem = refined.solution, refined.state.problem
     if problem.method != "confirmed" or structured.solver != "structured" or not structured.solved:
