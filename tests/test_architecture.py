@@ -30,6 +30,7 @@ ROOMS = (
         "interior",
         "kinematics",
         "dynamics",
+        "elements",
         "loading",
     ),
     *(

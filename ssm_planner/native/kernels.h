@@ -1,4 +1,4 @@
-/* Written by ssm_planner.planning.ocp.kernels with CasADi 3.8.2: do not edit. */
+/* Written by ssm_planner.elements.kernels with CasADi 3.8.2: do not edit. */
 
 #define SSM_LOAD 38
 #define SSM_MECHANISM 11

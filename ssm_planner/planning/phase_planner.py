@@ -12,15 +12,15 @@ from functools import partial
 
 import numpy as np
 
+from ssm_planner.elements.compiled import compiled
+from ssm_planner.elements.rows import limits_jerk, with_margin
 from ssm_planner.planning.feasibility import (
     duration_too_short,
     motor_too_weak,
     no_motion,
     not_constant,
 )
-from ssm_planner.planning.ocp.constraints import limits_jerk, with_margin
 from ssm_planner.planning.ocp.free import ELEMENTS, solve_free
-from ssm_planner.planning.ocp.natively import compiled
 from ssm_planner.planning.ocp.nlp import Method, PhaseSolution, Reversals
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase

@@ -73,7 +73,7 @@ def plan_motion(
     progress : callable
         Called with a message for every phase.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, as in `ocp.constraints.LIMITS`.
+        Weights of the motors' heat relative to time, as in `elements.rows.LIMITS`.
     may_overheat : bool
         Plan a motion even if a bound shows that a motor cannot stay cool enough.
     may_reverse : bool

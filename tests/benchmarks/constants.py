@@ -29,7 +29,7 @@ from typing import Any
 
 from tests.support.paths import PACKAGE, ROOT
 
-ROOMS = ("planning", "pipeline", "interior")
+ROOMS = ("planning", "pipeline", "elements", "interior")
 TABLE = ROOT / "results/constants.md"
 GAP = 1e-4
 WORK = 0.1

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import casadi as ca
 import numpy as np
 
-from ssm_planner.planning.ocp.element import element_functions
+from ssm_planner.elements.element import element_functions
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem

@@ -11,8 +11,8 @@ import pytest
 
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
+from ssm_planner.elements.rows import directed_torques
 from ssm_planner.planning.feasibility import motor_too_weak
-from ssm_planner.planning.ocp.constraints import directed_torques
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 

@@ -17,14 +17,9 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.kinematics import (
-    Mechanism,
-    retina_row,
-    task_from_joints,
-    task_of_joints,
-    tip_position,
-)
-from ssm_planner.planning.ocp.constraints import (
+from ssm_planner.elements.element import shared
+from ssm_planner.elements.free_element import RATED, WATCHED, FreeElement
+from ssm_planner.elements.rows import (
     UNLIMITED,
     RowName,
     joint_limits,
@@ -33,14 +28,19 @@ from ssm_planner.planning.ocp.constraints import (
     tool_names,
     torque_names,
 )
-from ssm_planner.planning.ocp.element import shared
+from ssm_planner.kinematics import (
+    Mechanism,
+    retina_row,
+    task_from_joints,
+    task_of_joints,
+    tip_position,
+)
 from ssm_planner.planning.ocp.mesh import (
     SegmentGuess,
     closed_form_guess,
     retimed_guess,
     sampled_guess,
 )
-from ssm_planner.planning.ocp.models import RATED, WATCHED, FreeElement
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     DirectionMultipliers,

@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import call
-from ssm_planner.planning.ocp.element import ElementModel, element_functions
-from ssm_planner.planning.ocp.natively import native_elements
+from ssm_planner.elements.compiled import native_elements
+from ssm_planner.elements.element import ElementModel, element_functions
 from ssm_planner.typing import Array
 
 

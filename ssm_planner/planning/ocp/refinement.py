@@ -17,9 +17,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from ssm_planner.dynamics import motorised
-from ssm_planner.planning.ocp.constraints import RowName
-from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, Aim, ElementModel, shared
-from ssm_planner.planning.ocp.natively import rows_between
+from ssm_planner.elements.compiled import rows_between
+from ssm_planner.elements.element import COLLOCATION, DENSE, Aim, ElementModel, shared
+from ssm_planner.elements.rows import RowName
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Confirmation,
@@ -96,7 +96,7 @@ class OcpProblem(ABC):
     times: Array
     """Time of every block in the guess, (b,), in scaled time."""
     joint_limits: dict[str, Array]
-    """Result of `constraints.joint_limits` for the robot whose limits the motion must keep."""
+    """Result of `rows.joint_limits` for the robot whose limits the motion must keep."""
     time_scale: float
     """Length of a scaled second, s."""
     directions: Array

@@ -13,9 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.dynamics import RigidBody
-from ssm_planner.kinematics import task_rates
-from ssm_planner.planning.lower_bound import lower_bound
-from ssm_planner.planning.ocp.constraints import (
+from ssm_planner.elements.element import shared
+from ssm_planner.elements.rows import (
     UNLIMITED,
     RowName,
     joint_limits,
@@ -24,9 +23,10 @@ from ssm_planner.planning.ocp.constraints import (
     tool_names,
     torque_names,
 )
-from ssm_planner.planning.ocp.element import shared
+from ssm_planner.elements.straight_element import StraightElement, fit_of
+from ssm_planner.kinematics import task_rates
+from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.mesh import Mesh
-from ssm_planner.planning.ocp.models import StraightElement, fit, fit_of, fits_hold
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Guess,
@@ -36,6 +36,7 @@ from ssm_planner.planning.ocp.nlp import (
     PhaseSolution,
     cubics,
 )
+from ssm_planner.planning.ocp.path_fit import fit, fits_hold
 from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
@@ -95,7 +96,7 @@ def solve_straight(
     strict : Robot or None
         The robot with tighter limits, which the motion must keep.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, as in `constraints.LIMITS`.
+        Weights of the motors' heat relative to time, as in `rows.LIMITS`.
     objective : str
         "time", "time then heat" or "effort".
     duration : float or None

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ssm_planner.elements.compiled import native_elements
+from ssm_planner.elements.element import ElementModel
 from ssm_planner.interior.problem import Point, Program, RowGroup
 from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, TOLERANCE, solve
 from ssm_planner.interior.spline import Spline
-from ssm_planner.planning.ocp.element import ElementModel
-from ssm_planner.planning.ocp.natively import native_elements
 from ssm_planner.planning.ocp.nlp import (
     InitialPoint,
     Multipliers,

@@ -17,9 +17,9 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.elements.compiled import MappedElements, mapped_elements
+from ssm_planner.elements.element import ElementFunctions, ElementModel, element_functions
 from ssm_planner.interior.solve import LAST_BARRIER, TOLERANCE
-from ssm_planner.planning.ocp.element import ElementFunctions, ElementModel, element_functions
-from ssm_planner.planning.ocp.natively import MappedElements, mapped_elements
 from ssm_planner.planning.ocp.nlp import (
     InitialPoint,
     Multipliers,

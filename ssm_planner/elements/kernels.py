@@ -4,7 +4,7 @@ Each part computes values from a few variables v. NAME_at gives the values, NAME
 and their Jacobian row by row, and NAME_bend adds the upper triangle of the Hessian of the values
 weighted by multipliers. native/elements.c combines the parts by the chain rule.
 
-Run `python -m ssm_planner.planning.ocp.kernels` after a law has changed.
+Run `python -m ssm_planner.elements.kernels` after a law has changed.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ import casadi as ca
 from ssm_planner.codegen.c import PLAIN, Argument, write_function
 from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.dynamics import LOAD, efforts_by_figures
-from ssm_planner.kinematics import JACOBIANS, lens_row, tip_position_symbolic
-from ssm_planner.planning.ocp.constraints import (
+from ssm_planner.elements.compiled import DRIVE, EYE, MECHANISM, MESHES
+from ssm_planner.elements.free_element import FreeElement, range_rows, rate_rows, seen_rows
+from ssm_planner.elements.rows import (
     Instant,
     acceleration_rows,
     directed_torques,
@@ -30,21 +31,12 @@ from ssm_planner.planning.ocp.constraints import (
     sides_of_torque,
     smooth_torque,
 )
-from ssm_planner.planning.ocp.models import (
-    DEGREE,
-    FreeElement,
-    StraightElement,
-    curves_of,
-    fit_of,
-    range_rows,
-    rate_rows,
-    seen_rows,
-)
-from ssm_planner.planning.ocp.natively import DRIVE, EYE, MECHANISM, MESHES
+from ssm_planner.elements.straight_element import DEGREE, StraightElement, curves_of, fit_of
+from ssm_planner.kinematics import JACOBIANS, lens_row, tip_position_symbolic
 from ssm_planner.problem import LAWS
 from ssm_planner.trajectory import Cubic
 
-HEADER = Path(__file__).parents[2] / "native" / "kernels.h"
+HEADER = Path(__file__).parents[1] / "native" / "kernels.h"
 VECTOR = PLAIN | {
     "not": "SSM_F(is)({0} == SSM_R(0.0))",
     "lt": "SSM_F(is)({0} < {1})",
@@ -160,7 +152,8 @@ def kernels() -> str:
     _path(writer)
     _states(writer)
     defines = "".join(f"#define SSM_{name} {value}\n" for name, value in sizes.items())
-    intro = f"/* Written by ssm_planner.planning.ocp.kernels with CasADi {ca.CasadiMeta.version()}: do not edit. */\n\n"
+    version = f"CasADi {ca.CasadiMeta.version()}"
+    intro = f"/* Written by ssm_planner.elements.kernels with {version}: do not edit. */\n\n"
     return intro + defines + "\n" + "\n".join(writer.texts)
 
 

@@ -1,4 +1,4 @@
-"""Rows and costs of the elements of a mesh in C (native/elements.c), for every model of `models`.
+"""Rows and costs of the elements of a mesh in C (native/elements.c), for both element models.
 
 The results equal those of `ElementFunctions`, of `between` and of `breakaway` up to rounding.
 """
@@ -23,12 +23,13 @@ from ssm_planner.dynamics import (
     motorised,
     motorless,
 )
+from ssm_planner.elements.element import COLLOCATION, DENSE, SIMPSON, ElementModel
+from ssm_planner.elements.free_element import FreeElement
+from ssm_planner.elements.rows import ACCELERATION_SHARE, actuations_by_load
+from ssm_planner.elements.straight_element import DEGREE, StraightElement
 from ssm_planner.interior.problem import ElementGroup
 from ssm_planner.kinematics import JACOBIANS, Mechanism, lens_limit
 from ssm_planner.native.library import load
-from ssm_planner.planning.ocp.constraints import ACCELERATION_SHARE, actuations_by_load
-from ssm_planner.planning.ocp.element import COLLOCATION, DENSE, SIMPSON, ElementModel
-from ssm_planner.planning.ocp.models import DEGREE, FreeElement, StraightElement
 from ssm_planner.problem import LAWS, Drive, Eye, MotorTorque, TipSpeed
 from ssm_planner.typing import Array, record
 
@@ -231,7 +232,7 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
 
 
 def _in_lanes(fits: Array) -> Array:
-    """Return fits (n, size of `models.fit_of`) in the order of C.
+    """Return fits (n, size of `straight_element.fit_of`) in the order of C.
 
     LANES elements are interleaved, and the last one is repeated to fill a group. Curves follow each
     other.

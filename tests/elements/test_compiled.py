@@ -21,28 +21,28 @@ from ssm_planner.dynamics.rigid_body import (
     load_figures,
     with_payload,
 )
-from ssm_planner.kinematics.forward import forward
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.native import compiling, library
-from ssm_planner.planning.ocp import kernels
-from ssm_planner.planning.ocp.element import (
-    Aim,
-    ElementFunctions,
-    ElementModel,
-    element_functions,
-)
-from ssm_planner.planning.ocp.natively import (
+from ssm_planner.elements import kernels
+from ssm_planner.elements.compiled import (
     NativeElements,
     mapped_elements,
     native_elements,
     rows_between,
 )
+from ssm_planner.elements.element import (
+    Aim,
+    ElementFunctions,
+    ElementModel,
+    element_functions,
+)
+from ssm_planner.kinematics.forward import forward
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.native import compiling, library
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.typing import Array
-from tests.planning.ocp.test_element import CASES
+from tests.elements.test_element import CASES
 from tests.support.random_problems import random_problem
 
 WithJerk = Callable[[Robot, float, float], Robot]
@@ -362,8 +362,8 @@ def test_figures_of_a_robot_give_its_efforts(tilt_insert: Problem, seed: int) ->
 
 
 def test_the_c_is_what_the_laws_give() -> None:
-    """By the version of CasADi that wrote it: `python -m ssm_planner.planning.ocp.kernels`."""
+    """By the version of CasADi that wrote it: `python -m ssm_planner.elements.kernels`."""
     text = kernels.HEADER.read_text(encoding="utf-8")
     if f"CasADi {ca.CasadiMeta.version()}:" not in text:
         pytest.skip("written by another CasADi")
-    assert text == kernels.kernels(), "run `python -m ssm_planner.planning.ocp.kernels`"
+    assert text == kernels.kernels(), "run `python -m ssm_planner.elements.kernels`"

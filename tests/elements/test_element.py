@@ -12,10 +12,12 @@ import pytest
 
 from ssm_planner.dynamics.motors import motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.elements.element import SIMPSON, element_functions
+from ssm_planner.elements.free_element import FreeElement
+from ssm_planner.elements.rows import joint_limits
+from ssm_planner.elements.straight_element import StraightElement
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.planning.ocp.constraints import joint_limits
-from ssm_planner.planning.ocp.element import SIMPSON, element_functions
-from ssm_planner.planning.ocp.models import FreeElement, StraightElement, fit
+from ssm_planner.planning.ocp.path_fit import fit
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, read_only_array

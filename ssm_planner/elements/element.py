@@ -2,7 +2,7 @@
 
 Symbols, all in scaled time:
 
-    z (4 m + 1,)   one element: u, u̇, ü at its start, ü at its end of m coordinates, and its length h
+    z (4 m + 1,)   one element of m coordinates: u, u̇, ü at its start, ü at its end, its length h
     x (k,)         state at one instant, positions first; x_c is the state at the share c of h
     p              parameters; the first is σ (4,), the direction of every joint: +1, −1 or 0
     g(x, p) ≤ 1    path constraints, one row each
@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
 import casadi as ca
 
 from ssm_planner.codegen.vectorised import Layout
-from ssm_planner.planning.ocp.constraints import (
+from ssm_planner.elements.rows import (
     Instant,
     PathConstraint,
     RowName,

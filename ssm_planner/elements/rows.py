@@ -208,7 +208,7 @@ class Instant:
 
     qd: ca.SX
     qd_hull: ca.SX
-    """Replaces qd in velocity rows (`models.StraightElement.collocation_states`)."""
+    """Replaces qd in velocity rows (`straight_element.StraightElement.collocation_states`)."""
     qdd: ca.SX
     qddd: ca.SX
     tau_rigid: ca.SX

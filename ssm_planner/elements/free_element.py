@@ -1,0 +1,215 @@
+"""Element model of a free motion: the coordinates are those of the moving joints.
+
+They are u = (q − q0) / d with d > 0. The state is x = (u, u̇, ü) of all four joints, (12,), in
+scaled time. Every joint keeps its direction within an element, so the friction law is exact.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Hashable
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from ssm_planner.codegen.namespace import casadi_namespace
+from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.dynamics import RigidBody
+from ssm_planner.elements.element import ElementModel, Parameter
+from ssm_planner.elements.rows import (
+    LIMITS,
+    Instant,
+    PathConstraint,
+    RowPlace,
+    robot_key,
+    speed_rows,
+    torque_places,
+    torque_rows,
+)
+from ssm_planner.kinematics import (
+    JACOBIANS,
+    Mechanism,
+    eye_rows,
+    task_from_joints_symbolic,
+    task_rates_symbolic,
+    tip_position_symbolic,
+)
+from ssm_planner.problem import TASK, Eye, LensClearance, RetinaClearance, TaskRange, TaskRate
+from ssm_planner.typing import keyword_record
+
+WATCHED = ("roll", "spin")
+"""Task coordinates that may leave their range between two points inside it.
+
+Tilt and depth depend on one joint each.
+"""
+RATED = ("roll", "tilt", "spin")
+"""Task coordinates whose rate is not proportional to that of one joint."""
+
+
+@keyword_record
+class FreeElement(ElementModel):
+    """Path constraints of a robot and an eye for moving joints, with p = (σ (4,), layout)."""
+
+    mechanism: Mechanism
+    moving: tuple[int, ...]
+    eye: Eye | None = None
+
+    state_size = 12
+    positions = 4
+    layout = Layout(
+        q0=4,
+        d=4,
+        **LIMITS,
+        range_centre=len(WATCHED),
+        range_half_width=len(WATCHED),
+        rate=len(RATED),
+        retina_easing=1,
+        time_scale=1,
+    )
+    """First point and unit of the coordinates, limits, ranges of WATCHED, and rates of RATED.
+
+    `retina_easing` is the amount by which the retina's row may exceed 1. `time_scale` is the length
+    of a scaled second, s.
+    """
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Sizes of σ and of the limits."""
+        return Parameter(4, True), Parameter(self.layout.size, False)
+
+    @cached_property
+    def key(self) -> tuple[Hashable, ...]:
+        return (
+            "free",
+            robot_key(self.robot),
+            self.moving,
+            self.active,
+            pickle.dumps(self._seen),
+            self.aim,
+        )
+
+    @property
+    def coordinates(self) -> int:
+        """Number of moving joints."""
+        return len(self.moving)
+
+    def state(self, z: ca.SX, c: float) -> ca.SX:
+        """Return u, u̇ and ü of all joints at the share c of an element."""
+        x = ca.SX.zeros(12)
+        for order, values in enumerate(self.cubic(z).evaluate(c)):
+            x[[4 * order + joint for joint in self.moving]] = values
+        return x
+
+    def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
+        """Return motion and limits of the joints."""
+        sigma, packed = p
+        limits = self.layout.unpack(packed)
+        q, qd, qdd = _joints(x, limits)
+        # The norm has no derivative at rest, so squares are compared.
+        limits.speeds = limits.speeds**2
+        return Instant(
+            qd=qd,
+            qd_hull=qd,
+            qdd=qdd,
+            qddd=ca.SX.zeros(4),
+            tau_rigid=ca.vertcat(
+                *(RigidBody.from_robot(load).symbolic(q, qd, qdd) for load in self.robot.loads)
+            ),
+            speeds=ca.vertcat(*(ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians)),
+            sigma=sigma,
+            limits=limits,
+        )
+
+    def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        """Return the rows of tool speeds, torques, ranges, rates and the eye."""
+        instant = self.instant(x, *p)
+        parameters = self.layout.unpack(p[1])
+        q, qd, _ = _joints(x, parameters)
+        rows = [*speed_rows(instant), *torque_rows(instant, self.robot)]
+        rows += range_rows(self.mechanism, q, parameters) + rate_rows(
+            self.mechanism, q, qd, parameters
+        )
+        return (
+            rows
+            if self._seen is None
+            else rows + seen_rows(self._seen, self.mechanism, q, parameters.retina_easing)
+        )
+
+    @property
+    def first_actuation(self) -> int:
+        return len(JACOBIANS) + 2 * (len(WATCHED) + len(RATED)) + 2
+
+    @cached_property
+    def all_rows(self) -> list[RowPlace]:
+        rows: list[RowPlace] = [
+            (speed_class.name, None, k) for k, speed_class in enumerate(JACOBIANS)
+        ]
+        names = [TaskRange.name_of(name) for name in WATCHED] + [
+            TaskRate.name_of(name) for name in RATED
+        ]
+        task_rows = [
+            (name, None, len(JACOBIANS) + 2 * k + side)
+            for k, name in enumerate(names)
+            for side in (0, 1)
+        ]
+        rows += [*torque_places(self.robot, self.first_actuation), *task_rows]
+        if self._seen is not None:
+            rows.append((RetinaClearance.name, None, self.first_actuation - 2))
+            rows += [(LensClearance.name, None, self.first_actuation - 1)] * (
+                self._seen.lens is not None
+            )
+        return rows
+
+    @property
+    def _seen(self) -> Eye | None:
+        """The eye if one of its rows is active, else None."""
+        rows = set() if self.eye is None else {(limit.name, None) for limit in self.eye.limits}
+        return self.eye if self.active is None or rows & self.active else None
+
+    @cached_property
+    def _jacobians(self) -> list[ca.Function]:
+        """Functions q (4,) → J (k, 4) of all tool speeds."""
+        q = ca.SX.sym("q", 4)
+        return [
+            ca.Function("jacobian", [q], [jacobian(self.mechanism, q)])
+            for jacobian in JACOBIANS.values()
+        ]
+
+
+def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
+    """Return the rows of the ranges of WATCHED. `parameters` are those of `FreeElement.layout`."""
+    rows, task = [], task_from_joints_symbolic(mechanism, q)
+    for k, name in enumerate(WATCHED):
+        value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[
+            k
+        ]
+        rows += [PathConstraint(TaskRange.name_of(name), None, side * value) for side in (1, -1)]
+    return rows
+
+
+def rate_rows(
+    mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
+) -> list[PathConstraint]:
+    """Return the rows of the rates of RATED."""
+    rows, rates = [], task_rates_symbolic(mechanism, q, qd)
+    for k, name in enumerate(RATED):
+        value = rates[TASK.index(name)] / parameters.rate[k]
+        rows += [PathConstraint(TaskRate.name_of(name), None, side * value) for side in (1, -1)]
+    return rows
+
+
+def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
+    """Return the rows of the eye. `easing` is the amount by which the retina's row may exceed 1."""
+    tip, rows = tip_position_symbolic(mechanism, q), []
+    for name, value in eye_rows(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
+        rows.append(
+            PathConstraint(name, None, value + 1 - (easing if name == RetinaClearance.name else 0))
+        )
+    return rows
+
+
+def _joints(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return q, q̇ and q̈ in SI units, (4,) each, from the state and the parameters."""
+    return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2

@@ -1,0 +1,175 @@
+"""Element model of a motion along a path: the coordinate is the path parameter s ∈ [0, 1].
+
+The state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time, where ṡ_b replaces ṡ in the velocity rows. The
+joints follow the path q(s), with primes for derivatives with respect to s:
+
+    q̇ = q' ṡ,   q̈ = q'' ṡ² + q' s̈,   q⃛ = q''' ṡ³ + 3 q'' ṡ s̈ + q' s⃛,
+    τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
+
+q', A, B, C and the tool speeds |J(q) q'| are smooth. On the short stretch of one element they are
+polynomials of degree DEGREE (a *fit*), so the optimisation evaluates no kinematics.
+
+Every joint keeps its direction within an element, so the friction law is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from functools import cache, cached_property
+from types import SimpleNamespace
+
+import casadi as ca
+
+from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.elements.element import ElementModel, Parameter
+from ssm_planner.elements.rows import (
+    JOINT_ROWS,
+    LIMITS,
+    Instant,
+    PathConstraint,
+    RowPlace,
+    joint_places,
+    kinematic_rows,
+    robot_key,
+    torque_places,
+    torque_rows,
+)
+from ssm_planner.kinematics import JACOBIANS
+from ssm_planner.typing import keyword_record
+
+DEGREE = 6
+"""Degree of the polynomials."""
+
+
+@keyword_record
+class StraightElement(ElementModel):
+    """Path constraints of a robot along any path, with p = (σ (4,), `fit_of`, layout).
+
+    `jerk` selects the jerk rows.
+    """
+
+    jerk: bool
+
+    coordinates = 1
+    state_size = 5
+    positions = 1
+    layout = Layout(**LIMITS, time_scale=1)
+    """Limits, and the length of a scaled second, s."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Sizes of σ, of the fit and of the limits."""
+        return (
+            Parameter(4, True),
+            Parameter(fit_of(len(self.robot.loads)).size, True),
+            Parameter(self.layout.size, False),
+        )
+
+    @cached_property
+    def key(self) -> tuple[Hashable, ...]:
+        return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
+
+    def state(self, z: ca.SX, c: float) -> ca.SX:
+        """Return s, ṡ, s̈, s⃛ and ṡ at the share c of an element."""
+        cubic = self.cubic(z)
+        s, speed, acceleration = cubic.evaluate(c)
+        return ca.vertcat(s, speed, acceleration, cubic.jerk, speed)
+
+    def collocation_states(self, z: ca.SX) -> list[ca.SX]:
+        """Return the collocation states with the Bernstein coefficients of ṡ as ṡ_b.
+
+        If they keep a bound, ṡ keeps it on the whole element.
+        """
+        start, middle, end = super().collocation_states(z)
+        middle[4] = self.cubic(z).middle_velocity
+        return [start, middle, end]
+
+    def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
+        """Return the kinematic rows and the torque rows."""
+        instant = self.instant(x, *p)
+        return [
+            *kinematic_rows(instant, self.robot.joints, self.jerk),
+            *torque_rows(instant, self.robot),
+        ]
+
+    @property
+    def first_actuation(self) -> int:
+        return len(JACOBIANS) + 4 * JOINT_ROWS
+
+    @cached_property
+    def all_rows(self) -> list[RowPlace]:
+        return [
+            *joint_places(self.robot, self.jerk),
+            *torque_places(self.robot, self.first_actuation),
+        ]
+
+    def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
+        """Return motion and limits of the joints from the fits of the path."""
+        sigma, fit_parameters, packed = p
+        parameters = self.layout.unpack(packed)
+        scale = parameters.time_scale
+        speed = x[1] / scale
+        acceleration = x[2] / scale**2
+        jerk = x[3] / scale**3
+        bound_speed = x[4] / scale
+        path, ddq, dddq = path_derivatives(fit_parameters, x[0], len(self.robot.loads), self.jerk)
+        return Instant(
+            qd=path.dq * speed,
+            qd_hull=path.dq * bound_speed,
+            qdd=ddq * speed**2 + path.dq * acceleration,
+            qddd=dddq * speed**3 + 3 * ddq * speed * acceleration + path.dq * jerk,
+            tau_rigid=path.inertia * acceleration + path.velocity * speed**2 + path.gravity,
+            speeds=path.speeds * bound_speed,
+            sigma=sigma,
+            limits=parameters,
+        )
+
+
+@cache
+def curves_of(loads: int) -> Layout:
+    """Return the layout of the fitted quantities.
+
+    These are q', A, B and C of the joints with every load, and the tool speeds at ṡ = 1.
+    """
+    return Layout(
+        dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(JACOBIANS)
+    )
+
+
+@cache
+def fit_of(loads: int) -> Layout:
+    """Return the layout of a fit on [centre ± half_width] in s.
+
+    It contains the coefficients of `curves_of` with respect to ξ⁰, ξ¹, …, where ξ = (s − centre) /
+    half_width.
+    """
+    return Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * curves_of(loads).size)
+
+
+def path_derivatives(
+    parameters: ca.SX, s: ca.SX, loads: int, jerk: bool
+) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
+    """Evaluate a fit at s: `curves_of`, q'' (4,) and q''' (4,), which is 0 without `jerk`."""
+    fit_ = fit_of(loads).unpack(parameters)
+    curves = curves_of(loads)
+    xi = (s - fit_.centre) / fit_.half_width
+    coefficients = ca.reshape(fit_.coefficients, curves.size, DEGREE + 1)
+    slope = _derivative(coefficients[curves.slices["dq"], :])
+    second_derivative = _horner(slope, xi) / fit_.half_width
+    third_derivative = (
+        _horner(_derivative(slope), xi) / fit_.half_width**2 if jerk else ca.SX.zeros(4)
+    )
+    return curves.unpack(_horner(coefficients, xi)), second_derivative, third_derivative
+
+
+def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
+    """Evaluate polynomials with coefficients (curves, powers) at xi by Horner's rule."""
+    value = coefficients[:, -1]
+    for k in range(coefficients.size2() - 2, -1, -1):
+        value = value * xi + coefficients[:, k]
+    return value
+
+
+def _derivative(coefficients: ca.SX) -> ca.SX:
+    """Return the coefficients of the derivatives."""
+    return ca.horzcat(*(k * coefficients[:, k] for k in range(1, coefficients.size2())))
