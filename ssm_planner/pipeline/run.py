@@ -355,7 +355,7 @@ def _summary(phase_result: PlannedPhase, promise: WayKept | None) -> PhaseSummar
     return PhaseSummary(
         name=phase.motion.name,
         duration=phase_result.duration,
-        toppra_duration=phase_result.toppra_duration,
+        toppra_duration=None,
         lower_bound=phase_result.lower_bound,
         task_start=tuple(phase.start.tolist()),
         task_end=tuple(phase.end.tolist()),

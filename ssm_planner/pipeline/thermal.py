@@ -173,9 +173,7 @@ class ThermalSearch:
     def _stretched(self, base: Outcome, stretched: list[bool], factor: float) -> Outcome:
         """Check a motion in which some phases take `factor` times as long."""
         phases = tuple(
-            replace(phase, motion=phase.motion.slower(factor), toppra_duration=None)
-            if longer
-            else phase
+            replace(phase, motion=phase.motion.slower(factor)) if longer else phase
             for phase, longer in zip(base.planned.phases, stretched, strict=True)
         )
         return checked(

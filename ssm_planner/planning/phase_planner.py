@@ -112,9 +112,7 @@ class PhasePlanner(PhaseTask):
         motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
         return self.phase_result(direct, slowed_to_stop(self, motion))
 
-    def phase_result(
-        self, path: JointPath, motion: PhaseSolution, toppra_duration: float | None = None
-    ) -> PlannedPhase | Reason:
+    def phase_result(self, path: JointPath, motion: PhaseSolution) -> PlannedPhase | Reason:
         """Return the phase with the motion of a solver.
 
         The result is a reason if the solver found no motion, or if the motion takes longer than
@@ -127,7 +125,7 @@ class PhasePlanner(PhaseTask):
         duration = self.phase.motion.duration
         if duration is not None and motion.duration > duration * (1 + SAME):
             return duration_too_short(self.phase.motion.name, duration, motion.duration)
-        return PlannedPhase(self.phase, motion, toppra_duration, duration or self.lower_bound)
+        return PlannedPhase(self.phase, motion, duration or self.lower_bound)
 
     def _solved(
         self,
@@ -185,7 +183,6 @@ class PhasePlanner(PhaseTask):
     def _optimal(self, path: JointPath) -> PlannedPhase | Reason:
         """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA."""
         problem = self.problem
-        duration = self.phase.motion.duration
         speeds = path.speed_at(0.0, self.phase.qd_start), path.speed_at(1.0, self.phase.qd_end)
         retiming = retime(path, problem.robot, path.intervals, problem.task_limits, speeds)
         if not retiming.solved:
@@ -199,12 +196,10 @@ class PhasePlanner(PhaseTask):
             strict=self.strict,
             cooling=self.cooling,
             objective=problem.objective,
-            duration=duration,
+            duration=self.phase.motion.duration,
             speeds=speeds,
         )
-        result = self.phase_result(
-            path, self._solved(solve), None if duration else retiming.duration
-        )
+        result = self.phase_result(path, self._solved(solve))
         if isinstance(result, Reason) and self._may_be_retimed(path):
             return retimed(self, path)
         return result

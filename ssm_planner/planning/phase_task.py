@@ -14,16 +14,10 @@ from ssm_planner.typing import Array, record
 
 @record
 class PlannedPhase:
-    """A phase with its motion, the duration by TOPP-RA along the same path, and a lower bound."""
+    """A phase with its motion and a lower bound of its duration."""
 
     phase: Phase
     motion: PhaseSolution
-    toppra_duration: float | None
-    """Duration by TOPP-RA, s.
-
-    None if TOPP-RA finds no motion along the path, if it does not converge, or if a duration was
-    requested.
-    """
     lower_bound: float
     """Duration that no motion within the same limits can beat, s."""
 

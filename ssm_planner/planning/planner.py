@@ -23,7 +23,6 @@ from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.postprocess import cross_checked
 from ssm_planner.planning.prechecks import bounded_duration, feasible_phases
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import PolylinePath, StraightPath
@@ -114,7 +113,7 @@ def plan_motion(
         if isinstance(solution, Reason):
             status = ("infeasible", "not converged")[solution.limit is None]
             return PlannerResult(status, None, tuple(solutions), solution, tuple(described))
-        solutions.append(cross_checked(planner(phase), solution))
+        solutions.append(solution)
     return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(described))
 
 
@@ -130,7 +129,7 @@ def plan_phase(
         duration = phase.motion.duration or 0.0
         motion = (np.array([0.0, duration]), hold(phase.q_start)) if duration else ()
         standing = PhaseSolution("solved", "", 0, *motion)
-        return PlannedPhase(phase, standing, duration, duration), []
+        return PlannedPhase(phase, standing, duration), []
     reason = motor_too_weak_to_brake(planner.problem, phase) if phase.path is None else None
     return (reason, []) if reason is not None else find_fastest(KINDS, planner, cutoff)
 

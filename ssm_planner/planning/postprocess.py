@@ -1,4 +1,4 @@
-"""Post-processing by TOPP-RA: cross-check, and timing for short stops."""
+"""Motions that TOPP-RA alone times: along given paths, and for short stops."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.elements.rows import with_margin
-from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.feasibility import no_motion
 from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.planning.ocp.straight import retimed_pieces
 from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
-from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
@@ -30,19 +28,6 @@ BETWEEN = 2e-5
 """
 
 
-def cross_checked(task: PhaseTask, result: PlannedPhase) -> PlannedPhase:
-    """Return a motion with TOPP-RA's duration along its path.
-
-    A motion along a given path has this duration from its guess.
-    """
-    phase = result.phase
-    if phase.stands or phase.motion.duration is not None or phase.path is not None:
-        return result
-    path = path_of(task.mechanism, phase, result.motion)
-    retiming = retime_motion(path, task.problem.robot, task.problem.task_limits)
-    return replace(result, toppra_duration=retiming.duration if retiming.converged else None)
-
-
 def retimed(task: PhaseTask, path: JointPath) -> PlannedPhase | Reason:
     """Return a motion along a path that TOPP-RA alone has timed."""
     phase, robot = task.phase, with_margin(task.strict, BETWEEN)
@@ -52,7 +37,7 @@ def retimed(task: PhaseTask, path: JointPath) -> PlannedPhase | Reason:
         return no_motion(task.problem, phase, path, retiming.message)
     pieces = retimed_pieces(path, retiming, speeds[1])
     motion = PhaseSolution("solved", "", 0, *pieces, solver=TOPPRA)
-    return PlannedPhase(phase, motion, retiming.duration, task.lower_bound)
+    return PlannedPhase(phase, motion, task.lower_bound)
 
 
 def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
@@ -64,17 +49,12 @@ def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
     limit = task.problem.stop_travel
     if limit is None or not motion.solved:
         return motion
-    path = path_of(task.mechanism, task.phase, motion)
+    trajectory = Trajectory(motion.breaks, motion.coefficients, ())
+    knots = motion.borders / trajectory.duration
+    path = MotionPath(task.mechanism, trajectory, knots, motion.directions)
     samples = path.trajectory.sample(np.linspace(0.0, motion.duration, FEW))
     travel = braking_travel(task.mechanism, task.problem.robot, samples.q, samples.qd)
     return motion if travel.max() <= limit.largest else _with_toppra_timing(task, motion, path)
-
-
-def path_of(mechanism: Mechanism, phase: Phase, motion: PhaseSolution) -> MotionPath:
-    """Return the path of the motion of a phase."""
-    trajectory = Trajectory(motion.breaks, motion.coefficients, ())
-    signs = motion.directions if phase.path is None else phase.path.directions[1]
-    return MotionPath(mechanism, trajectory, motion.borders / trajectory.duration, signs)
 
 
 def _with_toppra_timing(task: PhaseTask, motion: PhaseSolution, path: MotionPath) -> PhaseSolution:

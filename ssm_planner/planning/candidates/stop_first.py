@@ -70,7 +70,7 @@ class StopFirst(PhaseCandidate):
         )
         name = f"{phase.motion.name}, stops first"
         labelled = replace(phase, motion=replace(phase.motion, name=name))
-        return PlannedPhase(labelled, motion, None, planner.lower_bound)
+        return PlannedPhase(labelled, motion, planner.lower_bound)
 
 
 def stopping_point(robot: Robot, q: Array, qd: Array) -> Array:

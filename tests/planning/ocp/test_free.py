@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,13 +9,11 @@ import pytest
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning import phase_planner
-from ssm_planner.planning.ocp.nlp import PhaseSolution
 from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Joints, Point, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory
+from tests.support.second_opinion import path_duration
 
 Weaker = Callable[[Robot, float], Robot]
 WithJerk = Callable[[Robot, float, float], Robot]
@@ -69,8 +66,8 @@ def test_motor_torque_that_binds_is_kept_and_used(
         limit.margin for limit in result.certificate.limits if limit.name == "motor torque"
     )
     assert -1e-6 <= torque < 1e-3
-    # TOPP-RA holds static friction over its whole first interval
-    assert result.duration == pytest.approx(result.toppra_duration, rel=1e-2)
+    by_toppra = path_duration(result.motion, result.robot, result.limits, 0.0, result.duration)
+    assert result.duration == pytest.approx(by_toppra, rel=5e-4)
 
 
 def test_torque_jerk_and_tip_speed_together(
@@ -121,7 +118,6 @@ def test_a_free_motion_is_never_longer_than_the_straight_one_nor_fails_where_tha
     assert straight.passed
     assert other.passed
     assert other.duration <= (1 + 1e-5) * straight.duration
-    assert not other.disagreements
 
 
 def test_where_only_the_joints_limit_it_a_free_motion_keeps_its_own_path(
@@ -152,30 +148,3 @@ def test_a_jerk_limit_on_some_joints_alone_is_solved_like_one_on_all(
     )
     assert result.passed
     assert result.gap < 2e-3
-
-
-def test_a_motion_slower_than_toppra_along_its_path_takes_its_pace(
-    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whatever local optimum the solver stops at, the answer is as fast as its own path allows."""
-    motion = (Free(Task(roll=np.radians(10), tilt=np.radians(-110), depth=0.01)),)
-    problem = dataclasses.replace(tilt_insert, objective="time", motion=motion)
-    fastest = plan(problem)
-    solve = phase_planner.solve_free
-
-    def slower(*given: Any, **named: Any) -> PhaseSolution:
-        found = solve(*given, **named)
-        slowed = Trajectory(found.breaks, found.coefficients, ()).slower(0.8)
-        return dataclasses.replace(
-            found,
-            breaks=slowed.breaks,
-            coefficients=slowed.coefficients,
-            borders=found.borders / 0.8,
-            confirmation=None,
-        )
-
-    monkeypatch.setattr(phase_planner, "solve_free", slower)
-    found = plan(problem)
-    assert found.passed
-    assert not found.disagreements
-    assert found.duration == pytest.approx(fastest.duration, rel=1e-3)
