@@ -20,8 +20,9 @@ from ssm_planner.planning.feasibility import (
     no_motion,
     not_constant,
 )
-from ssm_planner.planning.ocp.free import ELEMENTS, solve_free
-from ssm_planner.planning.ocp.nlp import Method, PhaseSolution, Reversals
+from ssm_planner.planning.ocp.free import ELEMENTS, finish_free, solve_free
+from ssm_planner.planning.ocp.motion import PhaseSolution, Reversals
+from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
 from ssm_planner.planning.postprocess import BETWEEN, retimed, slowed_to_stop
@@ -69,7 +70,7 @@ class PhasePlanner(PhaseTask):
         *,
         cutoff: float = np.inf,
         count: int | None = None,
-        finish: bool = True,
+        fastest_only: bool = False,
     ) -> PlannedPhase | Reason:
         """Return a motion whose path the solver chooses.
 
@@ -81,8 +82,8 @@ class PhasePlanner(PhaseTask):
             Duration in s beyond which a motion is not refined any further.
         count : int or None
             Number of elements. None: chosen by the kind of motion.
-        finish : bool
-            False: only return the fastest motion. It then has a `continuation`.
+        fastest_only : bool
+            Return the fastest motion as the first solver finds it. `finished` makes it final.
         """
         phase = self.phase
         direct = PolylinePath(self.mechanism, phase.points)
@@ -104,12 +105,19 @@ class PhasePlanner(PhaseTask):
             reversals=reversals,
             cutoff=cutoff,
             count=count,
-            finish=finish,
+            fastest_only=fastest_only,
         )
         jerky = not at_rest and limits_jerk(self.problem.robot)
         fewer = ELEMENTS if len(phase.points) > 2 and count is None and not jerky else None
         by_ipopt = reversals is None or reversals.guess is None
         motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
+        return self.phase_result(direct, slowed_to_stop(self, motion))
+
+    def finished(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
+        """Return the motion for the objective from a free motion with `fastest_only`."""
+        phase = self.phase
+        motion = finish_free(fastest.motion, self.problem.objective, phase.motion.duration, cutoff)
+        direct = PolylinePath(self.mechanism, phase.points)
         return self.phase_result(direct, slowed_to_stop(self, motion))
 
     def phase_result(self, path: JointPath, motion: PhaseSolution) -> PlannedPhase | Reason:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from ssm_planner.kinematics import Mechanism
-from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.prechecks import least_duration
 from ssm_planner.problem import Problem, Robot

@@ -19,7 +19,7 @@ from ssm_planner.planning.feasibility import (
     motor_too_weak,
     motor_too_weak_to_brake,
 )
-from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.planning.ocp.nlp import DirectionMultipliers, PhaseSolution, Reversals
+from ssm_planner.planning.ocp.motion import DirectionMultipliers, PhaseSolution, Reversals
 from ssm_planner.planning.ocp.turning import LEAST_SEGMENT
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import GAP

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ssm_planner.planning.lower_bound import minimum_times
-from ssm_planner.planning.ocp.nlp import Reversals
+from ssm_planner.planning.ocp.motion import Reversals
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem import Problem

@@ -118,7 +118,7 @@ def _solved(problem: Any, finer: int, stretched: float) -> bool:
 @contextmanager
 def _otherwise(finer: int, stretched: float) -> Iterator[None]:
     """Plans made within begin from a stretched guess on a finer mesh."""
-    kept = free_ocp.optimise
+    kept = free_ocp.find_fastest_motion
 
     def optimise(task: Any, start: Any, *arguments: Any, **named: Any) -> Any:
         return kept(task, start.stretched(stretched), *arguments, **named)
@@ -126,8 +126,8 @@ def _otherwise(finer: int, stretched: float) -> Iterator[None]:
     counts = finer * straight_ocp.ELEMENTS, finer * free_ocp.ELEMENTS
     with (
         meshed(*counts),
-        patch.object(free_ocp, "optimise", optimise),
-        patch.object(straight_ocp, "optimise", optimise),
+        patch.object(free_ocp, "find_fastest_motion", optimise),
+        patch.object(straight_ocp, "find_fastest_motion", optimise),
     ):
         yield
 

@@ -75,7 +75,8 @@ class FirstSolves:
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        solve, optimise = refinement.solve_structured, straight_ocp.optimise
+        solve = refinement.solve_structured
+        optimise = straight_ocp.find_fastest_motion
 
         def timed_solve(*arguments: Any, **named: Any) -> Any:
             answer = solve(*arguments, **named)
@@ -89,12 +90,12 @@ class FirstSolves:
             return optimise(*arguments, **named)
 
         refinement.solve_structured = timed_solve
-        straight_ocp.optimise = free_ocp.optimise = timed_optimise
+        straight_ocp.find_fastest_motion = free_ocp.find_fastest_motion = timed_optimise
         try:
             yield
         finally:
             refinement.solve_structured = solve
-            straight_ocp.optimise = free_ocp.optimise = optimise
+            straight_ocp.find_fastest_motion = free_ocp.find_fastest_motion = optimise
 
 
 @dataclass

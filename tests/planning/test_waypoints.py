@@ -17,7 +17,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning import phase_planner
 from ssm_planner.planning.lower_bound import minimum_times
 from ssm_planner.planning.ocp.free import ELEMENTS, solve_free
-from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange

@@ -9,7 +9,7 @@ import numpy as np
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.feasibility import nearest_to_eye
-from ssm_planner.planning.ocp.nlp import Reversals
+from ssm_planner.planning.ocp.motion import Reversals
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason

@@ -9,7 +9,6 @@ from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvalu
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.typing import record
 
 
@@ -34,7 +33,7 @@ class Direct(PhaseCandidate):
         """
         planner = self.planner
         has_rivals = planner.may_reverse and planner.phase.path is None and planner.trades_time_only
-        return planner.free(cutoff=cutoff, finish=False) if has_rivals else None
+        return planner.free(cutoff=cutoff, fastest_only=True) if has_rivals else None
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion for the objective, confirmed by Ipopt if the planner asks for it."""
@@ -43,8 +42,5 @@ class Direct(PhaseCandidate):
             return planner.along_path(planner.phase.path)
         if estimate is None:
             return planner.free(cutoff=cutoff)
-        if estimate.motion.continuation is None:
-            return estimate
-        line = PolylinePath(planner.mechanism, planner.phase.points)
-        result = planner.phase_result(line, estimate.motion.continuation())
+        result = planner.finished(estimate, cutoff)
         return planner.free(cutoff=cutoff) if isinstance(result, Reason) else result

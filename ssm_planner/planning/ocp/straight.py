@@ -27,17 +27,18 @@ from ssm_planner.elements.straight_element import StraightElement, fit_of
 from ssm_planner.kinematics import task_rates
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.mesh import Mesh
+from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Guess,
     Method,
     NlpSolution,
     NlpStructure,
-    PhaseSolution,
     cubics,
 )
+from ssm_planner.planning.ocp.objectives import find_fastest_motion, finish
 from ssm_planner.planning.ocp.path_fit import fit, fits_hold
-from ssm_planner.planning.ocp.refinement import OcpProblem, optimise
+from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import SAMPLES
@@ -143,7 +144,8 @@ def solve_straight(
     )
     initial = Guess(mesh.elements(guess), mesh.times)
     takes = None if duration is None else duration / scale
-    return problem.result(optimise(problem, initial, objective, takes), speeds[1])
+    fastest = find_fastest_motion(problem, initial, takes)
+    return problem.result(finish(fastest, objective, takes), speeds[1])
 
 
 def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:

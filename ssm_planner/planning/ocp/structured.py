@@ -27,7 +27,7 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
 from ssm_planner.typing import Array, Indices
 
-ITERATIONS = 200
+ITERATIONS = 600
 """Largest number of iterations for each exponent of the barrier."""
 SLOWLY = 1.2
 """Exponent of the barrier if the usual one does not converge.

@@ -21,7 +21,7 @@ from ssm_planner.kinematics.task import task_rates
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import Replanner, plan, starting_from
 from ssm_planner.planning import phase_planner, planner
-from ssm_planner.planning.ocp.nlp import PhaseSolution
+from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.ocp.turning import turning_guess
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.limits import TASK
