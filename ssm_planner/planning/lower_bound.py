@@ -6,6 +6,7 @@ A bound takes each joint, and each limited rate, as if it moved alone.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 
@@ -15,14 +16,12 @@ from ssm_planner.problem import TASK, Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, record
 
-NONE = TaskLimits()
-
-
-AT_REST = np.zeros((2, 4))
-
 
 def lower_bound(
-    robot: Robot, points: Array, speeds: Array = AT_REST, limits: TaskLimits = NONE
+    robot: Robot,
+    points: Array,
+    speeds: Array | None = None,
+    limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
 ) -> float:
     """Return a lower bound on the duration of any motion through points, s.
 
@@ -37,59 +36,93 @@ def lower_bound(
         The robot with its limits.
     points : (k + 1, 4) array
         Joints at the ends and at the via points.
-    speeds : (2, 4) array
-        q̇ at both ends.
+    speeds : (2, 4) array, optional
+        q̇ at both ends, by default 0.
     limits : TaskLimits
         Limits on task rates and on the tip speed.
     """
-    velocities = [joint.velocity for joint in robot.joints]
-    tip = next((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), math.inf)
-    velocities[3] = min(velocities[3], tip, limits.rates.get("depth", math.inf))
-    joints = range(4)
+    velocity, acceleration, jerk = _joint_limits(robot, limits)
+    ends = np.zeros((2, 4)) if speeds is None else speeds
     through_all = max(
-        _time(robot, i, positions=points[:, i], speeds=speeds[:, i], velocity=velocities[i])
-        for i in joints
+        _time_alone(*joint)
+        for joint in zip(points.T, ends.T, velocity, acceleration, jerk, strict=True)
     )
-    if len(points) == 2:
-        return max(through_all, _straight_ways(robot, points, tip).sum())
-    steps, last_segment = np.diff(points, axis=0), len(points) - 2
-    stretches = _straight_ways(robot, points, tip)
-    for k, step in enumerate(steps):
-        start = speeds[0] if k == 0 else (None,) * 4
-        end = speeds[1] if k == last_segment else (None,) * 4
-        times = [
-            minimum_time(step[i], velocities[i], robot.joints[i].acceleration, (start[i], end[i]))
-            for i in joints
-        ]
-        stretches[k] = max(stretches[k], *times)
-    return max(through_all, float(stretches.sum()))
-
-
-def _straight_ways(robot: Robot, points: Array, speed: float) -> Array:
-    """Return the time (k,) of the tip along straight lines between points (k + 1, 4), s."""
-    if math.isinf(speed):
-        return np.zeros(len(points) - 1)
+    at_points = np.insert(ends, 1, np.full((len(points) - 2, 4), np.nan), axis=0)
+    segments = minimum_times(
+        np.diff(points, axis=0), velocity, acceleration, (at_points[:-1], at_points[1:])
+    )
     tips = tip_position(Mechanism.from_geometry(robot.geometry), points)
-    return np.asarray(np.linalg.norm(np.diff(tips, axis=0), axis=1) / speed)
+    straight = np.linalg.norm(np.diff(tips, axis=0), axis=1) / _tip_speed(limits)
+    return max(through_all, float(np.maximum(segments.max(axis=1), straight).sum()))
+
+
+def least_times(robot: Robot, displacements: Array, distances: Array, limits: TaskLimits) -> Array:
+    """Return the times (n,) of motions from rest to rest, s.
+
+    Every joint moves by `displacements` (n, 4) and the tip by `distances` (n,). The time is that of
+    the slowest joint alone, as `rest_to_rest` gives it, or of the tip at its largest speed.
+    """
+    times = rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=1)
+    return np.maximum(times, distances / _tip_speed(limits))
+
+
+def _tip_speed(limits: TaskLimits) -> float:
+    """Return the largest speed of the tip, m/s, or ∞."""
+    return next((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), math.inf)
+
+
+def _joint_limits(robot: Robot, limits: TaskLimits) -> Array:
+    """Return the largest velocity, acceleration and jerk of the joints, (3, 4), or ∞."""
+    joints = [
+        (joint.velocity, joint.acceleration, joint.jerk or math.inf) for joint in robot.joints
+    ]
+    result = np.array(joints).T
+    result[0, 3] = min(result[0, 3], _tip_speed(limits), limits.rates.get("depth", math.inf))
+    return result
+
+
+def _time_alone(
+    positions: Array, speeds: Array, velocity: float, acceleration: float, jerk: float
+) -> float:
+    """Return the shortest time of one joint through positions (k + 1,), s.
+
+    `speeds` (2,) are the velocities at both ends. A joint rests where it reverses, beyond the point
+    if it cannot stop before. Jerk is left out unless the joint moves one way from rest to rest,
+    because the acceleration need not be zero at a reversal.
+    """
+    steps = np.diff(positions)
+    steps = steps[np.abs(steps) > ROUNDING]
+    reversals = np.flatnonzero(steps[1:] * steps[:-1] < 0) + 1
+    runs = np.add.reduceat(steps, np.append(0, reversals)) if len(steps) else np.zeros(1)
+    if not speeds.any():
+        jerk = jerk if len(runs) == 1 else math.inf
+        return float(rest_times(np.abs(runs), velocity, acceleration, jerk).sum())
+    starts, ends = np.zeros((2, len(runs)))
+    starts[0], ends[-1] = speeds
+    if len(runs) > 1:
+        sign = np.sign(runs)
+        to_stop = np.maximum(np.maximum(sign * starts, sign * ends), 0.0) ** 2 / (2 * acceleration)
+        runs = sign * np.maximum(np.abs(runs), to_stop)
+    return float(minimum_times(runs, velocity, acceleration, (starts, ends)).sum())
 
 
 def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> float:
     """Return a bound from limits on angular rates between task coordinates (2, 4), s.
 
-    `rates` (2, 4) are the task rates at both ends.
+    `rates` (2, 4) are the task rates at both ends. They are left out if the angular acceleration
+    has no bound, and for depth, whose rate is already a limit of joint 4.
     """
-    bound = 0.0
+    times = [0.0]
     for name, rate in limits.rates.items():
-        if name == "depth":  # The rate of depth is already a limit of joint 4.
-            continue
         k = TASK.index(name)
-        distance = float(np.diff(ends[:, k])[0])
-        acceleration = angular_acceleration(robot, name, limits)
-        speeds = (
-            (None, None) if math.isinf(acceleration) else (float(rates[0, k]), float(rates[1, k]))
-        )
-        bound = max(bound, minimum_time(distance, rate, acceleration, speeds))
-    return bound
+        distance = float(ends[1, k] - ends[0, k])
+        acceleration = math.inf if name == "depth" else angular_acceleration(robot, name, limits)
+        if math.isinf(acceleration):
+            times.append(abs(distance) / rate)
+        else:
+            speeds = rates[0, k], rates[1, k]
+            times.append(float(minimum_times(distance, rate, acceleration, speeds)))
+    return max(times)
 
 
 def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
@@ -121,103 +154,36 @@ def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
     )
 
 
-def minimum_time(
-    distance: float,
-    velocity: float,
-    acceleration: float,
-    speeds: tuple[float | None, float | None] = (0.0, 0.0),
-) -> float:
-    """Return the shortest time over a signed distance with bounded velocity and acceleration, s.
-
-    `speeds` are the signed velocities at the start and at the end, in the units of `velocity`.
-    None means that the velocity is free. The limit is raised to an end velocity that exceeds it.
-    """
-    start, end = (
-        None if speed is None else float(math.copysign(1.0, distance)) * speed for speed in speeds
-    )
-    distance = abs(distance)
-    fixed_speeds = [speed for speed in (start, end) if speed is not None]
-    if start is None or end is None:
-        velocity = max([velocity, *map(abs, fixed_speeds)])
-        if not fixed_speeds:
-            return distance / velocity
-        # At the free end the velocity is as large as the distance allows.
-        top = min(math.sqrt(fixed_speeds[0] ** 2 + 2 * acceleration * distance), velocity)
-        ramp = (top - fixed_speeds[0]) / acceleration
-        return (
-            ramp + (distance - (top**2 - fixed_speeds[0] ** 2) / (2 * acceleration)) / top
-            if top > 0
-            else ramp
-        )
-    return float(
-        minimum_times(np.array(distance), velocity, acceleration, (np.array(start), np.array(end)))
-    )
-
-
 def minimum_times(
-    distance: Array,
+    distance: Array | float,
     velocity: Array | float,
     acceleration: Array | float,
-    speeds: tuple[Array, Array],
+    speeds: tuple[Array | float, Array | float] = (0.0, 0.0),
 ) -> Array:
-    """Return the shortest times over signed distances between given velocities.
+    """Return the shortest times over signed distances with bounded velocity and acceleration, s.
 
-    The closed form of `minimum_time` is evaluated for arrays that broadcast.
+    `speeds` are the signed velocities at the start and at the end, in the units of `velocity`. NaN
+    means that a velocity is free. It is then as large as the distance allows. The limit is raised
+    to an end velocity that exceeds it. All arguments broadcast.
     """
-    sign = np.where(distance < 0, -1.0, 1.0)
+    sign = np.where(np.asarray(distance) < 0, -1.0, 1.0)
     distance = sign * distance
-    start = sign * speeds[0]
-    end = sign * speeds[1]
+    start, end = (sign * speed for speed in speeds)
+    known = np.where(np.isnan(start), end, start)
+    reached = np.sqrt(np.maximum(known**2 + 2 * acceleration * distance, 0.0))
+    free = np.fmin(reached, np.fmax(velocity, np.abs(known)))
+    start, end = (np.where(np.isnan(speed), free, speed) for speed in (start, end))
     direct = (start + end) / 2 * np.abs(end - start) / acceleration
     at_once = np.abs(distance - direct) <= ROUNDING * (1 + np.abs(direct))
     # A joint that cannot stop in time overshoots and comes back.
     side = np.where(distance < direct, -1.0, 1.0)
-    distance = side * distance
-    start = side * start
-    end = side * end
+    distance, start, end = (side * values for values in (distance, start, end))
     squares = (start**2 + end**2) / 2
     peak_limit = np.maximum(velocity, np.maximum(np.abs(start), np.abs(end)))
     top = np.minimum(np.sqrt(np.maximum(acceleration * distance + squares, 0.0)), peak_limit)
     cruise = (distance - (top**2 - squares) / acceleration) / np.where(top > 0, top, 1.0)
     duration = (2 * top - start - end) / acceleration + np.where(top > 0, cruise, 0.0)
     return np.asarray(np.where(at_once, np.abs(end - start) / acceleration, duration))
-
-
-def _time(robot: Robot, i: int, *, positions: Array, speeds: Array, velocity: float) -> float:
-    """Return the shortest time of joint i alone through its positions (k + 1,), s."""
-    joint = robot.joints[i]
-    acceleration, steps = joint.acceleration, np.diff(positions)
-    runs = _runs(positions)
-    if not speeds.any():
-        # The velocity is zero at a reversal. With a jerk limit the acceleration need not be.
-        jerk = joint.jerk if len(runs) == 1 else None
-        return sum(rest_time(run, velocity, acceleration, jerk) for run in runs)
-    nonzero = steps[np.abs(steps) > ROUNDING]
-    if len(runs) < 2:
-        return minimum_time(float(nonzero.sum()), velocity, acceleration, (speeds[0], speeds[1]))
-    # The joint rests where it reverses, beyond the point if it cannot stop before.
-    ends = speeds * np.sign(nonzero[[0, -1]])
-    for k, speed in zip((0, -1), ends, strict=True):
-        runs[k] = max(runs[k], max(speed, 0.0) ** 2 / (2 * acceleration))
-    middle = sum(minimum_time(run, velocity, acceleration) for run in runs[1:-1])
-    return (
-        minimum_time(runs[0], velocity, acceleration, (ends[0], 0.0))
-        + middle
-        + minimum_time(runs[-1], velocity, acceleration, (0.0, ends[1]))
-    )
-
-
-def _runs(positions: Array) -> list[float]:
-    """Return the distances between the reversals of a joint."""
-    runs: list[float] = []
-    for step in np.diff(positions).tolist():
-        if abs(step) <= ROUNDING:
-            continue
-        if runs and runs[-1] * step > 0:
-            runs[-1] += step
-        else:
-            runs.append(step)
-    return [abs(run) for run in runs]
 
 
 @record
@@ -241,7 +207,7 @@ class SCurve:
     @property
     def switches(self) -> Array:
         """Times at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
-        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+        return _sums(self.lengths)
 
     def stretched(self, duration: float) -> SCurve:
         """Return the same motion with another duration, s."""
@@ -260,30 +226,21 @@ class SCurve:
         The acceleration is taken from the right, and at the end from the left.
         """
         index = self._piece_index(t)
-        return Cubic(*(values[index] for values in self._pieces)).at_time(t - self.switches[index])
+        cubics = self._cubics
+        pieces = (cubics.u, cubics.v, cubics.a0, cubics.a1, cubics.h)
+        return Cubic(*(values[index] for values in pieces)).at_time(t - self.switches[index])
 
     def jerk_at(self, t: Array) -> Array:
         """Return the slope of the acceleration from the right at times t (n,)."""
-        return np.asarray(((self.end - self.start) / self.lengths)[self._piece_index(t)])
+        return np.asarray(self._cubics.jerk[self._piece_index(t)])
 
-    @property
-    def _pieces(self) -> tuple[Array, ...]:
-        """Position, velocity and acceleration at the start, acceleration at the end, and length of
-        all pieces.
-
-        Each is an (m,) array.
-        """
-        zeros = np.zeros(len(self.lengths))
-        _, gained = Cubic(zeros, zeros, self.start, self.end, self.lengths).end
-        velocity = np.concatenate([[self.speed], self.speed + np.cumsum(gained)[:-1]])
-        distance, _ = Cubic(zeros, velocity, self.start, self.end, self.lengths).end
-        return (
-            np.concatenate([[0.0], np.cumsum(distance)[:-1]]),
-            velocity,
-            self.start,
-            self.end,
-            self.lengths,
-        )
+    @cached_property
+    def _cubics(self) -> Cubic:
+        """All pieces, with fields of shape (m,)."""
+        gained = self.lengths * (self.start + self.end) / 2
+        velocity = self.speed + _sums(gained)[:-1]
+        from_zero = Cubic(0.0, velocity, self.start, self.end, self.lengths)
+        return Cubic(_sums(from_zero.end[0])[:-1], velocity, self.start, self.end, self.lengths)
 
     def _piece_index(self, t: Array) -> Indices:
         """Return the index of the piece that contains each time (n,)."""
@@ -297,14 +254,16 @@ class SCurve:
 
         The jerk is infinite if the acceleration jumps.
         """
-        _, velocity, _ = self.evaluate(self.switches)
-        acceleration = max(np.abs(self.start).max(), np.abs(self.end).max())
-        jumps = (
-            np.abs(np.append(self.start, 0.0) - np.append(0.0, self.end)).max()
-            > 1e-9 * acceleration
-        )
-        jerk = math.inf if jumps else float(np.abs((self.end - self.start) / self.lengths).max())
-        return float(np.abs(velocity).max()), float(acceleration), jerk
+        velocity = np.append(self._cubics.v, self._cubics.end[1])
+        acceleration = float(np.abs([self.start, self.end]).max())
+        jumps = np.abs(np.append(self.start, 0.0) - np.append(0.0, self.end))
+        jerk = np.inf if jumps.max() > ROUNDING * acceleration else np.abs(self._cubics.jerk).max()
+        return float(np.abs(velocity).max()), acceleration, float(jerk)
+
+
+def _sums(values: Array) -> Array:
+    """Return 0 and the cumulative sums of values (m,), (m + 1,)."""
+    return np.append(0.0, np.cumsum(values))
 
 
 def rest_to_rest(
@@ -315,80 +274,42 @@ def rest_to_rest(
     Without a jerk limit the velocity is a trapezoid, or a triangle if it does not reach its limit.
     With a jerk limit the motion has up to seven pieces. Both are symmetric in time.
     """
-    speed = min(velocity, _reachable_speed(distance, acceleration, jerk))
-    if jerk is None:
-        lengths = [speed / acceleration]
-        start = [acceleration]
-        end = [acceleration]
-    else:
-        ramp = min(acceleration / jerk, math.sqrt(speed / jerk))
-        peak = jerk * ramp
-        flat = max(speed / peak - ramp, 0.0)
-        lengths = [ramp, flat, ramp]
-        start = [0.0, peak, peak]
-        end = [peak, peak, 0.0]
-    cruise = max(distance / speed - sum(lengths), 0.0)
-    all_lengths = np.array([*lengths, cruise, *reversed(lengths)])
-    starts = np.array([*start, 0.0, *(-x for x in reversed(end))])
-    ends = np.array([*end, 0.0, *(-x for x in reversed(start))])
-    nonempty = all_lengths > 1e-13 * all_lengths.sum()
-    return SCurve(all_lengths[nonempty], starts[nonempty], ends[nonempty])
+    limit = math.inf if jerk is None else jerk
+    speed = min(velocity, float(_reachable_speed(np.array(distance), acceleration, limit)))
+    ramp = min(acceleration / limit, math.sqrt(speed / limit))
+    peak = min(acceleration, math.sqrt(speed * limit))
+    flat = max(speed / peak - ramp, 0.0)
+    rise = np.array([[ramp, 0.0, peak], [flat, peak, peak], [ramp, peak, 0.0]])
+    cruise = [max(distance / speed - rise[:, 0].sum(), 0.0), 0.0, 0.0]
+    fall = rise[::-1, [0, 2, 1]] * (1, -1, -1)
+    pieces = np.vstack([rise, cruise, fall])
+    lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
+    return SCurve(lengths, start, end)
 
 
-def rest_time(
-    distance: float, velocity: float, acceleration: float, jerk: float | None = None
-) -> float:
-    """Return the duration of `rest_to_rest`, s."""
-    speed = min(velocity, _reachable_speed(distance, acceleration, jerk))
-    if jerk is None:
-        ramp = speed / acceleration
-    else:
-        limited = speed * jerk >= acceleration**2
-        ramp = (
-            speed / acceleration + acceleration / jerk if limited else 2 * math.sqrt(speed / jerk)
-        )
-    return ramp + max(distance / speed, ramp)
+def rest_times(
+    distance: Array,
+    velocity: Array | float,
+    acceleration: Array | float,
+    jerk: Array | float = math.inf,
+) -> Array:
+    """Return the durations of `rest_to_rest` over distances ≥ 0, s. All arguments broadcast."""
+    speed = np.minimum(velocity, _reachable_speed(distance, acceleration, jerk))
+    reaches_limit = speed >= acceleration**2 / jerk
+    ramp = np.where(
+        reaches_limit, speed / acceleration + acceleration / jerk, 2 * np.sqrt(speed / jerk)
+    )
+    return np.asarray(ramp + distance / np.maximum(speed, ROUNDING))
 
 
-def _reachable_speed(distance: float, acceleration: float, jerk: float | None) -> float:
+def _reachable_speed(distance: Array, acceleration: Array | float, jerk: Array | float) -> Array:
     """Return the peak velocity of the motion that never cruises.
 
-    It satisfies v T_ramp(v) = distance.
+    It satisfies v T_ramp(v) = distance. If the acceleration reaches its limit, v (v/a + a/j) = d.
+    Otherwise v 2 √(v/j) = d.
     """
-    if jerk is None:
-        return math.sqrt(distance * acceleration)
-    # If the acceleration reaches its limit, v (v/a + a/j) = d.
     half = acceleration**2 / jerk
-    speed = (-half + math.sqrt(half**2 + 4 * acceleration * distance)) / 2
-    if speed >= half:
-        return speed
-    return (distance**2 * jerk / 4) ** (1 / 3)
-
-
-def least_times(robot: Robot, displacements: Array, distances: Array, limits: TaskLimits) -> Array:
-    """Return the times (n,) of motions from rest to rest, s.
-
-    Every joint moves by `displacements` (n, 4) and the tip by `distances` (n,). The time is that of
-    the slowest joint alone, as `rest_to_rest` gives it, or of the tip at its largest speed.
-    """
-    tip = min(
-        (limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), default=math.inf
-    )
-    times = np.asarray(distances) / tip
-    for i, joint in enumerate(robot.joints):
-        distance = np.abs(displacements[:, i])
-        v = joint.velocity
-        a = joint.acceleration
-        j = joint.jerk
-        if i == 3:
-            v = min(v, limits.rates.get("depth", math.inf))
-        if j is None:
-            speed = np.minimum(v, np.sqrt(distance * a))
-            ramp = speed / a
-        else:
-            half = a**2 / j
-            peak = (-half + np.sqrt(half**2 + 4 * a * distance)) / 2
-            speed = np.minimum(v, np.where(peak >= half, peak, np.cbrt(distance**2 * j / 4)))
-            ramp = np.where(speed >= half, speed / a + a / j, 2 * np.sqrt(speed / j))
-        times = np.maximum(times, ramp + distance / np.maximum(speed, ROUNDING))
-    return np.asarray(times)
+    speed = (np.sqrt(half**2 + 4 * acceleration * distance) - half) / 2
+    with np.errstate(invalid="ignore"):  # 0 · ∞ for a joint at rest without a limit of jerk.
+        below_limit = np.cbrt(distance**2 * jerk / 4)
+    return np.asarray(np.where(speed >= half, speed, below_limit))

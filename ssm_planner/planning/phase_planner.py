@@ -14,19 +14,14 @@ import numpy as np
 
 from ssm_planner.elements.compiled import compiled
 from ssm_planner.elements.rows import limits_jerk, with_margin
-from ssm_planner.planning.feasibility import (
-    duration_too_short,
-    motor_too_weak,
-    no_motion,
-    not_constant,
-)
+from ssm_planner.planning.motor_strength import motor_too_weak, no_motion
 from ssm_planner.planning.ocp.free import ELEMENTS, finish_free, solve_free
 from ssm_planner.planning.ocp.motion import PhaseSolution, Reversals
 from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
 from ssm_planner.planning.postprocess import BETWEEN, retimed, slowed_to_stop
-from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.reason import Reason, duration_too_short, not_constant
 from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import retime, stays_at
 from ssm_planner.planning.tolerances import GAP, SAME

@@ -12,9 +12,7 @@ from ssm_planner.planning.cache import IdentityKey, cached
 from ssm_planner.planning.candidates.candidate import PhaseEvaluation
 from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
-from ssm_planner.planning.feasibility import (
-    duration_too_short,
-    durations_disagree,
+from ssm_planner.planning.motor_strength import (
     motor_too_hot,
     motor_too_weak,
     motor_too_weak_to_brake,
@@ -24,7 +22,7 @@ from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.prechecks import bounded_duration, feasible_phases
-from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.reason import Reason, duration_too_short, durations_disagree
 from ssm_planner.planning.retiming.paths import PolylinePath, StraightPath
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.elements.rows import with_margin
-from ssm_planner.planning.feasibility import no_motion
+from ssm_planner.planning.motor_strength import no_motion
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.ocp.straight import retimed_pieces
 from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase

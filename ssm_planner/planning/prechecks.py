@@ -8,8 +8,9 @@ import numpy as np
 
 from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.planning.cache import IdentityKey, cached
-from ssm_planner.planning.feasibility import infeasible_place, motor_too_hot, with_boundary_rates
+from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
+from ssm_planner.planning.motor_strength import motor_too_hot
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import SAME

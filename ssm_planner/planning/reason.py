@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ssm_planner.problem import Limit
+from ssm_planner.problem import ConstantSpeed, Duration, Limit
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import frozen
 
@@ -47,3 +47,38 @@ class Reason(ShortRepr):
             "relaxation": self.relaxation,
             "message": self.message,
         }
+
+
+def duration_too_short(name: str, requested: float, needed: float) -> Reason:
+    """Return the reason for a requested duration that is shorter than the fastest motion."""
+    text = (
+        f"{name} takes at least {needed:.6g} s within the limits, "
+        f"but the requested duration is {requested:.6g} s"
+    )
+    return Reason(Duration(requested, name), name, needed, requested, text)
+
+
+def not_constant(name: str, requested: float, feasible: float) -> Reason:
+    """Return the reason for a constant tip speed that other limits do not allow.
+
+    `feasible` is the largest speed that they allow, m/s.
+    """
+    able = (
+        f"it can keep up to {1e3 * feasible:.4g} mm/s"
+        if feasible
+        else "it cannot keep a lower speed either"
+    )
+    text = (
+        f"the tip cannot keep {1e3 * requested:.4g} mm/s between speeding up and slowing down "
+        f"({name}); {able}"
+    )
+    return Reason(ConstantSpeed(feasible or requested), name, requested, feasible, text)
+
+
+def durations_disagree(requested: float, total: float) -> Reason:
+    """Return the reason for a total duration that differs from the sum of all durations."""
+    text = (
+        f"the durations of the motions add up to {total:.6g} s, "
+        f"but the requested total duration is {requested:.6g} s"
+    )
+    return Reason(Duration(requested, exact=True), "the whole motion", total, requested, text)

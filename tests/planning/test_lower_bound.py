@@ -16,7 +16,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import (
     angular_acceleration,
     least_times,
-    minimum_time,
+    minimum_times,
     rest_to_rest,
 )
 from ssm_planner.problem.limits import TASK, TaskRate, TipSpeed
@@ -40,7 +40,7 @@ def test_the_fastest_way_between_two_speeds_is_ruckigs(
     task.max_velocity, task.max_acceleration = [velocity], [acceleration]
     reference = ruckig.Trajectory(1)
     assume(ruckig.Ruckig(1).calculate(task, reference) == ruckig.Result.Working)
-    found = minimum_time(way, velocity, acceleration, (begin * velocity, end * velocity))
+    found = minimum_times(way, velocity, acceleration, (begin * velocity, end * velocity))
     assert found == pytest.approx(reference.duration, rel=1e-6, abs=1e-6)
 
 
@@ -49,20 +49,20 @@ def test_a_free_speed_costs_no_time(
     way: float, velocity: float, acceleration: float, begin: float, end: float
 ) -> None:
     speeds = begin * velocity, end * velocity
-    both = minimum_time(way, velocity, acceleration, speeds)
+    both = minimum_times(way, velocity, acceleration, speeds)
     one = [
-        minimum_time(way, velocity, acceleration, each)
-        for each in ((speeds[0], None), (None, speeds[1]))
+        minimum_times(way, velocity, acceleration, each)
+        for each in ((speeds[0], np.nan), (np.nan, speeds[1]))
     ]
     assert max(one) <= both * (1 + 1e-9)
-    assert minimum_time(way, velocity, acceleration, (None, None)) <= min(one) * (1 + 1e-9)
-    assert minimum_time(way, velocity, acceleration) == pytest.approx(
+    assert minimum_times(way, velocity, acceleration, (np.nan, np.nan)) <= min(one) * (1 + 1e-9)
+    assert minimum_times(way, velocity, acceleration) == pytest.approx(
         rest_to_rest(way, velocity, acceleration).duration, rel=1e-9
     )
     # of all speeds at the free end the best one
     top = min(velocity, np.sqrt(speeds[0] ** 2 + 2 * acceleration * way))
     best = min(
-        minimum_time(way, velocity, acceleration, (speeds[0], v))
+        minimum_times(way, velocity, acceleration, (speeds[0], v))
         for v in top * np.linspace(-1, 1, 201)
     )
     assert best == pytest.approx(one[0], rel=1e-3)

@@ -12,7 +12,7 @@ import pytest
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.elements.rows import directed_torques
-from ssm_planner.planning.feasibility import motor_too_weak
+from ssm_planner.planning.motor_strength import motor_too_weak
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 
@@ -52,7 +52,7 @@ def test_a_motor_too_weak_for_it_is_named(tilt_insert: Problem) -> None:
     sign = np.sign(load[most])
     path = SimpleNamespace(
         directions=(np.array([0.0, 1.0]), np.array([[sign, 0.0, 0.0, 0.0]])),
-        sample=lambda s: SimpleNamespace(q=np.where(s[:, None] == 0.0, q[most], q[least])),
+        sample=lambda s: SimpleNamespace(s=s, q=np.where(s[:, None] == 0.0, q[most], q[least])),
     )
     phase = SimpleNamespace(motion=SimpleNamespace(name="motion 1"))
     needed = abs(float(breakaway_torque(drive, load[most], sign, mu=0.4)))

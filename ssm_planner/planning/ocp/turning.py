@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.planning.lower_bound import SCurve, minimum_time
+from ssm_planner.planning.lower_bound import SCurve, minimum_times
 from ssm_planner.planning.ocp.mesh import SegmentGuess, elements_between
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.typing import Array, Mask, record
@@ -84,7 +84,7 @@ class _Profile:
     def duration(self) -> float:
         """Smallest duration, s."""
         return (
-            minimum_time(self.displacement, self.velocity, self.acceleration, self.speeds)
+            float(minimum_times(self.displacement, self.velocity, self.acceleration, self.speeds))
             if self.moves
             else 0.0
         )

@@ -347,7 +347,8 @@ def joint_starts(
     previous = np.zeros(4)
     for knot, signs in zip(knots[:-1], directions, strict=True):
         k = min(int(np.searchsorted(samples.s, knot)), len(samples.s) - 1)
-        starts[k] = (signs != previous) & (not moving or knot > 0 or samples.dq[k] == 0.0)
+        begins = (signs != 0.0) & (signs != previous)
+        starts[k] = begins & (not moving or knot > 0 or samples.dq[k] == 0.0)
         previous = signs
     return starts
 
