@@ -42,6 +42,8 @@ PATIENCE, TRIAL = 4.0, 0.1
 """
 PAUSES = (1.0, 1.5, 3.0)
 """Factors on the pause that one motor needs to cool, or on the duration. Others may need more."""
+SHARES = (1.0, 1.5, 2.0, 3.0)
+"""Multiples of a relaxation that pages offer."""
 OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
 """Limits that rates at the ends can exceed."""
 
@@ -254,6 +256,31 @@ def search(
         if len(working) < len(planned):
             return search(problem, reason, plan, duration, budget - (EFFORT.spent - effort_start))
     return replace(working[0], alternatives=tuple(working[1:]))
+
+
+def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[str, Problem]]:
+    """Return changes of the limits in which a relaxed problem differs, by their share in SHARES.
+
+    Each change is described in words, with the problem that it gives. Shares that a limit cannot
+    follow are left out. Durations are not changed.
+    """
+    pairs = zip(problem.all_limits, relaxed.all_limits, strict=False)
+    moved = [(a, b) for a, b in pairs if a != b and a.key == b.key]
+    changes: dict[float, tuple[str, Problem]] = {}
+    for share in SHARES if moved else ():
+        changed, words = problem, []
+        for limit, looser in moved:
+            old, new = limit.high, looser.high
+            if old == new:
+                old, new = limit.low, looser.low
+            value = limit.rounded(old + share * (new - old))
+            following = limit.relaxed(value)
+            if following is None:
+                return changes
+            changed = following.on(changed)
+            words.append(limit.described(value))
+        changes[share] = " and ".join(words), changed
+    return changes
 
 
 def _working(cures: Iterable[Cure | None]) -> list[Cure]:

@@ -6,8 +6,9 @@ The command line calls these functions.
 from __future__ import annotations
 
 import logging
+import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial, wraps
 from itertools import zip_longest
@@ -25,7 +26,7 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.certified import Outcome, plan_and_check
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
 from ssm_planner.pipeline.mission import StopAt, plan_mission
-from ssm_planner.pipeline.relaxation import search
+from ssm_planner.pipeline.relaxation import changes_of_limits, search
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
 from ssm_planner.planning.cache import cache_scope
 from ssm_planner.planning.candidates.stop_first import stopping_point
@@ -57,6 +58,8 @@ from ssm_planner.verification.promises import WayKept, promises_kept
 
 P = ParamSpec("P")
 T = TypeVar("T")
+NOTABLE = 1e-3
+"""Share of the duration that a larger change of a limit must save."""
 _ONE_AT_A_TIME = RLock()
 """Plans share programs and solutions, so only one thread plans at a time.
 
@@ -422,6 +425,21 @@ def _duration_or_reason(problem: Problem, *, any_suffices: bool = False) -> floa
     return outcome.duration if outcome.reason is None else outcome.reason
 
 
+def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, float]]:
+    """Yield changes of limits, in words, and the durations (s) of the motions that they permit.
+
+    The last change is the largest one, or one that saves no time.
+    """
+    shortest = math.inf
+    for words, changed in changes_of_limits(problem, relaxed).values():
+        outcome = _duration_or_reason(changed, any_suffices=True)
+        if isinstance(outcome, float):
+            yield words, outcome
+            if outcome > (1 - NOTABLE) * shortest:
+                break
+            shortest = outcome
+
+
 def plan_to_folder(
     problem: Problem,
     folder: Path,
@@ -447,10 +465,15 @@ def plan_to_folder(
         if drawer is not None:
             drawer.draw("motion", trajectory, problem.robot)
 
-    result = plan(problem, progress, draw, stoppable=True)
+    changes: list[tuple[str, float]] = []
+
+    def relax_further(relaxed: Problem) -> None:
+        changes.extend(_larger_changes(problem, relaxed))
+
+    result = plan(problem, progress, draw, stoppable=True, on_relaxation=relax_further)
     progress(Step("writing results"))
     if not result.passed:
         from ssm_planner.reporting.html.report import write_no_plan
 
-        return result, {"page": write_no_plan(result, folder / NO_PLAN)}
+        return result, {"page": write_no_plan(result, folder / NO_PLAN, changes)}
     return result, write_folder(result, folder, drawer, rate)

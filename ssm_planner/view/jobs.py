@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -35,6 +35,8 @@ class Outcome:
     plan: Plan | None = None
     relaxation: str | None = None
     """Description of the smallest relaxation that gives a motion."""
+    changes: Mapping[float, str] = field(default_factory=dict)
+    """Changes of limits in words, by their share of that relaxation."""
     desk: dict[str, Any] | None = None
     """Curves and answers of the motions, as in `comparison_data`."""
 
@@ -56,6 +58,7 @@ class Job:
             "done": outcome is not None,
             "message": result.message,
             "relaxation": result.relaxation,
+            "changes": [*result.changes.items()],
             "desk": result.desk,
             "plan": None if result.plan is None else f"/plan/{self.identity}",
         }
@@ -74,14 +77,15 @@ class Jobs:
     def start(self, request: Mapping[str, Any]) -> dict[str, Any]:
         """Start to plan the motion of a request, and return the name of the run as {job}.
 
-        The keys of the request are those of `Study.problem_content`, and two more. With `relaxed`,
-        an infeasible problem is replaced by its relaxation. `pinned` is another request, whose
+        The keys of the request are those of `Study.problem_content`, and two more. `relaxed`
+        replaces an infeasible problem by its relaxation. It is true, or a share in `SHARES` by
+        which the change of the limits is multiplied. `pinned` is another request, whose
         motion A is planned for comparison with the motion B of this request. Raises ProblemError if
         a request is invalid, or while another run is in progress.
         """
         named = {"A": request.get("pinned"), "B": request}
         requests = [
-            (name, self.study.requested_problem(each), each.get("relaxed") is True)
+            (name, self.study.requested_problem(each), each.get("relaxed"))
             for name, each in named.items()
             if isinstance(each, dict)
         ]
@@ -165,11 +169,12 @@ class Jobs:
             self._workers = None
 
 
-def run_plan(requests: Sequence[tuple[str, Problem, bool]], steps: Path) -> Outcome:
+def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outcome:
     """Plan problems in the planner's process, and compare their motions.
 
-    requests: name, problem, and whether a relaxation replaces an infeasible problem. The answer is
-    that of the last one. steps: file for the progress. Raises ProblemError.
+    requests: name, problem, and the relaxation that replaces an infeasible problem, as in
+    `Jobs.start`. The answer is that of the last one. steps: file for the progress. Raises
+    ProblemError.
     """
     start = time.perf_counter()
 
@@ -178,19 +183,23 @@ def run_plan(requests: Sequence[tuple[str, Problem, bool]], steps: Path) -> Outc
             file.write(f"{time.perf_counter() - start:.1f} s  {step}\n")
 
     progress(Step("loading the planner"))
+    from ssm_planner.pipeline.relaxation import changes_of_limits
     from ssm_planner.pipeline.run import plan
     from ssm_planner.pipeline.thermal import quickly
     from ssm_planner.reporting.html.compare import comparison_data
     from ssm_planner.reporting.text import answers
 
     plans: dict[str, Plan] = {}
-    for name, problem, is_relaxed in requests:
+    for name, problem, share in requests:
         relaxed: list[Problem] = []
         result = plan(quickly(problem), progress, on_relaxation=relaxed.append)
-        if is_relaxed and result.trajectory is None and relaxed:
-            result = plan(quickly(relaxed[-1]), progress)
+        changes = changes_of_limits(problem, relaxed[-1]) if relaxed else {}
+        if share and result.trajectory is None and relaxed:
+            _, easier = changes.get(share, ("", relaxed[-1]))
+            result = plan(quickly(easier), progress)
         if result.trajectory is not None:
             plans[name] = result
+    in_words = {share: words for share, (words, _) in changes.items()}
     desk = None
     if plans:
         answered = [{text[:9]: text[9:] for text in answers(each)} for each in plans.values()]
@@ -203,11 +212,12 @@ def run_plan(requests: Sequence[tuple[str, Problem, bool]], steps: Path) -> Outc
         return Outcome(
             reason.message if reason else result.status,
             relaxation=reason.relaxation if reason and relaxed else None,
+            changes=in_words,
             desk=desk,
         )
     verdict = "passed" if result.passed else "failed"
     text = f"planned: {result.duration:.4f} s, independent check {verdict}"
-    return Outcome(text, result, desk=desk)
+    return Outcome(text, result, changes=in_words, desk=desk)
 
 
 def text_of(kind: str, plan: Plan) -> str:

@@ -8,9 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.certified import exceeded
-from ssm_planner.pipeline.relaxation import relaxation_for, search
+from ssm_planner.pipeline.relaxation import (
+    SHARES,
+    changes_of_limits,
+    relaxation_for,
+    search,
+)
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.reason import Reason
 from ssm_planner.problem.limits import (
@@ -273,3 +279,26 @@ def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
 
     assert passes(enough)
     assert not passes(there + 0.9 * (enough - there))
+
+
+@pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.name} {limit.joint}")
+def test_a_share_of_a_change_moves_the_limit_by_this_share(limit: Limit) -> None:
+    """The bound lies at the share of the change, rounded to the digits that are printed."""
+    end = limit.high if np.isfinite(limit.high) else limit.low
+    outside = end + 0.01 * (abs(end) or 1.0) * (1 if end == limit.high else -1)
+    moved = limit.relaxed(outside)
+    try:
+        relaxed = PROBLEM if moved is None else moved.on(PROBLEM)
+    except ProblemError:
+        return  # no problem holds another limit of this kind
+    changes = changes_of_limits(PROBLEM, relaxed)
+    assert set(changes) <= set(SHARES)
+    for share, (words, changed) in changes.items():
+        present = next(item for item in changed.all_limits if item.key == limit.key)
+        bounds = [present.low, present.high]
+        assert any(np.isclose(bounds, end + share * (outside - end), rtol=1e-5, atol=0.0))
+        assert " instead of " in words
+
+
+def test_an_unchanged_problem_has_no_changes() -> None:
+    assert changes_of_limits(PROBLEM, PROBLEM) == {}

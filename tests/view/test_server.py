@@ -318,6 +318,7 @@ def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time
     assert job.to_dict() == {
         **dict.fromkeys(("desk", "plan", "relaxation")),
         "steps": [],
+        "changes": [],
         "done": False,
         "message": "",
     }
@@ -412,6 +413,31 @@ def test_a_relaxation_can_be_planned(tmp_path: Path) -> None:
         answer = finished(running, relaxed["job"])
         assert "check passed" in answer["message"]
         assert answer["desk"]["names"] == ["B"]
+        running.shutdown()
+
+
+def test_a_larger_share_of_a_relaxation_moves_the_limit_farther(tmp_path: Path) -> None:
+    """The server names the changes, and plans the chosen one with the limit at the named value."""
+    file = tmp_path / "close.yaml"
+    text = (PROBLEMS / "eye_approach.yaml").read_text(encoding="utf-8")
+    text = text.replace("-17.66 mm", "-18.4 mm").replace(
+        "robots/vitreoretinal.yaml", "vitreoretinal"
+    )
+    file.write_text(text, encoding="utf-8")
+    with ViewServer(Study(load_problem(file))) as running:
+        threading.Thread(
+            target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
+        ).start()
+        request = own_motion(running)
+        first = finished(running, ask(running, "/plan", request)["job"])
+        share, words = first["changes"][-1]
+        assert share > 1
+        assert "clearance from the retina" in words
+        job = ask(running, "/plan", {**request, "relaxed": share})["job"]
+        answer = finished(running, job)
+        assert answer["changes"] == first["changes"]
+        content = json.loads(send(running, "GET", answer["plan"])[1])
+        assert f"{1e3 * content['problem']['eye']['clearance']:.6g} mm" in words
         running.shutdown()
 
 

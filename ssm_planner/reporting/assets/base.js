@@ -52,6 +52,10 @@ SSM.channels = (encoded) => {
   return channels;
 };
 
+SSM.joints = (channels, index) => [0, 1, 2, 3].map((i) => channels[`q${i}`][index]);
+// places of the tip, one after the other
+SSM.trace = (channels) => Float32Array.from({ length: 3 * channels.t.length }, (_, i) => channels[`tip${i % 3}`][Math.floor(i / 3)]);
+
 const fixed = (value, digits) => {
   const text = value.toFixed(digits);
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");

@@ -11,10 +11,9 @@
   SSM.overlay(plots, data, channels, names);
   requestAnimationFrame(() => setTimeout(() => {
     const robots = data.scenes.map((scene, side) => ({ scene, colours: data.colours, ghost: side === 1,
-      path: Float32Array.from({ length: 3 * times.length }, (_, i) => channels[side][`tip${i % 3}`][Math.floor(i / 3)]) }));
+      path: SSM.trace(channels[side]) }));
     const scene = new SSM.Scene(document.getElementById("scene"), robots);
     player.listen((index) => channels.forEach((each, side) => scene.pose(side, SSM.joints(each, index))));
-    if (scene.views.eye) scene.look("eye");
     Object.assign(SSM, { player, scene, channels, ready: performance.now() });
   }));
 })();

@@ -60,11 +60,7 @@ SSM.map = (grid, map, data, channels, player) => {
 
 // all four quadrants
 SSM.region = (u, speed, torque, fill) => {
-  const { left, top, width, height } = u.bbox;
-  u.ctx.save();
-  u.ctx.beginPath();
-  u.ctx.rect(left, top, width, height);
-  u.ctx.clip();
+  SSM.clip(u);
   u.ctx.fillStyle = fill;
   u.ctx.strokeStyle = ink("limit");
   const ways = [[1, 1], [1, -1], [-1, -1], [-1, 1]];

@@ -21,6 +21,7 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
     new MeshLambertMaterial({ color: colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1 });
   const out = axes[2].clone().multiplyScalar(-scene.insertion_sign);
   const ends = [axes[0].clone().multiplyScalar(scene.sides[0]), axes[1].clone().multiplyScalar(scene.sides[1]), out];
+  const frames = [base, turns[0], turns[1]];
   const r = scene.link;
   const grey = ghost ? ["#c98a52", "#c98a52", "#c98a52"] : ["#5d6875", "#98a3b0", "#3c4650"];
   base.add(SSM.rod(ends[0], r - 0.012, r + 0.034, 0.014, solid(grey[2])));
@@ -34,9 +35,7 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   const fine = scene.eye ? 0.4 : 1;
   slide.add(SSM.rod(out, 0, r + 0.004, 0.0009 * fine, solid(ghost ? colours[1] : "#22272e", 1)));
   slide.add(SSM.ball(0.0013 * fine, solid(ghost ? colours[1] : "#7a2fa0", 1)));
-  if (!ghost) {
-    base.add(SSM.ball(0.0022 * fine, solid("#22272e")));
-  }
+  if (!ghost) base.add(SSM.ball(0.0022 * fine, solid("#22272e")));
   // what the legend names: objects that appear and vanish together, and labels with the object that they stand at
   const parts = {};
   const put = (name, parent, ...objects) => {
@@ -52,9 +51,7 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
     texts.push({ anchor, text, colour, name, shown });
   };
   if (!ghost) {
-    put("axes", base, SSM.axisLine(axes[0], r + 0.03, colours[0]));
-    put("axes", turns[0], SSM.axisLine(axes[1], r + 0.03, colours[1]));
-    put("axes", turns[1], SSM.axisLine(axes[2], r + 0.03, colours[2]));
+    frames.forEach((parent, i) => put("axes", parent, SSM.axisLine(axes[i], r + 0.03, colours[i])));
     for (const band of scene.bands) {
       const { lines, end } = SSM.band(band, -scene.insertion_sign, colours[1]);
       put(`${band.name} tilt`, base, ...lines);
@@ -71,7 +68,7 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   }
   if (labels) {
     const words = [`1 ${scene.names[0]}`, `2 ${scene.names[1]}`, `3 ${scene.names[2]}, 4 ${scene.names[3]}`];
-    [base, turns[0], turns[1]].forEach((parent, i) => say("axes", parent, ends[i].clone().multiplyScalar(r + 0.03), words[i], colours[i]));
+    frames.forEach((parent, i) => say("axes", parent, ends[i].clone().multiplyScalar(r + 0.03), words[i], colours[i]));
     say("axes", base, new Vector3(), scene.eye ? "RCM, port" : "RCM", "#000000");
   }
   return { base, turns, slide, axes, parts, put, say, texts };

@@ -9,5 +9,3 @@ SSM.overlay = (plots, data, channels, names) => {
     })));
   }
 };
-
-SSM.joints = (channels, index) => [0, 1, 2, 3].map((i) => channels[`q${i}`][index]);

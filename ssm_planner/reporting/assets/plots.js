@@ -138,13 +138,12 @@ SSM.Plots = class {
     let high = Math.max(...extremes.map(([, most]) => most));
     if (!(low <= high)) [low, high] = [-1, 1];
     // what hardly moves is drawn as what it is, not as noise
-    const largest = Math.max(0, ...panel.limits.flatMap((limit) => [limit.low, limit.high]).map((end) => Math.abs(end ?? 0)));
+    const largest = Math.max(0, ...panel.limits.flatMap(SSM.ends).map(Math.abs));
     const size = Math.max(high - low, 0.01, 0.02 * largest);
     let [bottom, top] = [low, high];
     panel.beyond = [];
     for (const limit of panel.limits) {
-      for (const end of [limit.low, limit.high]) {
-        if (end === null) continue;
+      for (const end of SSM.ends(limit)) {
         if (end > high + 1.2 * size || end < low - 1.2 * size) panel.beyond.push([limit, end]);
         else [bottom, top] = [Math.min(bottom, end), Math.max(top, end)];
       }
@@ -154,7 +153,7 @@ SSM.Plots = class {
   }
 
   #caption(panel, keys, reset, figure, holder) {
-    const inside = panel.limits.length > 0 && panel.beyond.length < panel.limits.flatMap(({ low, high }) => [low, high]).filter((end) => end !== null).length;
+    const inside = panel.beyond.length < panel.limits.flatMap(SSM.ends).length;
     const drawn = inside ? [element("span", { class: "key" }, SSM.swatch("#5b6470", [4, 3], 1.5), panel.active.length ? "limit, hatched where active" : "limit")] : [];
     const larger = element("button", { type: "button", class: "tool", "aria-pressed": "false", "aria-label": `Enlarge ${panel.title}`, onclick: () => {
       larger.setAttribute("aria-pressed", String(figure.classList.toggle("large")));
@@ -172,13 +171,15 @@ SSM.section = (container, title, content, folded) => {
   container.append(...(folded ? [element("details", { class: "fold" }, element("summary", {}, heading), content)] : [heading, content]));
 };
 
+SSM.ends = ({ low, high }) => [low, high].filter((end) => end !== null);
+
 SSM.height = (holder) => (holder.closest(".large") && !SSM.printing ? 420 : 190);
 
 // a plot for those who do not see it
 SSM.inWords = (panel, lines, extremes) => {
   const { unit } = panel;
   const drawn = lines.map(({ label }, i) => `${label} between ${short(extremes[i][0])} and ${short(extremes[i][1])} ${unit}`);
-  const limits = panel.limits.map(({ label, low, high }) => `${label}: ${[low, high].filter((end) => end !== null).map(short).join(" to ")} ${unit}`);
+  const limits = panel.limits.map((limit) => `${limit.label}: ${SSM.ends(limit).map(short).join(" to ")} ${unit}`);
   const active = panel.active.map(({ label, start, end }) => `${label} from ${start.toFixed(3)} to ${end.toFixed(3)} s`);
   return `${panel.title} over time. ${drawn.join("; ")}.${limits.length ? ` Limits: ${limits.join("; ")}.` : ""}` +
     (active.length ? ` Active: ${active.join("; ")}.` : "");
@@ -188,7 +189,7 @@ SSM.beyond = (panel) => {
   const words = [];
   for (const limit of panel.limits) {
     const ends = panel.beyond.filter(([which]) => which === limit).map(([, end]) => end);
-    const other = [limit.low, limit.high].filter((end) => end !== null && !ends.includes(end));
+    const other = SSM.ends(limit).filter((end) => !ends.includes(end));
     if (!ends.length || (other.length && other[0] === -ends[0])) continue;
     const both = ends.length === 2 && ends[0] === -ends[1];
     const name = limit.name === "nominal torque" ? "nominal " : panel.series.length > 1 ? `${limit.of} ` : "";
@@ -233,21 +234,25 @@ SSM.shade = (u, phases) => {
   ctx.restore();
 };
 
-// limits dashed; where one is active, hatching that stands on it, on the side that it forbids
-SSM.drawLimits = (u, panel, colours) => {
-  const { ctx } = u;
-  const { left, top, width, height } = u.bbox;
-  const ratio = window.devicePixelRatio || 1;
+// draws within the axes until the context is restored
+SSM.clip = ({ ctx, bbox: { left, top, width, height } }) => {
   ctx.save();
   ctx.beginPath();
   ctx.rect(left, top, width, height);
   ctx.clip();
+};
+
+// limits dashed; where one is active, hatching that stands on it, on the side that it forbids
+SSM.drawLimits = (u, panel, colours) => {
+  const { ctx } = u;
+  const { left, width } = u.bbox;
+  const ratio = window.devicePixelRatio || 1;
+  SSM.clip(u);
   ctx.lineWidth = 1.2 * ratio;
   for (const limit of panel.limits) {
     ctx.strokeStyle = limit.side in colours ? SSM.tone(colours[limit.side]) : ink("limit");
     ctx.setLineDash(limit.name === "nominal torque" ? [1.5 * ratio, 3 * ratio] : [5 * ratio, 4 * ratio]);
-    for (const end of [limit.low, limit.high]) {
-      if (end === null) continue;
+    for (const end of SSM.ends(limit)) {
       const y = u.valToPos(end, "y", true);
       ctx.beginPath();
       ctx.moveTo(left, y);

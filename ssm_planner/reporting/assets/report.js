@@ -21,11 +21,9 @@
   player.tool("Save CSV", () => SSM.download("motion.csv", SSM.csv(data, channels), "text/csv"));
   // the page is readable before the 3D view starts
   requestAnimationFrame(() => setTimeout(() => {
-    const path = Float32Array.from({ length: 3 * times.length }, (_, i) => channels[`tip${i % 3}`][Math.floor(i / 3)]);
-    const scene = new SSM.Scene(document.getElementById("scene"), [{ scene: data.scene, colours: data.colours, path, stops: data.stops,
-      begin: [0, 1, 2, 3].map((i) => channels[`q${i}`][0]) }]);
-    player.listen((index) => scene.pose(0, [0, 1, 2, 3].map((i) => channels[`q${i}`][index])));
-    if (scene.views.eye) scene.look("eye");
+    const scene = new SSM.Scene(document.getElementById("scene"), [{ scene: data.scene, colours: data.colours, path: SSM.trace(channels), stops: data.stops,
+      begin: SSM.joints(channels, 0) }]);
+    player.listen((index) => scene.pose(0, SSM.joints(channels, index)));
     player.scene = scene;
     player.address();
     scene.controls?.addEventListener("change", () => player.address());

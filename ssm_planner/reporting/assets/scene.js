@@ -51,8 +51,8 @@ SSM.Scene = class {
     this.controls.maxDistance = 2;
     this.controls.addEventListener("change", () => this.render());
     this.canvas.addEventListener("webglcontextlost", () => this.#say("The browser has stopped the 3D view; reload the page to restart it."));
-    for (const robot of robots) this.add(robot);
     this.look("whole");
+    for (const robot of robots) this.add(robot);
     SSM.whenRedrawn(() => this.#redraw());
     this.#redraw();
     new ResizeObserver(() => this.#fit()).observe(container);
@@ -77,9 +77,8 @@ SSM.Scene = class {
       if (this.labels) robot.say("eye", robot.base, SSM.vector(scene.eye.centre), "eye", "#a8482c", (perMetre) => !large(perMetre));
     }
     if (begin) {
-      const start = SSM.mechanism({ ...scene, bands: [] }, ["#8b949e", "#8b949e", "#8b949e", "#8b949e"], true, false);
-      start.base.traverse(({ material }) => material && Object.assign(material, { transparent: true, opacity: 0.22, depthWrite: false }));
-      start.base.traverse(({ material }) => material?.color.set("#77828e"));
+      const start = SSM.mechanism(scene, colours, true, false);
+      start.base.traverse(({ material }) => material?.setValues({ color: "#77828e", transparent: true, opacity: 0.22, depthWrite: false }));
       SSM.turn(start, begin);
       robot.put("start", robot.base, start.base);
     }
@@ -95,6 +94,7 @@ SSM.Scene = class {
       const [x, y, z] = scene.eye.centre;
       this.views.eye = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
       this.container.querySelector(".views").append(this.#view("eye"));
+      this.look("eye");
     }
   }
 

@@ -201,17 +201,25 @@
     SSM.overlay(plots, desk, channels, desk.names);
     player.set(state.own ? player.index : Infinity);
   };
-  const show = ({ message, relaxation, desk, plan }) => {
+  // changes: shares of the relaxation, each with its words
+  const slider = (changes) => {
+    const at = Math.max(0, changes.findIndex(([share]) => share === state.relaxed));
+    const words = element("label", { for: "change" }, changes[at][1]);
+    const range = element("input", { type: "range", id: "change", min: 0, max: changes.length - 1, value: at,
+      oninput: () => { words.textContent = changes[range.value][1]; }, onchange: () => kept({ relaxed: changes[range.value][0] }) });
+    return [range, words];
+  };
+  const show = ({ message, relaxation, changes, desk, plan }) => {
     const job = state.job;
     const link = (kind, text, more) => element("a", { href: `/${kind}/${job}`, ...more }, text);
     const read = () => find("result").replaceChildren(element("h2", {}, "Plan"), element("iframe", { src: `/report/${job}`, title: "Report of the plan" }));
-    const links = relaxation ? [element("button", { type: "button", id: "relax", onclick: () => kept({ relaxed: true }) }, `Plan with ${relaxation}`)]
+    const links = relaxation ? [element("button", { type: "button", id: "relax", onclick: () => kept({ relaxed: 1 }) }, `Plan with ${changes.length ? "this change" : relaxation}`)]
       : plan ? [link("report", "Report in a new tab", { target: "_blank", rel: "noopener" }), link("plan", "plan.json", { download: "plan.json" }),
         element("button", { type: "button", id: "read", onclick: read }, "Report below")] : [];
     const row = (cells) => element("tr", {}, ...cells.map((text, i) => element(i ? "td" : "th", { scope: i ? null : "row" }, text)));
     const head = desk?.names.length > 1 ? [["", ...desk.names]] : [];
     find("outcome").replaceChildren(element("p", { class: "outcome", role: "status" }, message),
-      element("table", {}, ...[...head, ...(desk?.rows ?? [])].map(row)), element("p", { class: "buttons" }, ...links));
+      element("table", {}, ...[...head, ...(desk?.rows ?? [])].map(row)), element("p", { class: "buttons" }, ...(changes?.length ? slider(changes) : []), ...links));
     find("result").replaceChildren();
     showCurves(desk);
   };
@@ -291,9 +299,7 @@
     state.pinned = held.pinned ?? null;
   };
 
-  for (const end of ["min", "max"]) {
-    find("depth")[end] = (1000 * start.depth_range[end === "min" ? 0 : 1]).toFixed(3);
-  }
+  ["min", "max"].forEach((end, i) => { find("depth")[end] = (1000 * start.depth_range[i]).toFixed(3); });
   for (const name of names) put(name, start.values[name]);
   recall();
   tell();

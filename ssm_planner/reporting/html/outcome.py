@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ssm_planner.atomic import replacing
@@ -18,6 +18,7 @@ def write_outcome(
     lines: Iterable[str] = (),
     tables: Iterable[Table] = (),
     figures: Iterable[Path] = (),
+    steps: Sequence[str] = (),
 ) -> Path:
     """Write a page that begins with its conclusion, and return its path.
 
@@ -33,6 +34,8 @@ def write_outcome(
     tables : Iterable[Table]
     figures : Iterable[Path]
         PNG files that become part of the page. Other files are ignored.
+    steps : Sequence[str]
+        Texts of a slider.
 
     Raises
     ------
@@ -52,6 +55,7 @@ def write_outcome(
         text="\n".join(lines),
         tables=tables,
         figures=images,
+        steps=steps,
     )
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ssm_planner.display import number
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (
     JOINTS,
@@ -18,6 +19,7 @@ from ssm_planner.problem import (
     JointJerk,
     JointPosition,
     JointVelocity,
+    LensClearance,
     Limit,
     Motor,
     MotorSpeed,
@@ -251,28 +253,16 @@ def _runs(t: Array, active: NDArray[np.bool_]) -> list[tuple[float, float]]:
 
 def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     """Format every limit on the tool as cells of a table: name, lower bound, upper bound, unit."""
-    entries = [
-        (limit.name, limit.low, limit.high, limit.unit)
-        for limit in limits.limits
-        if isinstance(limit, TaskRange)
-    ]
-    rates = sorted(
-        (r for r in limits.limits if isinstance(r, TaskRate)),
-        key=lambda r: TASK.index(r.coordinate),
-    )
-    entries += [
-        (limit.name, -np.inf, limit.high, limit.unit) for limit in (*rates, *limits.of_tool)
-    ]
-    eye = limits.eye
-    if eye is not None:
-        sizes = (f"radius {1e3 * eye.radius:g} mm", f"shaft radius {1e3 * eye.shaft_radius:g} mm")
-        for limit, size in zip(eye.limits, sizes, strict=False):
-            entries.append((f"{limit.name}, {size}", limit.low, limit.high, limit.unit))
+    radii = {}
+    if limits.eye is not None:
+        radii[RetinaClearance.name] = f", radius {1e3 * limits.eye.radius:g} mm"
+        radii[LensClearance.name] = f", shaft radius {1e3 * limits.eye.shaft_radius:g} mm"
     rows = []
-    for name, low, high, si in entries:
-        unit, scale = unit_of(si)
-        start, end = (f"{scale * bound:.6g}" if np.isfinite(bound) else "" for bound in (low, high))
-        rows.append((name, start, end, unit))
+    for limit in sorted(limits.all_limits, key=lambda limit: not isinstance(limit, TaskRange)):
+        low = limit.low if isinstance(limit, TaskRange) or limit.is_floor else -np.inf
+        unit, scale = unit_of(limit.unit)
+        ends = [number(scale * end, 6) if np.isfinite(end) else "" for end in (low, limit.high)]
+        rows.append((limit.name + radii.get(limit.name, ""), ends[0], ends[1], unit))
     return rows
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +67,9 @@ NOTABLE = 0.15
 JOINT_LIMITS = tuple(
     kind.name for kind in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque)
 )
+LENGTHS = ("tip x", "y", "z", "depth", "q4")
+"""Parts of a target whose unit is that of a length."""
+JOINT_POSITIONS = ("q1", "q2", "q3", "q4")
 LimitRow = tuple[LimitCheck, tuple[str, ...]]
 """A limit of the certificate, and its cells from `limit_cells`."""
 Mark = tuple[str, str, str]
@@ -112,16 +115,23 @@ def report_page(plan: Plan) -> str:
     )
 
 
-def write_no_plan(plan: Plan, out: Path) -> Path:
-    """Write the page of a problem that has no certified motion. Raises ExportError."""
+def write_no_plan(plan: Plan, out: Path, changes: Sequence[tuple[str, float]] = ()) -> Path:
+    """Write the page of a problem that has no certified motion.
+
+    `changes` are changes of limits, in words, and the durations (s) of the motions that they
+    permit. The page has a slider for them. Raises ExportError.
+    """
     reason = plan.reason
     if reason is None:
         conclusion = f"The motion is not certified: {_certification(plan)[2]}."
     else:
         conclusion = f"No motion keeps every limit: {reason.message}."
-        if reason.relaxation:
+        if reason.relaxation and not changes:
             conclusion += f" A change that permits a motion: {reason.relaxation}."
-    return write_outcome(out, plan.problem.name, conclusion, tables=problem_tables(plan))
+    steps = [f"{text}: the motion takes {format_fixed(time, 4)} s" for text, time in changes]
+    return write_outcome(
+        out, plan.problem.name, conclusion, tables=problem_tables(plan), steps=steps
+    )
 
 
 def problem_tables(plan: Plan) -> list[Table]:
@@ -349,14 +359,14 @@ def _target(motion: Mapping[str, Any]) -> str:
     if motion.get("duration") is not None:
         return f"{motion['duration']:g} s"
     target = motion.get("target") or {}
-    for name in ("joints", "tip"):
-        if target.get(name):
-            return f"{name} " + ", ".join(number(value, 6) for value in target[name]) + " (rad, m)"
-    coordinates = []
-    for name, value in (target.get("task") or {}).items():
-        unit, scale = display_unit("m" if name == "depth" else "rad", "°")
-        coordinates.append(f"{name} {number(scale * value, 6)} {unit}")
-    return ", ".join(coordinates)
+    values = dict(target.get("task") or {})
+    values |= zip(LENGTHS, target.get("tip") or (), strict=False)
+    values |= zip(JOINT_POSITIONS, target.get("joints") or (), strict=False)
+    texts = []
+    for name, value in values.items():
+        unit, scale = display_unit("m" if name in LENGTHS else "rad", "°")
+        texts.append(f"{name} {number(scale * value, 6)} {unit}")
+    return ", ".join(texts)
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:

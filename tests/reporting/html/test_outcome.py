@@ -51,3 +51,25 @@ def test_a_plan_removes_the_page_of_an_infeasible_problem(tmp_path: Path) -> Non
     (tmp_path / "no_plan.html").touch()
     load_plan(PLAN).save(tmp_path)
     assert not (tmp_path / "no_plan.html").exists()
+
+
+def test_an_infeasible_problem_has_a_slider_of_changes_that_were_planned(tmp_path: Path) -> None:
+    """Every text of the slider names the limit and the duration of a certified motion."""
+    text = (ROOT / "problems/eye_approach.yaml").read_text(encoding="utf-8")
+    text = text.replace("-17.66 mm", "-18.4 mm").replace(
+        "robots/vitreoretinal.yaml", "vitreoretinal"
+    )
+    (tmp_path / "close.yaml").write_text(text, encoding="utf-8")
+    assert main(["plan", str(tmp_path / "close.yaml"), "-o", str(tmp_path)]) == 1
+    page = (tmp_path / "no_plan.html").read_text(encoding="utf-8")
+    steps = re.findall(r"<li>(.*?)</li>", page)
+    assert f'max="{len(steps) - 1}"' in page
+    assert len(steps) > 1
+    for step in steps:
+        assert re.search(r"clearance from the retina .* the motion takes [\d.]+ s$", step)
+
+
+def test_a_page_without_changes_has_no_script(tmp_path: Path) -> None:
+    text = write_outcome(tmp_path / "page.html", "title", "conclusion").read_text(encoding="utf-8")
+    assert "script" not in text.partition("<body>")[2]
+    assert "script-src" not in text
