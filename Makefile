@@ -3,7 +3,7 @@
 # make lint   ruff and mypy;  make clean  removes the environment
 # make api    docs/api.md and docs/reference.md, from the docstrings of the public names and the schema of the files
 # make docs   the documentation as a site into docs/_build/html, the gallery planned anew
-# make picture  docs/film.gif and the pictures of the tutorial, from results/; needs Chromium
+# make picture  docs/film.gif, and the figures and pictures of the documents, from results/; needs Chromium
 # make wheel  a wheel and a source distribution into dist/
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 # make campaign  random hostile cases for an hour, into results/campaign.md; make campaign CAMPAIGN="--minutes 10"
@@ -47,6 +47,7 @@ docs: $(VENV)/.docs
 picture: $(VENV)/.main
 	$(BIN)/ssm-planner film results/eye_approach --speed 50% -o docs/film.gif
 	$(BIN)/python docs/make_pictures.py
+	$(BIN)/python docs/make_figures.py
 
 wheel: $(VENV)/.lint
 	rm -rf dist

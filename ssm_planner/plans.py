@@ -327,7 +327,7 @@ class Plan(ShortRepr):
             unit, scale = display_unit(joint.unit)
             axes.plot(samples.t, scale * values, label=f"{joint.name} ({unit})")
         axes.set_xlabel("time (s)")
-        axes.legend()
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         return axes
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -333,3 +334,59 @@ def test_commands_print_what_the_page_shows(name: str, tmp_path: Path) -> None:
             for line in expected:
                 pieces = [re.escape(" ".join(piece.split())) for piece in line.split("…")]
                 assert re.search(".*".join(pieces), output), (command, line, output[:3000])
+
+
+GUIDE = [
+    name
+    for caption in ("Start", "Use")
+    for name in re.findall(
+        rf":caption: {caption}\n(.*?)```",
+        (ROOT / "docs/index.md").read_text(encoding="utf-8"),
+        re.S,
+    )[0].split()
+    if f"docs/{name}.md" not in MADE
+]
+FIGURE = re.compile(r"!\[([^\]]+)\]\(([^)\s]+)\)")
+
+
+@pytest.mark.parametrize("name", GUIDE)
+def test_every_page_of_the_guide_has_a_figure_in_words_too(name: str) -> None:
+    """The figure is a small file, and its words describe it."""
+    figures = FIGURE.findall((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8"))
+    assert figures
+    for words, path in figures:
+        assert len(words.split()) > 3, path
+        assert (ROOT / "docs" / path).stat().st_size <= 300_000, path
+
+
+def test_the_site_teaches_by_figures_and_equations() -> None:
+    texts = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md")]
+    figures = {path for text in texts for _, path in FIGURE.findall(text)}
+    assert len(figures) >= 25
+    assert sum(text.count("\n$$\n") for text in texts) >= 2 * 30
+
+
+def test_drawn_figures_are_those_of_their_script() -> None:
+    """Every figure of docs/figures has a function that draws it, and a page that shows it."""
+    names = {
+        draw.__name__ for draw in runpy.run_path(str(ROOT / "docs/make_figures.py"))["FIGURES"]
+    }
+    assert names == {file.stem for file in (ROOT / "docs/figures").iterdir()}
+    pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md"))
+    for name in names:
+        assert f"(figures/{name}.png)" in pages
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["friction_law", "certificate"])
+def test_a_committed_figure_is_what_the_script_draws(name: str, tmp_path: Path) -> None:
+    """Versions of matplotlib may differ by a row and in fonts."""
+    script = runpy.run_path(str(ROOT / "docs/make_figures.py"))
+    script["save_figure"](script[name](), tmp_path / name, pdf=False)
+    drawn, committed = (
+        np.asarray(Image.open(folder / f"{name}.png").convert("L"), float)
+        for folder in (tmp_path, ROOT / "docs/figures")
+    )
+    rows, columns = np.minimum(drawn.shape, committed.shape)
+    assert np.abs(np.subtract(drawn.shape, committed.shape)).max() <= 2
+    assert np.abs(drawn[:rows, :columns] - committed[:rows, :columns]).mean() < 3.0
