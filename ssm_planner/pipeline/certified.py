@@ -52,6 +52,11 @@ class Outcome:
         return np.inf if self.reason is not None or trajectory is None else trajectory.duration
 
     @property
+    def duration_or_reason(self) -> float | Reason:
+        """Duration of the certified motion, s, or the reason why there is none."""
+        return self.duration if self.reason is None else self.reason
+
+    @property
     def excess_heat(self) -> float | None:
         """(RMS/limit)² − 1 of the hottest motor.
 

@@ -15,7 +15,7 @@ from typing import Literal
 from ssm_planner.atomic import first_interruption
 from ssm_planner.kinematics import Mechanism
 from ssm_planner.pipeline.certified import Outcome
-from ssm_planner.pipeline.thermal import RESERVE, quickly
+from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.planning.candidates.other_joints import (
     JointsPlanner,
     MissionMotion,
@@ -134,7 +134,7 @@ class _Search:
                 self._search(present, target, begin)
         if problem.planner == "optimal" and self.best_problem is not problem:
             confirmed = self.plan(self.best_problem)
-            if confirmed.duration < (1 + RESERVE) * self.best.duration:
+            if confirmed.duration < (1 + GAP) * self.best.duration:
                 self.best = confirmed
 
     def _search(self, problem: Problem, target: tuple[int, int], begin: float) -> None:

@@ -6,11 +6,12 @@ Every change is planned, so every reported change works.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import Any, Literal, get_args
 
+from ssm_planner.errors import ProblemError
 from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.prechecks import eye_forbids_target
 from ssm_planner.planning.reason import Reason
@@ -35,11 +36,8 @@ SHARP = 0.9
 """The bisection ends when this share of the reported change gives no motion."""
 CHANGES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
-TOGETHER = 4
-"""Largest number of limits that are relaxed together."""
 PATIENCE, TRIAL = 4.0, 0.1
-"""Effort after which no further change is tried, and effort of a trial in addition to its solves.
-"""
+"""Effort after which no further change is tried, and the effort of a trial besides its solves."""
 PAUSES = (1.0, 1.5, 3.0)
 """Factors on the pause that one motor needs to cool, or on the duration. Others may need more."""
 SHARES = (1.0, 1.5, 2.0, 3.0)
@@ -171,6 +169,12 @@ class Cure:
         return self.relaxation.problem(self.value)
 
     @property
+    def key(self) -> tuple[Any, ...]:
+        """The limit and the direction of its change."""
+        limit = self.relaxation.limit
+        return limit.key, self.value < limit.bound(self.value)
+
+    @property
     def description(self) -> str:
         """Description of the change."""
         return self.relaxation.described(self.value)
@@ -192,13 +196,14 @@ def search(
     reason: Reason,
     plan: Planner,
     duration: float | None = None,
-    budget: float = PATIENCE,
     *,
     feasible: Planner | None = None,
+    budget: float = PATIENCE,
 ) -> Cure | None:
     """Find the smallest change of one limit, or of several together, that gives a motion.
 
-    Values are rounded as printed before they are tried.
+    Values are rounded as printed before they are tried, and planned by `plan` before they are
+    returned.
 
     Parameters
     ----------
@@ -210,11 +215,10 @@ def search(
         Plans a problem. Returns its duration or a reason.
     duration : float or None
         Duration of the motion in which the check found a limit exceeded, s.
+    feasible : callable or None
+        Tells sooner than `plan` whether there is a motion.
     budget : float
         Effort after which no further trial begins.
-    feasible : callable or None
-        Tells sooner than `plan` whether there is a motion. Only the values found are then
-        planned by `plan`.
 
     Returns
     -------
@@ -222,40 +226,20 @@ def search(
         The change and other cures. If no change gives a motion, the change of the limit in the
         reason, with the reason why it does not suffice. None if nothing was found.
     """
-    effort_start = EFFORT.spent
-    # The fastest motion is found soonest, but it is warmer than the requested one.
-    quick = None if isinstance(reason.limit, ContinuousTorque) else feasible
-
-    def has_budget() -> bool:
-        return EFFORT.spent - effort_start < budget
-
-    def try_problem(changed: Problem) -> float | Reason:
-        EFFORT.spent += TRIAL
-        return (quick or plan)(changed)
-
     relaxation = relaxation_for(problem, reason)
     if relaxation is None and eye_forbids_target(problem):
         return None
+    trials = _Trials(plan, feasible or plan, budget)
     # These need few trials, whereas the search for the smallest change may take all remaining
     # effort.
     others = [
-        _smallest(*other, try_problem, has_budget)
+        trials.smallest(*other)
         for other in _other_relaxations(problem, reason, duration)
-        if has_budget()
+        if trials.has_budget
     ]
-    if relaxation is None:
-        cure = _one_by_one(problem, try_problem, has_budget)
-    else:
-        cure = _together(relaxation, try_problem, has_budget)
-    working = _working((cure, *others))
-    if not working:
-        return cure
-    if quick is not None:
-        planned = [replace(item, outcome=plan(item.problem)) for item in working]
-        working = _working(planned)
-        if len(working) < len(planned):
-            return search(problem, reason, plan, duration, budget - (EFFORT.spent - effort_start))
-    return replace(working[0], alternatives=tuple(working[1:]))
+    cure = trials.one_by_one(problem) if relaxation is None else trials.together(relaxation)
+    working = [item for item in (cure, *others) if item is not None and item.works]
+    return replace(working[0], alternatives=tuple(working[1:])) if working else cure
 
 
 def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[str, Problem]]:
@@ -283,9 +267,139 @@ def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[s
     return changes
 
 
-def _working(cures: Iterable[Cure | None]) -> list[Cure]:
-    """Return the cures that give a motion."""
-    return [cure for cure in cures if cure is not None and cure.works]
+@record
+class _Trials:
+    """Search for the smallest values of relaxations that give a motion."""
+
+    plan: Planner
+    """Plans a problem completely."""
+    feasible: Planner
+    """Tells sooner than `plan` whether there is a motion."""
+    budget: float
+    """Effort after which no further trial begins."""
+    begin: float = field(default_factory=lambda: EFFORT.spent)
+
+    @property
+    def has_budget(self) -> bool:
+        """True if another trial may begin."""
+        return EFFORT.spent - self.begin < self.budget
+
+    def smallest(
+        self,
+        relaxation: Relaxation,
+        shares: Sequence[float],
+        lower: float = 0.0,
+        *,
+        stop_if: Callable[[Cure], bool] = lambda _: False,
+    ) -> Cure:
+        """Return the smallest share of a relaxation that gives a complete plan.
+
+        Parameters
+        ----------
+        relaxation : Relaxation
+            The change.
+        shares : sequence of float
+            Increasing shares of the change, tried in turn until one gives a motion.
+        lower : float
+            A share that gives no motion.
+        stop_if : callable
+            True if larger shares cannot help either.
+
+        Returns
+        -------
+        Cure
+            The smallest change that gives a motion, or the last one that was tried.
+        """
+        share, cure = self._bisected(relaxation, shares, lower, self.feasible, stop_if)
+        if not cure.works or self.plan is self.feasible:
+            return cure
+        planned = _tried(relaxation, cure.value, self.plan)
+        larger = [item for item in shares if item > share]
+        if planned.works or not larger:
+            return planned
+        return self._bisected(relaxation, larger, share, self.plan, stop_if)[1]
+
+    def _bisected(
+        self,
+        relaxation: Relaxation,
+        shares: Sequence[float],
+        lower: float,
+        plan: Planner,
+        stop_if: Callable[[Cure], bool],
+    ) -> tuple[float, Cure]:
+        """Return the smallest share that gives a motion, by bisection, and its cure.
+
+        The bisection ends if the largest share without a motion is at least SHARP of the result.
+        """
+
+        def cure(share: float) -> Cure:
+            EFFORT.spent += TRIAL
+            return _tried(relaxation, relaxation.value(share), plan)
+
+        for upper in shares:
+            result = cure(upper)
+            if result.works or not self.has_budget or stop_if(result):
+                break
+            lower = upper
+        while result.works and self.has_budget and lower < SHARP * upper:
+            middle = (lower + upper) / 2 if lower else SHARP * upper
+            trial = cure(middle)
+            if trial.works:
+                result, upper = trial, middle
+            else:
+                lower = middle
+        return upper, result
+
+    def grown(self, relaxation: Relaxation) -> Cure | None:
+        """Return the smallest change of one limit that gives a motion. None if it cannot change.
+
+        The search begins at the change that the reason of the failure asks for.
+        """
+        shares = [
+            share
+            for factor in GROWTH
+            if relaxation.limit.relaxed(relaxation.value(share := factor * (1 + SAME))) is not None
+        ]
+        return self.smallest(relaxation, shares, stop_if=_is_enough) if shares else None
+
+    def together(self, relaxation: Relaxation) -> Cure | None:
+        """Return the smallest change of one limit that gives a motion.
+
+        If another limit prevents the motion after this change, that limit is changed as well.
+        """
+        initial = cure = self.grown(relaxation)
+        descriptions: dict[tuple[Any, ...], str] = {}
+        while cure is not None and isinstance(cure.outcome, Reason) and self.has_budget:
+            descriptions[cure.key] = cure.description
+            following = relaxation_for(cure.problem, cure.outcome)
+            cure = None if following is None else self.grown(following)
+        if cure is None or not cure.works:
+            return initial
+        descriptions.pop(cure.key, None)
+        return replace(cure, combined=tuple(descriptions.values()))
+
+    def one_by_one(self, problem: Problem) -> Cure | None:
+        """Return the relaxation by the smallest share, trying all limits one by one."""
+        for short, share in pairwise((0.0, *CHANGES)):
+            for relaxation in all_relaxations(problem):
+                if not self.has_budget:
+                    return None
+                result = self.smallest(relaxation, [share], short)
+                if result.works:
+                    return result
+        return None
+
+
+def _tried(relaxation: Relaxation, value: float, plan: Planner) -> Cure:
+    """Return a cure with the outcome of the changed problem.
+
+    The problem may forbid the change. TOPP-RA, for example, supports no duration.
+    """
+    try:
+        outcome = plan(relaxation.problem(value))
+    except ProblemError as error:
+        outcome = Reason(message=str(error))
+    return Cure(relaxation, value, outcome)
 
 
 def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
@@ -313,93 +427,6 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
             yield Relaxation(problem, limit, value)
 
 
-def _together(relaxation: Relaxation, plan: Planner, has_budget: Callable[[], bool]) -> Cure | None:
-    """Return the smallest change of one limit that gives a motion.
-
-    If another limit prevents the motion after this change, that limit is changed as well.
-    """
-    initial = cure = _grown(relaxation, plan, has_budget)
-    descriptions: dict[tuple[Any, ...], str] = {}
-    for _ in range(TOGETHER - 1):
-        if cure is None or not isinstance(cure.outcome, Reason) or not has_budget():
-            break
-        limit = cure.relaxation.limit
-        descriptions[limit.key, cure.value < limit.bound(cure.value)] = cure.description
-        following = relaxation_for(cure.problem, cure.outcome)
-        cure = None if following is None else _grown(following, plan, has_budget)
-    if cure is None or not cure.works:
-        return initial
-    limit = cure.relaxation.limit
-    descriptions.pop((limit.key, cure.value < limit.bound(cure.value)), None)
-    return replace(cure, combined=tuple(descriptions.values()))
-
-
-def _grown(relaxation: Relaxation, plan: Planner, has_budget: Callable[[], bool]) -> Cure | None:
-    """Return the smallest change of one limit that gives a motion. None if it cannot change.
-
-    The search begins at the change that the reason of the failure asks for.
-    """
-    shares = [
-        share
-        for factor in GROWTH
-        if relaxation.limit.relaxed(relaxation.value(share := factor * (1 + SAME))) is not None
-    ]
-    if not shares:
-        return None
-    return _smallest(relaxation, shares, plan, has_budget, stop_if=_is_enough)
-
-
-def _smallest(
-    relaxation: Relaxation,
-    shares: Iterable[float],
-    plan: Planner,
-    has_budget: Callable[[], bool],
-    lower: float = 0.0,
-    *,
-    stop_if: Callable[[Cure], bool] = lambda _: False,
-) -> Cure:
-    """Return the smallest share of a relaxation that gives a motion, by bisection.
-
-    Parameters
-    ----------
-    relaxation : Relaxation
-        The change.
-    shares : iterable of float
-        Increasing shares of the change, tried in turn until one gives a motion.
-    plan : callable
-        Plans a problem. Returns its duration or a reason.
-    has_budget : callable
-        False ends the search.
-    lower : float
-        A share that gives no motion. The bisection ends if it is at least SHARP of the other one.
-    stop_if : callable
-        True if larger shares cannot help either.
-
-    Returns
-    -------
-    Cure
-        The smallest change that gives a motion, or the last one that was tried.
-    """
-
-    def cure(share: float) -> Cure:
-        value = relaxation.value(share)
-        return Cure(relaxation, value, plan(relaxation.problem(value)))
-
-    for upper in shares:
-        result = cure(upper)
-        if result.works or not has_budget() or stop_if(result):
-            break
-        lower = upper
-    while result.works and has_budget() and lower < SHARP * upper:
-        middle = (lower + upper) / 2 if lower else SHARP * upper
-        trial = cure(middle)
-        if trial.works:
-            result, upper = trial, middle
-        else:
-            lower = middle
-    return result
-
-
 def _is_enough(cure: Cure) -> bool:
     """Return True if more of this change cannot help, since another limit is to blame."""
     if not isinstance(cure.outcome, Reason) or cure.outcome.limit is None:
@@ -409,18 +436,6 @@ def _is_enough(cure: Cure) -> bool:
         return following is not None
     upwards = following.needed > following.present
     return upwards != (cure.value > cure.relaxation.present)
-
-
-def _one_by_one(problem: Problem, plan: Planner, has_budget: Callable[[], bool]) -> Cure | None:
-    """Return the relaxation by the smallest share, trying all limits one by one."""
-    for short, share in pairwise((0.0, *CHANGES)):
-        for relaxation in all_relaxations(problem):
-            if not has_budget():
-                return None
-            result = _smallest(relaxation, [share], plan, has_budget, short)
-            if result.works:
-                return result
-    return None
 
 
 def _other_relaxations(

@@ -39,6 +39,7 @@ from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
     TASK,
+    ContinuousTorque,
     Free,
     Joints,
     Motion,
@@ -170,7 +171,9 @@ def _plan(
     if reason is not None and relaxations:
         progress(Step("looking for a relaxation"))
         duration = None if result.trajectory is None else result.trajectory.duration
-        feasible = partial(_duration_or_reason, any_suffices=True)
+        # The fastest motion is planned soonest, but it is warmer than the requested one.
+        any_motion = not isinstance(reason.limit, ContinuousTorque)
+        feasible = partial(_feasible, any_suffices=any_motion)
         cure = search(problem, reason, _duration_or_reason, duration, feasible=feasible)
         if cure is not None:
             reason = replace(reason, relaxation=cure.text)
@@ -408,10 +411,16 @@ def _attempt(
     return ThermalSearch(problem, outcome, plan_cooler).run() or outcome
 
 
-def _duration_or_reason(problem: Problem, *, any_suffices: bool = False) -> float | Reason:
-    """Return the duration of a plan without confirmation, or the reason of the failure.
+def _duration_or_reason(problem: Problem) -> float | Reason:
+    """Return the duration of the plan of a problem, or the reason of the failure."""
+    attempt = partial(_attempt, progress=silent, on_motion=silent, may_overheat=False)
+    return plan_mission(problem, attempt)[0].duration_or_reason
 
-    `any_suffices` returns the duration of any motion, which is found sooner.
+
+def _feasible(problem: Problem, *, any_suffices: bool) -> float | Reason:
+    """Return the duration of a motion that is found soon, or the reason of the failure.
+
+    `any_suffices` ignores the heat of the objective and joints that reverse needlessly.
     """
     attempt = partial(_attempt, progress=silent, on_motion=silent)
     if any_suffices:
@@ -421,8 +430,7 @@ def _duration_or_reason(problem: Problem, *, any_suffices: bool = False) -> floa
         if problem.objective == "time then heat":
             problem = unchecked(problem, objective="time")
     stop_at: StopAt = "any" if any_suffices else "nearest"
-    outcome, _, _ = plan_mission(quickly(problem), attempt, stop_at=stop_at)
-    return outcome.duration if outcome.reason is None else outcome.reason
+    return plan_mission(quickly(problem), attempt, stop_at=stop_at)[0].duration_or_reason
 
 
 def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, float]]:
@@ -432,7 +440,7 @@ def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, f
     """
     shortest = math.inf
     for words, changed in changes_of_limits(problem, relaxed).values():
-        outcome = _duration_or_reason(changed, any_suffices=True)
+        outcome = _feasible(changed, any_suffices=True)
         if isinstance(outcome, float):
             yield words, outcome
             if outcome > (1 - NOTABLE) * shortest:

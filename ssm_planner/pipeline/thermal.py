@@ -7,13 +7,13 @@ The problem is to minimise T subject to
 for every motor i with its nominal torque n_i, over all phases, with the pause P before the motion
 repeats. With one multiplier λ in [0, 1) for the constraints of the hot motors, every phase
 minimises T_k + λ/(1 − λ) Σ_i h_ik by itself (Lagrangian relaxation). The phases share only λ, and
-the excess of heat falls with λ.
+the excess of heat e = max_i h_i/(T + P) − 1 falls with λ. Near the optimum, dT = −λ/(1 − λ) dh, so
+a motion with e = −GAP takes longer than the fastest one by a share of less than GAP.
 
 Towards λ = 1, time costs nothing, and every phase takes the time in which it produces the least
 heat. Beyond that, motors only cool if they rest or move more slowly. The phases in which the hot
-motors rest are then stretched, or all phases if there is none. One number, λ and then the stretch,
-thus leads from the fastest to the coolest motion. The excess of heat falls with it, and the
-required motion is where the excess is zero.
+motors rest are stretched first, because that adds no heat. All phases are stretched if there are no
+such phases or if that does not suffice.
 """
 
 from __future__ import annotations
@@ -25,17 +25,16 @@ from functools import partial
 import numpy as np
 
 from ssm_planner.pipeline.certified import Outcome, checked
+from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.planner import joined
-from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem import Follow, Motion, Problem, Scan, unchecked
+from ssm_planner.planning.tolerances import GAP, SAME
+from ssm_planner.problem import Dwell, Free, Motion, Problem, Scan, Straight, unchecked
 from ssm_planner.typing import Array
 
 MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)
 """Values of λ that are tried in turn until the motors are cool enough."""
-STRETCHES: tuple[float, ...] = (1.2, 2.0, 5.0)
-"""Stretches of all phases that are tried in turn if the hot motors rest in no phase."""
-RESERVE, STEPS = 2e-3, 6
-"""Share of the allowed heat that may remain unused, and number of trials to reach it."""
+STRETCHES: tuple[float, ...] = (0.2, 1.0, 4.0)
+"""Shares by which all phases take longer, tried in turn until the motors are cool enough."""
 
 
 def quickly(problem: Problem) -> Problem:
@@ -52,9 +51,14 @@ class ThermalSearch:
     """Motion without any weight of heat."""
     plan: Callable[[Problem, Array], Outcome]
     """Plans and checks a problem with weights of the motors' heat, (4,)."""
-    hot: set[str] = field(default_factory=set)
-    coolest: tuple[float, Outcome] | None = None
+    hot: set[str] = field(init=False)
+    """Names of the joints whose motors were too hot in any motion."""
+    coolest: tuple[float, Outcome] = field(init=False)
     """Multiplier and motion with the smallest sum of duration and necessary rest so far."""
+
+    def __post_init__(self) -> None:
+        self.hot = set(self.initial.hot_joints)
+        self.coolest = 0.0, self.initial
 
     def run(self) -> Outcome | None:
         """Return the fastest certified motion, or None if none was found.
@@ -62,167 +66,146 @@ class ThermalSearch:
         Only the last motion is confirmed by Ipopt.
         """
         problem, quick = self.problem, quickly(self.problem)
-        self.hot |= self.initial.hot_joints
-        timed = problem.duration is not None or all(motion.duration for motion in problem.motion)
-        # If every duration is given, weights can only shift heat from one instant to another.
-        numbers = MULTIPLIERS[:1] if timed else MULTIPLIERS
-        over = self.initial.excess_heat or 0.0
-        result = self._first_cool(
-            partial(self._weighted, quick), numbers, (0.0, over), narrow=not timed
+        if problem.duration is not None or all(motion.duration for motion in problem.motion):
+            # Weights of any size only shift heat from one instant to another.
+            outcome = self._weighted(problem, MULTIPLIERS[0])
+            return outcome if outcome.passed else None
+        families = (
+            (self._weighted, MULTIPLIERS),
+            (self._rested, (1.0,)),
+            (self._slower, STRETCHES),
         )
-        if result is not None:
-            number, outcome = result
-            confirmed = outcome if problem is quick else self._weighted(problem, number)
-            return _confirmed_unless_longer(confirmed, outcome)
-        return None if timed or self.coolest is None else self._stretch(*self.coolest)
-
-    def _stretch(self, number: float, coolest: Outcome) -> Outcome | None:
-        """Return the coolest motion, which has this multiplier, made longer until it is cool."""
-        problem = self.problem
-        stretched = self._stretched_until_cool(coolest)
-        if stretched is None or problem is quickly(problem):
-            return stretched and stretched[1]
-        factor, outcome = stretched
-        repeated = None
-        if factor is None:
-            repeated = self._stretched_until_cool(self._weighted(problem, number))
-        confirmed = repeated[1] if repeated else self._slower(problem, coolest, factor or 1.0)
-        return _confirmed_unless_longer(confirmed, outcome)
-
-    def _first_cool(
-        self,
-        motion: Callable[[float], Outcome],
-        numbers: tuple[float, ...],
-        low: tuple[float, float],
-        *,
-        narrow: bool = True,
-    ) -> tuple[float, Outcome] | None:
-        """Return the first of increasing numbers that gives a cool motion, and that motion.
-
-        None if none does.
-
-        `low` is a smaller number that does not, with its excess of heat. `narrow` refines the
-        number between the two.
-        """
-        for number in numbers:
-            outcome = motion(number)
-            if outcome.passed:
-                high = number, outcome
-                return _narrowed(motion, low, high) if narrow else high
-            if outcome.excess_heat is None:
-                return None
-            low = number, outcome.excess_heat
+        for family, numbers in families:
+            result = _smallest_cool(partial(family, quick), numbers, self.coolest[1])
+            if result is not None:
+                number, outcome = result
+                confirmed = outcome if problem is quick else family(problem, number)
+                # Among motions of little heat, Ipopt may converge to one that is far longer.
+                longer = confirmed.duration > (1 + GAP) * outcome.duration
+                return outcome if longer else confirmed
         return None
 
     def _weighted(self, problem: Problem, multiplier: float) -> Outcome:
-        """Plan with a multiplier of the heat of the hot motors."""
-        weight = multiplier / (1 - multiplier)
-        weights = [weight * (joint.name in self.hot) for joint in problem.robot.joints]
-        outcome = self.plan(problem, np.array(weights))
+        """Plan with a multiplier λ of the heat of the hot motors."""
+        outcome = self.plan(problem, self._hot_weights(multiplier / (1 - multiplier)))
         self.hot |= outcome.hot_joints
-        smallest = np.inf if self.coolest is None else self._rested(self.coolest[1])
-        if outcome.excess_heat is not None and self._rested(outcome) < smallest:
-            self.coolest = multiplier, outcome
+        candidates = (self.coolest, (multiplier, outcome))
+        self.coolest = min(candidates, key=lambda item: self._rested_duration(item[1]))
         return outcome
 
-    def _stretched_until_cool(self, base: Outcome) -> tuple[float | None, Outcome] | None:
-        """Make phases longer until the motors are cool enough.
+    def _rested(self, problem: Problem, share: float) -> Outcome:
+        """Return the coolest motion with a share of the necessary rest.
 
-        If the hot motors rest in some phases, only these take longer, by the time in which the
-        motors cool. Otherwise, all phases do. Returns the factor of all phases (None if only some
-        take longer) and the motion. Returns None if the motion does not pass its check.
+        The rest extends the phases in which the hot motors rest. Without such phases, the motion
+        is returned unchanged.
         """
-        phases = base.planned.phases
-        may = [
-            phase.phase.motion.duration is None and phase.phase.begins_and_ends_at_rest
-            for phase in phases
+        multiplier, base = self.coolest
+        if problem is not quickly(problem):
+            base = self._weighted(problem, multiplier)
+        hot = self._hot_weights(1.0) > 0
+        resting = [
+            _may_take_longer(phase) and not phase.motion.coefficients[:, 1:, hot].any()
+            for phase in base.planned.phases
         ]
-        joints = self.problem.robot.joints
-        hot = [i for i, joint in enumerate(joints) if joint.name in self.hot]
-        standing = [
-            free and not phase.motion.coefficients[:, 1:, hot].any()
-            for free, phase in zip(may, phases, strict=True)
-        ]
-        standing_time = sum(
-            phase.duration * stands for phase, stands in zip(phases, standing, strict=True)
-        )
-        if standing_time:
-            longer = 1 + self._time_to_cool(base) / standing_time
-            outcome = self._stretched(base, standing, longer)
-            return (None, outcome) if outcome.passed else None
-        return self._first_cool(
-            partial(self._slower, quickly(self.problem), base),
-            STRETCHES,
-            (1.0, base.excess_heat or 0.0),
-        )
+        durations = [phase.duration for phase in base.planned.phases]
+        duration = float(np.dot(durations, resting))
+        if not duration:
+            return base
+        rest = self._rested_duration(base) - sum(durations)
+        return self._stretched(base, resting, 1 + share * rest / duration)
 
-    def _slower(self, problem: Problem, base: Outcome, factor: float) -> Outcome:
-        """Plan for the least heat, with the durations of a motion multiplied by `factor`."""
-        weights = [float(joint.name in self.hot) for joint in problem.robot.joints]
+    def _slower(self, problem: Problem, share: float) -> Outcome:
+        """Plan for the least heat, with the durations of the coolest motion longer by a share."""
+        base = self.coolest[1]
         phases = base.planned.phases
-        if len(phases) != len(problem.motion):  # A scan, or rounded corners.
-            return self._stretched(base, [True] * len(phases), factor)
-        durations = [factor * phase.duration for phase in phases]
+        replannable = all(isinstance(entry, (Free, Straight, Dwell)) for entry in problem.motion)
+        if not replannable or len(phases) != len(problem.motion):  # Corners join phases.
+            return self._stretched(base, list(map(_may_take_longer, phases)), 1 + share)
+        durations = [(1 + share) * phase.duration for phase in phases]
         motion = tuple(map(_with_duration, problem.motion, durations))
-        outcome = self.plan(unchecked(problem, motion=motion), np.array(weights))
+        outcome = self.plan(unchecked(problem, motion=motion), self._hot_weights(1.0))
         # The durations belong to the search, so the lower bounds are those of the fastest motion.
         bounds = zip(outcome.planned.phases, phases, strict=False)
         slower = tuple(replace(new, lower_bound=old.lower_bound) for new, old in bounds)
         return replace(outcome, planned=replace(outcome.planned, phases=slower))
 
-    def _stretched(self, base: Outcome, stretched: list[bool], factor: float) -> Outcome:
+    def _stretched(self, base: Outcome, longer: list[bool], factor: float) -> Outcome:
         """Check a motion in which some phases take `factor` times as long."""
         phases = tuple(
-            replace(phase, motion=phase.motion.slower(factor)) if longer else phase
-            for phase, longer in zip(base.planned.phases, stretched, strict=True)
+            replace(phase, motion=phase.motion.slower(factor)) if stretched else phase
+            for phase, stretched in zip(base.planned.phases, longer, strict=True)
         )
         return checked(
             self.problem, replace(base.planned, phases=phases, trajectory=joined(phases))
         )
 
-    def _time_to_cool(self, outcome: Outcome) -> float:
-        """Return the rest after which the hottest motor of a motion is cool, s."""
+    def _hot_weights(self, weight: float) -> Array:
+        """Return `weight` for every hot motor and 0 for the others, (4,)."""
+        return weight * np.array([joint.name in self.hot for joint in self.problem.robot.joints])
+
+    def _rested_duration(self, outcome: Outcome) -> float:
+        """Return the duration with the rest after which the hottest motor is cool, s."""
+        if outcome.excess_heat is None:
+            return np.inf
         duration = sum(phase.duration for phase in outcome.planned.phases)
-        excess = max(outcome.excess_heat or 0.0, 0.0) + SAME
-        return excess * (duration + (self.problem.duty or 0.0))
-
-    def _rested(self, outcome: Outcome) -> float:
-        """Return the duration of a motion with its necessary rest, s."""
-        return sum(phase.duration for phase in outcome.planned.phases) + self._time_to_cool(outcome)
+        excess = max(outcome.excess_heat, 0.0) + SAME
+        return duration + excess * (duration + (self.problem.duty or 0.0))
 
 
-def _confirmed_unless_longer(confirmed: Outcome, outcome: Outcome) -> Outcome:
-    """Return the confirmed motion, or the other one if it is shorter.
+def _smallest_cool(
+    motion: Callable[[float], Outcome], numbers: tuple[float, ...], hottest: Outcome
+) -> tuple[float, Outcome] | None:
+    """Return the smallest number that gives a cool motion, and that motion.
 
-    Among motions of little heat, Ipopt may converge to one that is far longer.
+    The excess of heat is a falling function of the number. Its root is bracketed between two of the
+    `numbers` and found by the Illinois method. The result is on the cool side of the root, with an
+    excess above −GAP, or within GAP of a number whose motion is too hot.
+
+    Parameters
+    ----------
+    motion : callable
+        Returns the checked motion for a number.
+    numbers : tuple of float
+        Increasing numbers, tried in turn until one gives a cool motion.
+    hottest : Outcome
+        Motion for the number 0.
+
+    Returns
+    -------
+    tuple or None
+        None if no number gives a cool motion.
     """
-    return confirmed if confirmed.duration < (1 + RESERVE) * outcome.duration else outcome
-
-
-def _narrowed(
-    motion: Callable[[float], Outcome], low: tuple[float, float], high: tuple[float, Outcome]
-) -> tuple[float, Outcome]:
-    """Return the smallest number that gives a cool motion, by the method of false position.
-
-    `low` is a number that does not, with its excess of heat.
-    """
-    (lower, over), (upper, solution) = low, high
-    for _ in range(STEPS):
-        under = -(solution.excess_heat or 0.0)
-        if under < RESERVE:
-            break
-        middle = lower + float(np.clip(over / (over + under), 0.1, 0.9)) * (upper - lower)
-        outcome = motion(middle)
+    lower, over = 0.0, hottest.excess_heat or 0.0
+    for upper in numbers:
+        outcome = motion(upper)
         if outcome.passed:
-            upper, solution = middle, outcome
-            over /= 2  # Illinois modification: halve the retained value.
+            break
+        if outcome.excess_heat is None:
+            return None
+        lower, over = upper, outcome.excess_heat
+    else:
+        return None
+    while upper - lower > GAP and (under := -(outcome.excess_heat or 0.0)) > GAP:
+        share = float(np.clip(over / (over + under), 0.1, 0.9))
+        middle = lower + share * (upper - lower)
+        trial = motion(middle)
+        if trial.passed:
+            upper, outcome = middle, trial
+            over /= 2  # The Illinois method halves the value of the end that stays.
         else:
-            lower, over = middle, outcome.excess_heat or over
-    return upper, solution
+            lower, over = middle, trial.excess_heat or over
+    return upper, outcome
+
+
+def _may_take_longer(phase: PlannedPhase) -> bool:
+    """Return True if nothing prescribes the duration or the speed of a phase."""
+    motion = phase.phase.motion
+    prescribed = motion.duration or getattr(motion, "constant_speed", None)
+    return not prescribed and phase.phase.begins_and_ends_at_rest
 
 
 def _with_duration(entry: Motion, duration: float) -> Motion:
-    """Return a motion with a duration, unless it has one or cannot have one."""
-    if entry.duration is not None or isinstance(entry, (Follow, Scan)) or not duration:
+    """Return a motion with a duration, unless it has one or does not move."""
+    if entry.duration is not None or isinstance(entry, Scan) or not duration:
         return entry
     return replace(entry, duration=duration)
