@@ -173,27 +173,31 @@ def _smallest_cool(
     Returns
     -------
     tuple or None
-        None if no number gives a cool motion.
+        None if no number gives a cool motion, or if the excess has stopped falling by GAP.
     """
     lower, over = 0.0, hottest.excess_heat or 0.0
     for upper in numbers:
         outcome = motion(upper)
         if outcome.passed:
             break
-        if outcome.excess_heat is None:
+        excess = outcome.excess_heat
+        if excess is None or (lower and abs(excess - over) <= GAP):
             return None
-        lower, over = upper, outcome.excess_heat
+        lower, over = upper, excess
     else:
         return None
-    while upper - lower > GAP and (under := -(outcome.excess_heat or 0.0)) > GAP:
-        share = float(np.clip(over / (over + under), 0.1, 0.9))
+    under, last = -(outcome.excess_heat or 0.0), ""
+    while upper - lower > GAP and -(outcome.excess_heat or 0.0) > GAP:
+        share = float(np.clip(over / (over + under), 0.02, 0.98))
         middle = lower + share * (upper - lower)
         trial = motion(middle)
+        # The Illinois method halves the value of an end that stays twice.
         if trial.passed:
-            upper, outcome = middle, trial
-            over /= 2  # The Illinois method halves the value of the end that stays.
+            upper, outcome, under = middle, trial, -(trial.excess_heat or 0.0)
+            over, last = over / (2 if last == "cool" else 1), "cool"
         else:
             lower, over = middle, trial.excess_heat or over
+            under, last = under / (2 if last == "hot" else 1), "hot"
     return upper, outcome
 
 
