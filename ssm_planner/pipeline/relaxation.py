@@ -30,7 +30,7 @@ from ssm_planner.problem import (
 from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 
-GROWTH = (1.0, 1.03, 1.1, 1.3, 2.0)
+GROWTH = (1.0, 1.1, 1.5, 3.0)
 """Factors on the smallest possible change, tried in turn until there is a motion."""
 SHARP = 0.9
 """The bisection ends when this share of the reported change gives no motion."""
@@ -38,8 +38,6 @@ CHANGES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
 PATIENCE, TRIAL = 4.0, 0.1
 """Effort after which no further change is tried, and the effort of a trial besides its solves."""
-PAUSES = (1.0, 1.5, 3.0)
-"""Factors on the pause that one motor needs to cool, or on the duration. Others may need more."""
 SHARES = (1.0, 1.5, 2.0, 3.0)
 """Multiples of a relaxation that pages offer."""
 OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
@@ -459,9 +457,9 @@ def _more_time(
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
     """Yield a pause and a longer duration for a motion with an excess of heat."""
     if not problem.end_rate:
-        yield Pause(problem, limit, duration * excess), PAUSES
+        yield Pause(problem, limit, duration * excess), GROWTH
     if any(entry.duration is None for entry in problem.motion):
-        yield Relaxation(problem, Duration(duration), 2 * duration), PAUSES
+        yield Relaxation(problem, Duration(duration), 2 * duration), GROWTH
 
 
 def _down(value: float) -> float:
