@@ -16,7 +16,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import MULTIPLIERS, ThermalSearch
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.plans import Plan
-from ssm_planner.problem.motion import Follow, Joints, Task
+from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 
@@ -91,6 +91,21 @@ def test_all_phases_are_slower_if_resting_phases_do_not_suffice(
     slower = plan(problem, relaxations=False)
     assert slower.passed
     assert slower.duration > fastest.duration
+
+
+@pytest.mark.parametrize(
+    ("motion", "longer"),
+    [
+        (Free(Task(tilt=-1.9)), True),
+        (Free(Task(tilt=-1.9), duration=4.0), False),
+        (Follow(Task(tilt=-1.9), curve="line", constant_speed=0.01), False),
+        (Dwell(0.2), False),
+    ],
+)
+def test_prescribed_durations_and_speeds_are_kept(motion: Motion, longer: bool) -> None:
+    phase: Any = SimpleNamespace(motion=motion, begins_and_ends_at_rest=True)
+    planned: Any = SimpleNamespace(phase=phase)
+    assert thermal._may_take_longer(planned) == longer
 
 
 def at_constant_speed(problem: Problem) -> Plan:
