@@ -27,8 +27,7 @@ def write_folder(
     plan : Plan
     folder : Path
     drawer : FigureProcess, optional
-        Process that already draws the motion. It draws the other figures while the files are
-        written. By default, this process draws all figures.
+        Process that already draws the figures. By default, this process draws them.
     rate : float, optional
         Rate of trajectory.csv, Hz. The default is that of `write_csv`.
 
@@ -43,8 +42,6 @@ def write_folder(
 
     if plan.trajectory is None:
         return {}
-    if drawer is not None and plan.requirements:
-        drawer.draw("motors", plan.trajectory, plan.robot, plan.requirements)
     with publishing_results(folder, plan.sha256) as temporary:
         paths = {
             "plan": plan.write(temporary / FILE),

@@ -471,6 +471,8 @@ def plan_to_folder(
 
     def draw(trajectory: Trajectory) -> None:
         if drawer is not None:
+            if problem.planner == "optimal":
+                drawer.judge(trajectory, problem)
             drawer.draw("motion", trajectory, problem.robot)
 
     changes: list[tuple[str, float]] = []
@@ -480,6 +482,9 @@ def plan_to_folder(
 
     result = plan(problem, progress, draw, stoppable=True, on_relaxation=relax_further)
     progress(Step("writing results"))
+    if drawer is not None and result.passed and result.requirements:
+        drawer.draw("motors", result.motion, problem.robot, result.requirements)
+    result = result.cross_checked() if drawer is None else result.cross_checked(drawer.opinions)
     if not result.passed:
         from ssm_planner.reporting.html.report import write_no_plan
 

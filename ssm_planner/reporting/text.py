@@ -172,7 +172,7 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
 
 
 def phases_table(plan: Plan) -> Table:
-    """Build the table of the phases: duration, TOPP-RA's duration and lower bound, in s.
+    """Build the table of the phases: duration, toppra's duration and lower bound, in s.
 
     The last row is the total.
     """
@@ -181,7 +181,7 @@ def phases_table(plan: Plan) -> Table:
     for name, entry in [*entries, ("total", plan)]:
         times = entry.duration, entry.toppra_duration, entry.lower_bound
         rows.append((name, *(format_fixed(value, 4) for value in times)))
-    return Table(("phase", "duration s", "TOPP-RA s", "lower bound s"), rows, (1, 2, 3))
+    return Table(("phase", "duration s", "toppra s", "lower bound s"), rows, (1, 2, 3))
 
 
 def candidates_table(plan: Plan) -> Table:
@@ -435,7 +435,7 @@ def conditions(plan: Plan) -> list[str]:
         if any(rates.values()):
             lines.append(f"{verb:<12} at {rate_words(rates)}, as declared")
     lines += range_lines(plan)
-    lines += [f"cross-check  FAILED: {text}" for text in plan.disagreements]
+    lines += cross_check_lines(plan)
     if plan.certificate is not None:
         for violation in plan.certificate.violations:
             lines.append(
@@ -445,19 +445,29 @@ def conditions(plan: Plan) -> list[str]:
     return lines
 
 
-def verdicts(plan: Plan) -> list[str]:
-    """Describe the results that `answers` omits: cross-checks, solvers and conditions."""
+def cross_check_lines(plan: Plan) -> list[str]:
+    """Describe the duration by toppra along the same path, or why there is none."""
     lines = []
-    if plan.duration is not None and plan.toppra_duration:
-        difference = percent(plan.duration / plan.toppra_duration - 1, 3)
+    if (result := plan.cross_check) is not None:
+        comparison = "slower" if result["difference"] > 0 else "faster"
         lines.append(
-            f"planned      {plan.duration:.4f} s, {difference} of TOPP-RA's time on the same path"
+            f"cross-check  {result['duration']:.4f} s by {result['by']}, the plan is "
+            f"{abs(100 * result['difference']):.3f} % {comparison}"
         )
+    for reason in dict.fromkeys(phase.not_judged for phase in plan.phases if phase.not_judged):
+        names = ", ".join(phase.name for phase in plan.phases if phase.not_judged == reason)
+        lines.append(f"cross-check  none of {names}: {reason}")
+    return lines
+
+
+def verdicts(plan: Plan) -> list[str]:
+    """Describe the results that `answers` omits: solvers and conditions."""
+    lines = []
     if plan.problem.planner == "fast" and plan.phases:
         lines.append(f"solver       {solvers(plan)}")
     verb, agreement = confirmation(plan)
     if verb:
-        lines.append(f"cross-check  Ipopt {verb} the structured solver's motion: {agreement}")
+        lines.append(f"confirmed    Ipopt {verb} the structured solver's motion: {agreement}")
     lines += conditions(plan)
     return lines
 

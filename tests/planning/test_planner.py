@@ -17,7 +17,7 @@ from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span
-from tests.support.second_opinion import path_duration
+from ssm_planner.verification.second_opinion import path_duration
 
 Weaker = Callable[[Robot, float], Robot]
 

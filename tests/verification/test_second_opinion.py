@@ -1,118 +1,159 @@
-"""The package toppra times the paths of plans, without code of the planner or of the check.
+"""The package toppra times the paths of plans, without code of the planner.
 
-A plan that is faster than TOPP-RA breaks a limit. A plan that is slower is not optimal.
+A plan that is faster than toppra breaks a limit. A plan that is slower is not optimal.
 """
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Iterator
+import json
+import subprocess
+import sys
 from dataclasses import replace
-from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ssm_planner import Plan, Problem, load_plan, load_problem, plan
+from ssm_planner.plans import FASTER, NOT_IN_PATH, TRADED
 from ssm_planner.problem import Dwell, Robot
 from ssm_planner.problem.value import unchecked
-from tests.support import second_opinion
+from ssm_planner.trajectory import Trajectory, hold, join
+from ssm_planner.verification.second_opinion import path_duration, second_opinions
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
-from tests.support.second_opinion import path_duration
 
-FASTER = 5e-4
-"""Largest share by which a plan may be faster. Halving TOPP-RA's grid changes less than 5e-5."""
 SLOWER = 5e-4
-BY_HEAT = 1.5e-3
-"""Largest shares by which a plan is slower. The objective "time then heat" gives 1e-3 away."""
-UNKNOWN = ("continuous torque", "nut contact", "self-locking")
-"""Limits that slow a motion down and that TOPP-RA does not know."""
+"""Largest share by which a plan on a given path is slower."""
+SLOW_ERROR = 0.01
+"""Error of durations along the paths of motions that are several times too slow."""
+FREE_SLOWER = 2e-3
+"""The same for free motions on the coarser meshes of the planner `fast`."""
 
 
-def ratios(made: Plan, robot: Robot | None = None) -> Iterator[tuple[str, float]]:
-    """Yield the ratio of the plan's duration to TOPP-RA's, for each phase that it can judge."""
-    for span, motion in zip(made.motion.phases, made.problem.motion, strict=True):
-        if isinstance(motion, Dwell) or motion.duration is not None or span.end - span.start < 1e-9:
-            continue
-        duration = path_duration(
-            made.motion, robot or made.robot, made.limits, span.start, span.end
-        )
-        if duration is not None:
-            yield span.name, (span.end - span.start) / duration
+def judged(made: Plan, robot: Robot | None = None) -> Plan:
+    """Return the plan as toppra judges it, with the limits of the robot or of another one."""
+    problem = unchecked(made.problem, planner="optimal", robot=robot or made.robot)
+    assert made.trajectory is not None
+    opinions = second_opinions(made.trajectory, problem)
+    asked = replace(made, problem=unchecked(made.problem, planner="optimal"))
+    return asked.cross_checked(lambda: opinions)
 
 
-def tolerance(problem: Problem) -> float:
-    return SLOWER if problem.objective == "time" else BY_HEAT
+def assert_agreement(made: Plan) -> int:
+    """Assert that toppra agrees with a certified plan. Return the number of judged phases."""
+    assert made.passed, made.reason
+    result = judged(made)
+    assert result.passed, result.reason
+    margins = {limit.name: limit.margin for limit in result.certificate.limits}  # type: ignore[union-attr]
+    slowed = any(margins.get(name, 1.0) < 0.01 for name in NOT_IN_PATH)
+    traded = TRADED * (made.problem.objective == "time then heat")
+    moving = [phase for phase in result.phases if phase.solver and phase.toppra_duration]
+    for phase in moving:
+        assert phase.toppra_duration >= phase.lower_bound  # type: ignore[operator]
+        slower = traded + (FREE_SLOWER if phase.branch is None else SLOWER)
+        assert phase.difference >= -FASTER
+        assert slowed or made.problem.task_limits.rates or phase.difference <= slower, phase
+    assert not any("lower bound" in (phase.not_judged or "") for phase in result.phases)
+    return len(moving)
 
 
 @pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
-def test_shipped_plans_are_as_fast_as_toppra_on_their_paths(name: str) -> None:
+def test_shipped_plans_are_as_fast_as_their_paths_allow(name: str) -> None:
     made = load_plan(ROOT / "results" / name)
-    judged = dict(ratios(made))
-    assert len(judged) == len(made.problem.motion)
-    for ratio in judged.values():
-        assert 1 - 1e-4 <= ratio <= 1 + tolerance(made.problem)
+    assert assert_agreement(made) == len(made.problem.motion)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 60, 20))
-def test_random_plans_are_never_faster_and_rarely_slower(first: int) -> None:
+@pytest.mark.parametrize(
+    "name", ["direct_reach", "laser_scan", "raven_reach", "rounded_corners", "waypoints"]
+)
+def test_other_shipped_problems(name: str) -> None:
+    made = plan(unchecked(load_problem(name), planner="fast"))
+    assert assert_agreement(made) == sum(bool(phase.solver) for phase in made.phases)
+
+
+@pytest.mark.parametrize("first", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (6, 20))])
+def test_random_plans(first: int) -> None:
+    """No figure is below a proven lower bound, and toppra calls no certified plan too fast."""
     base = load_problem("tilt_insert")
-    judged = phases = 0
-    for seed in range(first, first + 20):
-        problem = replace(random_problem(base, seed), planner="fast")
-        if problem.duration is not None or problem.robot.jerk_limited:
-            continue
-        made = plan(problem, relaxations=False)
-        if not made.passed:
-            continue
-        assert made.certificate is not None
-        phases += len(problem.motion)
-        slowed = any(
-            limit.margin < 1e-2 for limit in made.certificate.limits if limit.name in UNKNOWN
-        )
-        for name, ratio in ratios(made):
-            judged += 1
-            assert ratio >= 1 - FASTER, (seed, name)
-            # Near the poles of the task coordinates, limits on rates are not resolved as finely.
-            assert slowed or problem.task_limits.rates or ratio <= 1 + tolerance(problem), (
-                seed,
-                name,
-            )
-    assert judged >= 10
-    assert judged >= 0.6 * phases
+    count = 0
+    for seed in range(first, first + (6 if first == 0 else 14)):
+        problem = unchecked(random_problem(base, 94000 + seed), planner="fast")
+        if problem.duration is None and not problem.robot.jerk_limited:
+            made = plan(problem, relaxations=False)
+            count += assert_agreement(made) if made.passed else 0
+    assert count >= 4
 
 
-@pytest.mark.parametrize("strength", [0.86, 0.9, 0.94, 0.98])
+@pytest.mark.parametrize("speed", [0.85, 0.5])
+def test_the_timing_of_a_motion_does_not_count(speed: float) -> None:
+    made = load_plan(ROOT / "results/tilt_insert")
+    motions = made.motion, made.motion.slower(speed)
+    durations = [
+        path_duration(motion, made.robot, made.limits, 0.0, motion.phases[0].end)
+        for motion in motions
+    ]
+    assert durations[0] == pytest.approx(durations[1], rel=SLOW_ERROR)
+
+
+def bang_bang(robot: Robot, joint: int, distance: float) -> tuple[Trajectory, float]:
+    """Return a slow cubic motion of one joint, and the duration of its fastest motion."""
+    limits = robot.joints[joint]
+    q = np.zeros((2, 4)) + [0.3, 1.15, 0.1, 0.0]
+    q[1, joint] += distance
+    motion = Trajectory.from_samples([0.0, 1.5], q, np.zeros((2, 4)))
+    cruise = distance / limits.velocity - limits.velocity / limits.acceleration
+    if cruise < 0:
+        return motion, 2 * np.sqrt(distance / limits.acceleration)
+    return motion, 2 * limits.velocity / limits.acceleration + cruise
+
+
+@pytest.mark.parametrize("distance", [0.1, 0.9])
+def test_a_joint_without_a_drive_counts(distance: float) -> None:
+    """The spin of the shipped robot has no drive, and only its own limits bind."""
+    problem = load_problem("tilt_insert")
+    assert problem.robot.joints[2].drive is None
+    motion, expected = bang_bang(problem.robot, 2, distance)
+    duration = path_duration(motion, problem.robot, problem.task_limits, 0.0, 1.5)
+    assert duration == pytest.approx(expected, rel=SLOW_ERROR)
+
+
+def test_rests_within_a_phase_keep_their_duration() -> None:
+    problem = load_problem("tilt_insert")
+    motion, expected = bang_bang(problem.robot, 2, 0.4)
+    rest = np.array([0.0, 0.7]), hold(motion.sample([1.5]).q[0])
+    both = join([("", motion.breaks, motion.coefficients), ("", *rest)])
+    duration = path_duration(both, problem.robot, problem.task_limits, 0.0, 2.2)
+    assert duration == pytest.approx(expected + 0.7, rel=SLOW_ERROR)
+
+
+def weakened(strength: float, joint: str = "tilt") -> Problem:
+    """Return the shipped problem with a motor whose largest torque is a share of the need."""
+    made = load_plan(ROOT / "results/tilt_insert")
+    needs = {requirement.joint: requirement.peak_torque for requirement in made.requirements}
+    joints = tuple(
+        replace(item, motor=unchecked(item.motor, max_torque=strength * needs[joint]))
+        if item.name == joint
+        else item
+        for item in made.robot.joints
+    )
+    robot = replace(made.robot, joints=joints)
+    return replace(made.problem, robot=robot, planner="fast", objective="time")
+
+
+@pytest.mark.parametrize(
+    "strength", [0.86, 0.94, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.9, 0.98))]
+)
 def test_friction_that_the_planner_underestimates_is_noticed(strength: float) -> None:
     """The planner sees 1 % less friction than the robot has, and torque limits the motion."""
-    problem = load_problem("tilt_insert")
-    joints = []
-    for joint in problem.robot.joints:
-        motor = joint.motor
-        if joint.name == "tilt" and motor is not None:
-            motor = unchecked(motor, max_torque=strength * largest_torque())
-        joints.append(replace(joint, motor=motor))
-    robot = replace(problem.robot, joints=tuple(joints))
-    honest = plan(
-        replace(problem, robot=robot, planner="fast", objective="time"), relaxations=False
-    )
+    problem = weakened(strength)
+    honest = judged(plan(problem, relaxations=False))
     assert honest.passed
-    smooth = plan(
-        replace(problem, robot=with_friction(robot, 0.99), planner="fast", objective="time"),
-        relaxations=False,
-    )
-    assert dict(ratios(honest))["tilt"] == pytest.approx(1, abs=FASTER)
-    wrong = dict(ratios(smooth, robot)).get("tilt")
-    assert wrong is None or wrong < 1 - FASTER
-
-
-def largest_torque() -> float:
-    """Return the largest motor torque of joint 2 in the shipped motion, N·m."""
-    made = load_plan(ROOT / "results/tilt_insert")
-    return next(
-        requirement.peak_torque for requirement in made.requirements if requirement.joint == "tilt"
-    )
+    smooth = with_friction(problem.robot, 0.99)
+    wrong = judged(plan(replace(problem, robot=smooth), relaxations=False), problem.robot)
+    assert not wrong.passed
+    assert wrong.reason is not None
+    assert "the cross-check failed: tilt takes" in wrong.reason.message
 
 
 def with_friction(robot: Robot, factor: float) -> Robot:
@@ -132,7 +173,40 @@ def with_friction(robot: Robot, factor: float) -> Robot:
     return replace(robot, joints=tuple(joints))
 
 
-def test_the_opinion_shares_no_code_with_the_planner_or_the_check() -> None:
-    tree = ast.parse(Path(second_opinion.__file__).read_text(encoding="utf-8"))
-    modules = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    assert not [name for name in modules if "planning" in name or "verification" in name]
+def test_it_says_why_it_cannot_judge() -> None:
+    made = load_plan(ROOT / "results/tilt_insert")
+    problem = made.problem
+    joints = problem.robot.joints
+    jerky = replace(problem.robot, joints=(replace(joints[0], jerk=1e3), *joints[1:]))
+    tilt, insert = problem.motion
+    for changes, reasons in (
+        ({"robot": jerky}, ["toppra ignores limits on jerk"] * 2),
+        ({"payload": (0.0, 0.01)}, ["it ignores ranges of friction and payload"] * 2),
+        ({"duration": 9.0}, ["a duration is requested"] * 2),
+        ({"motion": (tilt, replace(insert, duration=2.0))}, [None, "a duration is requested"]),
+        ({"motion": (tilt, Dwell(1.2))}, [None, None]),
+    ):
+        opinions = second_opinions(made.motion, unchecked(problem, **changes))
+        assert [text if isinstance(text, str) else None for text in opinions] == reasons
+
+
+def test_nothing_of_the_planner_is_loaded_on_its_way() -> None:
+    """A new process judges a stored motion. The modules of the planner stay out of it."""
+    code = (
+        "import json, sys\n"
+        "from ssm_planner.problem.serialization import problem_from_plain\n"
+        "from ssm_planner.trajectory import Trajectory\n"
+        "from ssm_planner.verification.second_opinion import second_opinions\n"
+        "data = json.load(open(sys.argv[1], encoding='utf-8'))\n"
+        "problem = problem_from_plain(data['problem'], file='plan.json')\n"
+        "opinions = second_opinions(Trajectory.from_dict(data['trajectory']), problem)\n"
+        "rooms = ('planning', 'elements', 'interior', 'pipeline')\n"
+        "loaded = [m for m in sys.modules if m.startswith(tuple(f'ssm_planner.{r}' for r in rooms))]\n"
+        "print(json.dumps([opinions, loaded]))\n"
+    )
+    command = [sys.executable, "-c", code, str(ROOT / "results/tilt_insert/plan.json")]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert result.returncode == 0, result.stderr
+    opinions, loaded = json.loads(result.stdout)
+    assert not loaded
+    assert all(isinstance(duration, float) for duration in opinions)

@@ -1,8 +1,9 @@
-"""Draw figures in a child process while the planner works.
+"""Draw figures and judge durations in a child process while the planner works.
 
-The child imports matplotlib during the planning and draws during the check. It reads requests from
-its standard input, and writes the content of the image files to its standard output. It opens no
-file and has no terminal, so it can be killed at any time.
+The child imports matplotlib and toppra during the planning, and draws and judges during the check.
+It reads requests from its standard input. It writes every opinion to its standard output at once,
+and the content of the image files at the end. It opens no file and has no terminal, so it can be
+killed at any time.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TookTooLong
+from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
@@ -32,9 +34,13 @@ from ssm_planner.reporting.figures.style import (
 
 if TYPE_CHECKING:
     from ssm_planner.plans import Plan
+    from ssm_planner.problem import Problem
+    from ssm_planner.trajectory import Trajectory
 
 TIMEOUT = 60.0
-"""Time for which the caller waits before it draws the figures itself, s."""
+"""Time for which the caller waits before it does the work of the child itself, s."""
+OPINION = "opinion"
+"""Name of the request for a second opinion."""
 _START = "from ssm_planner.reporting.figures.process import serve; serve()"
 
 Files = dict[str, dict[str, bytes]]
@@ -54,15 +60,36 @@ class _Plain(pickle.Pickler):
 
 
 class FigureProcess:
-    """A child process that draws the figures of one plan.
+    """A child process that draws the figures of one plan and judges its duration.
 
-    If the process cannot start or fails, `result` returns no figures, and the caller draws them.
+    If the process cannot start or fails, `result` returns no figures and `opinions` returns None.
+    The caller then does the work.
     """
 
     def __init__(self) -> None:
         self._process = _start_process() if (os.cpu_count() or 1) > 1 else None
         # Writing to a full pipe blocks. A thread writes, so that the planner never waits.
         self._pipe = ThreadPoolExecutor(1)
+        self._questions = 0
+
+    def judge(self, trajectory: Trajectory, problem: Problem) -> None:
+        """Ask for the result of `second_opinions` and return immediately."""
+        self._questions += 1
+        self.draw(OPINION, trajectory, problem)
+
+    def opinions(self) -> tuple[float | str, ...] | None:
+        """Wait for the answer to the last question, and return it.
+
+        The result is None if there was no question, or if the process failed or took longer than
+        TIMEOUT.
+        """
+        opinions = None
+        try:
+            for _ in range(self._questions):
+                opinions = self._pipe.submit(self._read).result(TIMEOUT)
+        except (OSError, ValueError, TookTooLong, EOFError):
+            return None
+        return opinions
 
     def draw(self, name: str, *arguments: object) -> None:
         """Request a figure and return immediately.
@@ -70,7 +97,8 @@ class FigureProcess:
         Parameters
         ----------
         name : str
-            Key of `PLAN_FIGURES`. A new request for the same figure replaces the earlier one.
+            Key of `PLAN_FIGURES`, or OPINION. A new request for the same figure replaces the
+            earlier one.
         *arguments
             Arguments of the function that draws the figure.
         """
@@ -93,6 +121,13 @@ class FigureProcess:
         except (OSError, ValueError, TookTooLong, EOFError):
             return {}
         return files
+
+    def _read(self) -> tuple[float | str, ...] | None:
+        """Return the next opinion. All figures follow when the standard input is closed."""
+        if self._process is None or self._process.stdout is None:
+            return None
+        opinions: tuple[float | str, ...] = pickle.load(self._process.stdout)
+        return opinions
 
     def _write(self, message: bytes) -> None:
         if self._process is not None and self._process.stdin is not None:
@@ -135,7 +170,7 @@ def _start_process() -> subprocess.Popen[bytes] | None:
 
 
 def serve() -> None:
-    """Run the child process: draw the requested figures, and write all of them at the end."""
+    """Run the child process: answer questions at once, and write all figures at the end."""
     gc.disable()  # Garbage collection would take a tenth of the time of this short process.
     answer = sys.stdout.buffer
     sys.stdout = sys.stderr
@@ -144,13 +179,20 @@ def serve() -> None:
     panels[0, 0].plot([0, 1], label="dummy")
     dummy.legend()
     render_figure(dummy, pdf=False)
+    from ssm_planner.verification.second_opinion import second_opinions
+
+    import_module("toppra")
     files: Files = {}
     while True:
         try:
             name, arguments = pickle.load(sys.stdin.buffer)
         except EOFError:
             break
-        files[name] = render_figure(PLAN_FIGURES[name](*arguments), pdf=False)
+        if name == OPINION:
+            pickle.dump(second_opinions(*arguments), answer)
+            answer.flush()
+        else:
+            files[name] = render_figure(PLAN_FIGURES[name](*arguments), pdf=False)
     pickle.dump(files, answer)
     answer.flush()
 

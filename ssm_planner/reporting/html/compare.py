@@ -102,7 +102,7 @@ def _durations(plans: tuple[Plan, Plan]) -> Table:
     rows = [
         ("duration s", *_pair([plan.duration for plan in plans])),
         ("lower bound s", *_pair([plan.lower_bound for plan in plans])),
-        ("TOPP-RA s", *_pair([plan.toppra_duration for plan in plans])),
+        ("toppra s", *_pair([plan.toppra_duration for plan in plans])),
         ("above the lower bound %", *_pair(gaps, relative=False)),
     ]
     return Table(("", "A", "B", "change"), rows, (1, 2, 3))

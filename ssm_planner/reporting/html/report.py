@@ -122,7 +122,7 @@ def write_no_plan(plan: Plan, out: Path, changes: Sequence[tuple[str, float]] = 
     permit. The page has a slider for them. Raises ExportError.
     """
     reason = plan.reason
-    if reason is None:
+    if reason is None or plan.disagreements:
         conclusion = f"The motion is not certified: {_certification(plan)[2]}."
     else:
         conclusion = f"No motion keeps every limit: {reason.message}."
@@ -315,6 +315,8 @@ def _certification(plan: Plan) -> Mark:
         worst = certificate.worst
         joint = f" of joint {worst.joint}" if worst.joint else ""
         return "bad", "Not certified", f"{worst.name}{joint} exceeded at {worst.time:.3f} s"
+    if plan.disagreements:
+        return "bad", "Not certified", plan.disagreements[0]
     return "good", "Certified", f"{len(certificate.limits)} limits kept"
 
 

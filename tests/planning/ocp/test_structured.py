@@ -129,7 +129,7 @@ def test_what_it_plans_is_certified_and_says_who_solved_it(tilt_insert: Problem)
     assert ours.duration == pytest.approx(ipopts.duration, rel=SAME)
     assert [phase.solver for phase in ours.phases] == ["structured"] * len(ours.phases)
     assert any(line.split() == ["solver", "structured"] for line in verdicts(ours))
-    assert not any(line.startswith(("solver", "cross-check")) for line in verdicts(ipopts))
+    assert not any(line.startswith(("solver", "confirmed")) for line in verdicts(ipopts))
 
 
 def test_ipopt_solves_where_it_does_not_converge(
@@ -204,7 +204,7 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
         assert 0 <= phase.confirmation_residual <= SAME
         assert phase.iterations > phase.confirmation_iterations
     assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
-    said = [line for line in verdicts(found) if line.startswith("cross-check")]
+    said = [line for line in verdicts(found) if line.startswith("confirmed")]
     assert len(said) == 1
     assert "Ipopt confirms" in said[0]
     assert "agree within" in said[0]
