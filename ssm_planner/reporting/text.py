@@ -142,17 +142,20 @@ def unit_of_limit(limit: LimitCheck | Kept, degree: str = "deg") -> tuple[str, f
     return display_unit(READ_IN.get(limit.name, limit.unit), degree)
 
 
-def limit_cells(limit: LimitCheck, degree: str = "deg") -> tuple[str, str, str, str, str, str]:
+def limit_cells(
+    limit: LimitCheck, degree: str = "deg", digits: int = 6
+) -> tuple[str, str, str, str, str, str]:
     """Format a limit as cells of a table: name, joint, worst value, bound, unit and margin.
 
-    The bound begins with "≤" or "≥". `degree` is the symbol of degrees.
+    The bound begins with "≤" or "≥". `degree` is the symbol of degrees. `digits` is the number of
+    significant digits of worst value and bound.
     """
     unit, scale = unit_of_limit(limit, degree)
     excess = limit.worst - limit.limit
     is_distinct = abs(excess) > 1e-5 * abs(limit.limit) + 1e-9
     # A permitted value above the limit, or a forbidden value below it, shows a lower limit.
     is_floor = limit.name in FLOORS or (is_distinct and (excess > 0) == limit.passed)
-    worst, bound = number(scale * limit.worst, 6), number(scale * limit.limit, 6)
+    worst, bound = (number(scale * value, digits) for value in (limit.worst, limit.limit))
     bound = f"{'≥' if is_floor else '≤'} {bound}"
     return limit.name, limit.joint or "", worst, bound, unit, percent(limit.margin, 4)
 
@@ -315,10 +318,11 @@ def answers(plan: Plan, folder: Path | None = None) -> list[str]:
             verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
         lines.append(f"check    {verdict}")
         if (limit := closest_limit(limits)) is not None:
-            name, joint, worst, allowed, unit, _ = limit_cells(limit)
+            name, joint, worst, allowed, unit, _ = limit_cells(limit, digits=4)
             owner = f" of {joint}" if joint else ""
             margin = percent(limit.margin)
-            lines.append(f"closest  {name}{owner}: {worst} ({allowed} {unit}), margin {margin}")
+            value = f"{worst} {unit}".rstrip()
+            lines.append(f"closest  {name}{owner}: {value} ({allowed}), margin {margin}")
     if plan.sizing is not None:
         outcome = motors_verdict(plan.sizing.to_dict())[1]
         lines.append(f"motors   {outcome.removeprefix('Motors ')}")

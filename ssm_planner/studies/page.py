@@ -57,7 +57,7 @@ def write_study_page(
     """
     original, *candidates = rows
     content = _content(study, candidates, front)
-    content["notes"] = [*study.notes, against_own(study, original, front)]
+    content["own"] = against_own(study, original, front)
     text = render("study.html", _data(study, candidates, front), **content, unfinished=not finished)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -90,8 +90,10 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     return {
         "title": study.name,
         "file": study.file or "FILE",
-        "summary": f"{len(rows)} candidates: {counts_text}. Objectives: "
-        f"{', '.join(map(named, study.minimise))}.",
+        "headline": f"No candidate beats the {len(front)} on the front in "
+        f"{' and '.join(map(named, study.minimise))}.",
+        "summary": f"{len(rows)} candidates: {counts_text}.",
+        "notes": study.notes,
         "fallen": [
             {
                 "stage": stage,

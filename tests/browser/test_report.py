@@ -13,12 +13,16 @@ from PIL import Image
 
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.pipeline.run import plan
+from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import load_plan
+from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.report import write_report
 from ssm_planner.reporting.text import motors_verdict
 from ssm_planner.simulation.simulate import SimulationResult
 from tests.support.page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
+from tests.support.random_problems import random_problem
 
 from .conftest import PLAN, READY, ROOT, Visit
 
@@ -637,3 +641,34 @@ def test_pages_of_other_commands_fit_and_read(visit: Open, width: int) -> None:
         assert serious(page) == []
         assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 0)")
         assert opened.said == []
+
+
+CLIPPED = """() => [...document.querySelectorAll("h1, h2, th, td, dt, dd, figcaption, summary, button, .lead, .chip, .name")]
+  .filter((node) => node.clientWidth && !node.closest(".scroll") && node.scrollWidth > node.clientWidth + 1)
+  .map((node) => node.textContent.slice(0, 60))"""
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_no_label_of_a_random_result_is_clipped(
+    visit: Open, tilt_insert: Problem, tmp_path: Path, width: int
+) -> None:
+    """The reports of random problems, among them some with an eye, fit at both widths."""
+    for seed in range(12):
+        result = plan(quickly(random_problem(tilt_insert, seed)), relaxations=False)
+        if result.passed:
+            opened = visit(write_report(result, tmp_path / f"{seed}.html").as_uri(), width=width)
+            assert opened.page.evaluate(CLIPPED) == [], seed
+            assert opened.page.evaluate(OVERFLOW) == [], seed
+            assert opened.said == []
+
+
+def test_the_landing_page_is_short(browser: Any) -> None:
+    """It has a picture and a command, and leads on by what a reader wants to do."""
+    if not SITE.exists():
+        pytest.skip("the site is not built (make docs)")
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.goto((SITE / "index.html").as_uri())
+    assert page.evaluate("document.querySelector('article').scrollHeight") <= 1500
+    assert page.query_selector("article img")
+    assert "ssm-planner plan" in page.inner_text("article pre")
+    page.close()
