@@ -108,31 +108,7 @@ class NativeElements:
         location: Location,
     ) -> None:
         inputs = _element_inputs(element, location)
-        sigma, *fit_parameters, packed = parameters
-        torque = packed[element.layout.slices["torque"]]
-        drives = inputs.arrays["drives"].copy()
-        costs = inputs.arrays["cost"]
-        drives[:, DRIVE.slices["limit"]] = torque[inputs.arrays["actuation"][:, :1]]
-        weights = np.ones(len(costs))
-        if element.aim == "cooling":
-            weights = packed[element.layout.slices["cooling"]][costs[:, 0]]
-        elif len(costs) and element.aim == "effort":
-            is_motorless = np.isin(costs[:, 0], motorless(element.robot.joints))
-            limits = packed[element.layout.slices["acceleration"]][costs[is_motorless, 0]]
-            weights[is_motorless] = ACCELERATION_SHARE / limits**2
-        arrays: dict[str, Any] = {
-            "drives": drives,
-            "cost_weights": weights,
-            "limits": packed,
-            # A joint without a drive may reverse anywhere, and C needs a sign only where effort
-            # counts.
-            "sigma": np.where(inputs.arrays["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
-            "fits": _in_lanes(
-                np.broadcast_to(fit_parameters[0], (count, fit_parameters[0].shape[-1]))
-            )
-            if fit_parameters
-            else [],
-        }
+        arrays = _parameter_arrays(element, inputs.arrays, parameters, count)
         self._element_inputs = inputs
         self._arrays = {
             name: np.ascontiguousarray(values, dtype=float) for name, values in arrays.items()
@@ -145,8 +121,8 @@ class NativeElements:
             rows=rows,
             points=points,
             loads=inputs.loads,
-            actuations=len(drives),
-            costs=len(costs),
+            actuations=len(inputs.arrays["actuation"]),
+            costs=len(inputs.arrays["cost"]),
             effort=element.aim == "effort",
             hull=location == "collocation",
             offset=inputs.offset,
@@ -159,11 +135,11 @@ class NativeElements:
             "hessian": (count, size, size),
         }
         """Shapes of the results by the names of the functions."""
-        if len(costs):
+        if len(inputs.arrays["cost"]):
             self.shapes |= {"cost": (count, 1), "gradient": (count, size)}
         self._library = library
         self.group = ElementGroup.from_library(
-            library, self.context, (size, all_rows, int(len(costs) > 0), count)
+            library, self.context, (size, all_rows, int(len(inputs.arrays["cost"]) > 0), count)
         )
         """The group for the structured solver."""
 
@@ -181,6 +157,36 @@ class NativeElements:
         addresses = (ctypes.c_void_p(array.ctypes.data) for array in values)
         getattr(self._library, f"ssm_{name}_of")(ctypes.byref(self.context), *addresses)
         return values[-1]
+
+
+def _parameter_arrays(
+    element: ElementModel, fixed: dict[str, Array], parameters: Sequence[Array], count: int
+) -> dict[str, Any]:
+    """Return the arrays of `_Context` that depend on the parameters of an element model.
+
+    `fixed` contains the arrays that do not depend on them.
+    """
+    sigma, *fit_parameters, packed = parameters
+    slices = element.layout.slices
+    drives = fixed["drives"].copy()
+    drives[:, DRIVE.slices["limit"]] = packed[slices["torque"]][fixed["actuation"][:, :1]]
+    joints = fixed["cost"][:, 0]
+    weights = np.ones(len(joints))
+    if element.aim == "cooling":
+        weights = packed[slices["cooling"]][joints]
+    elif element.aim == "effort":
+        is_motorless = np.isin(joints, motorless(element.robot.joints))
+        limits = packed[slices["acceleration"]][joints[is_motorless]]
+        weights[is_motorless] = ACCELERATION_SHARE / limits**2
+    fits = [np.broadcast_to(values, (count, values.shape[-1])) for values in fit_parameters]
+    return {
+        "drives": drives,
+        "cost_weights": weights,
+        "limits": packed,
+        # A joint without a drive may reverse anywhere, and C needs a sign only where effort counts.
+        "sigma": np.where(fixed["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
+        "fits": _in_lanes(*fits) if fits else [],
+    }
 
 
 def _addresses(arrays: dict[str, Array]) -> dict[str, int]:

@@ -150,6 +150,7 @@ def kernels() -> str:
     writer.add_part("torques", {"load": load}, ("y", y), [efforts_by_figures(load, *_joints(y))])
     _drives(writer)
     _path(writer)
+    _joint_limits(writer)
     _states(writer)
     defines = "".join(f"#define SSM_{name} {value}\n" for name, value in sizes.items())
     version = f"CasADi {ca.CasadiMeta.version()}"
@@ -162,13 +163,36 @@ def _posture(writer: _Writer) -> int:
 
     Returns the number of values from which they are prepared.
     """
-    y, xp = _symbols("y", 12), casadi_namespace()
-    q, qd, _ = _joints(y)
+    y = _symbols("y", 12)
     inputs = {
         "mechanism": _symbols("mechanism", MECHANISM.size),
         "eye": _symbols("eye", EYE.size),
         "limits": _symbols("limits", FreeElement.layout.size),
     }
+    groups = _posture_rows(inputs, y)
+    everything = ca.vertcat(*inputs.values())
+    expression = ca.vertcat(*(value for values in groups.values() for value in values))
+    # Expressions of robot properties alone are computed once.
+    shared: Any
+    parametric: Any
+    expression, shared, parametric = ca.extract_parametric(expression, everything)
+    local_symbols = _symbols("own", everything.numel())
+    expression = ca.substitute(expression, everything, local_symbols)
+    symbols = ca.vertcat(*shared, local_symbols)
+    prepared = ca.vertcat(*parametric, everything)
+    writer.function("prepare", inputs, {"prepared": prepared})
+    start = 0
+    for name, values in groups.items():
+        rows = [expression[start : start + len(values)]]
+        writer.add_part(name, {"prepared": symbols}, ("y", y), rows)
+        start += len(values)
+    return int(prepared.numel())
+
+
+def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
+    """Return the rows of a free motion in state y (12,), by the names of their functions in C."""
+    xp = casadi_namespace()
+    q, qd, _ = _joints(y)
     mechanism: Any
     eye: Any
     mechanism = MECHANISM.unpack(inputs["mechanism"])
@@ -190,30 +214,13 @@ def _posture(writer: _Writer) -> int:
         for jacobian in JACOBIANS.values()
     ]
     tip = tip_position_symbolic(mechanism, q)
-    groups: dict[str, list[ca.SX]] = {
+    return {
         "tip": [speed / limits.speeds[k] ** 2 for k, speed in enumerate(speeds)],
         "ranges": [row.value for row in range_rows(mechanism, angles, limits)],
         "rates": [row.value for row in rate_rows(mechanism, angles, qd, limits)],
         "retina": [row.value for row in seen_rows(eye, mechanism, q, limits.retina_easing)],
         "lens": [lens_row(xp, eye, lens, (tip[0], tip[1], tip[2])) + 1],
     }
-    counts = [len(values) for values in groups.values()]
-    everything = ca.vertcat(*inputs.values())
-    expression = ca.vertcat(*(value for values in groups.values() for value in values))
-    # Expressions of robot properties alone are computed once.
-    shared: Any
-    parametric: Any
-    expression, shared, parametric = ca.extract_parametric(expression, everything)
-    local_symbols = _symbols("own", everything.numel())
-    expression = ca.substitute(expression, everything, local_symbols)
-    symbols = ca.vertcat(*shared, local_symbols)
-    prepared = ca.vertcat(*parametric, everything)
-    writer.function("prepare", inputs, {"prepared": prepared})
-    start = 0
-    for name, count in zip(groups, counts, strict=True):
-        writer.add_part(name, {"prepared": symbols}, ("y", y), [expression[start : start + count]])
-        start += count
-    return int(prepared.numel())
 
 
 def _drives(writer: _Writer) -> None:
@@ -273,6 +280,10 @@ def _path(writer: _Writer) -> None:
     writer.add_part("effort", inputs, ("x", x), [motion.tau_rigid[0]])
     inputs, motion = instant("speeds")
     writer.add_part("speed", inputs, ("x", x), [motion.speeds[0]])
+
+
+def _joint_limits(writer: _Writer) -> None:
+    """Write the rows of velocity, stop, acceleration and jerk of one joint along a path."""
     v = _symbols("v", 3)
     sigma = _symbols("sigma", 1)
     bounds = _symbols("bounds", 4)

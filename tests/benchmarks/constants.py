@@ -182,10 +182,8 @@ def measured(name: str) -> tuple[float, str, float, float]:
     """Plan a problem: its duration (0 without a motion), the outcome, effort and CPU time."""
     from ssm_planner.pipeline.run import plan
     from ssm_planner.planning.ocp.refinement import EFFORT
-    from ssm_planner.planning.ocp.transcription import forget_solutions
 
     problem, relaxed = problem_of(name)
-    forget_solutions()
     start = time.process_time()
     try:
         result = plan(problem, relaxations=relaxed)

@@ -10,8 +10,6 @@ from unittest.mock import patch
 import numpy as np
 
 from ssm_planner.planning import phase_planner
-from ssm_planner.planning.ocp.transcription import forget_solutions
-from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory, hermite
@@ -20,12 +18,6 @@ from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
 SUBDIVISION = 4
-
-
-def planned_anew(problem: Problem) -> PlannerResult:
-    """Plan without what earlier plans have solved."""
-    forget_solutions()
-    return plan_motion(problem)
 
 
 @contextmanager

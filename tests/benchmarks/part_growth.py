@@ -17,7 +17,7 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.verification.check import check
 from tests.benchmarks.cases import FREE_WEAK, Change, free_problem, straight_problem
 from tests.benchmarks.measuring import Spread, in_turns, short, timed
-from tests.benchmarks.motions import meshed, planned_anew
+from tests.benchmarks.motions import meshed
 from tests.benchmarks.section import Section
 
 MESHES = (25, 50, 100, 200, 400)
@@ -51,7 +51,7 @@ def _meshes(
     for k in range(rounds + 1):
         for count in meshes:
             with meshed(count, count), solver_account() as account:
-                seconds, planned = timed(lambda: planned_anew(problem))
+                seconds, planned = timed(lambda: plan_motion(problem))
             if planned.trajectory is None:
                 raise RuntimeError(f"{name}, {count} elements: {planned.reason}")
             last[count] = account.iterations, planned.trajectory.duration
@@ -101,7 +101,7 @@ def _phases(section: Section, counts: tuple[int, ...], rounds: int) -> None:
     for count in counts:
         problem = phases(count)
         plan_motion(problem)
-        plans = [timed(lambda problem=problem: planned_anew(problem))[0] for _ in range(rounds)]  # type: ignore[misc]
+        plans = [timed(lambda problem=problem: plan_motion(problem))[0] for _ in range(rounds)]  # type: ignore[misc]
         rows.append(
             [
                 str(count),

@@ -12,7 +12,7 @@ from ssm_planner.problem.motion import Joints
 from ssm_planner.problem.problem import Problem
 from tests.benchmarks.cases import FIRST, Change, free_problem, with_limits
 from tests.benchmarks.measuring import Spread, in_turns
-from tests.benchmarks.motions import certificate, planned_anew
+from tests.benchmarks.motions import certificate
 from tests.benchmarks.section import Section
 
 JERKS = (5.0, 35.0, 500.0)
@@ -42,7 +42,7 @@ def run(quick: bool) -> Section:
         plan_motion(problems[0])
         ruckig_duration(problems[0])
         ways: dict[str, Any] = {
-            "ours": lambda k, problems=problems: planned_anew(problems[k]),
+            "ours": lambda k, problems=problems: plan_motion(problems[k]),
             "ruckig": lambda k, problems=problems: ruckig_duration(problems[k]),
         }
         times, results = in_turns(ways, len(problems))

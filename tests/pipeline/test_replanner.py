@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ssm_planner as ssm
-from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
+from ssm_planner.planning.ocp.transcription import Transcription
 
 TARGETS = [ssm.Task(depth=depth) for depth in (0.020, 0.017, 0.012)]
 
@@ -26,7 +26,6 @@ def alone(tilt_insert: ssm.Problem) -> list[tuple[bytes, bytes]]:
     found = []
     tilt, _ = tilt_insert.motion
     for target in TARGETS:
-        forget_solutions()
         Transcription.build.cache_clear()
         problem = replace(
             tilt_insert, motion=(tilt, ssm.Straight(depth=target.depth)), planner="fast"
@@ -39,7 +38,6 @@ def alone(tilt_insert: ssm.Problem) -> list[tuple[bytes, bytes]]:
 def test_the_same_bits_in_any_order(
     tilt_insert: ssm.Problem, alone: list[tuple[bytes, bytes]], order: tuple[int, ...]
 ) -> None:
-    forget_solutions()
     replanner = ssm.Replanner(tilt_insert)
     assert [content(replanner.plan(target=TARGETS[k])) for k in order] == [alone[k] for k in order]
 
@@ -47,7 +45,6 @@ def test_the_same_bits_in_any_order(
 def test_the_same_bits_from_threads(
     tilt_insert: ssm.Problem, alone: list[tuple[bytes, bytes]]
 ) -> None:
-    forget_solutions()
     replanner = ssm.Replanner(tilt_insert)
     with ThreadPoolExecutor(3) as threads:
         plans = list(threads.map(lambda target: replanner.plan(target=target), TARGETS * 2))

@@ -28,7 +28,6 @@ from ssm_planner.planning.ocp.nlp import (
     Method,
 )
 from ssm_planner.planning.ocp.objectives import find_fastest_motion, finish
-from ssm_planner.planning.ocp.problem import SHORTEST
 from ssm_planner.planning.ocp.segments import (
     KINEMATIC,
     SegmentChain,
@@ -36,7 +35,6 @@ from ssm_planner.planning.ocp.segments import (
     sampled_segments,
     segment_guess,
 )
-from ssm_planner.planning.ocp.structured import SLOWER
 from ssm_planner.planning.ocp.turning import TurningGuess
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.tolerances import ROUNDING
@@ -47,29 +45,11 @@ from ssm_planner.problem import (
 )
 from ssm_planner.typing import Array, Mask, keyword_record
 
-ELEMENTS, ONE_TIME_ELEMENTS = 40, 96
-"""Number of elements of a motion, and of one in which all elements share one time.
-
-The latter need more, because they cannot move to where they are needed.
-"""
-PASSING_ELEMENTS = 56
-"""Number of elements with one time per segment through points."""
-MOVING_ELEMENTS = 80
-"""Number of elements of a jerk-limited motion that begins or ends at speed.
-
-The mesh must be fine, because the initial acceleration has to end within one element.
-"""
-SHORTEST_TURNING, SHORTEST_PASSING = 0.02, 0.01
-"""Smallest time of a block, as a share of the guess's, with free borders, and through points.
-
-The guess rests at these points, so its times are long.
-"""
-FAR, MORE = 2.0, 1.5
-"""Row value of the closed-form guess above which TOPP-RA makes the guess, and factor on its number
-of elements.
-
-The best distribution of elements is uncertain in that case.
-"""
+ELEMENTS = 40
+"""Number of elements of a motion. Some motions need FINER times as many."""
+FINER = 2
+FAR = 2.0
+"""Row value of the closed-form guess above which TOPP-RA makes the guess."""
 
 
 def solve_free(
@@ -141,10 +121,9 @@ def solve_free(
         method=method,
         reversals=reversals,
     )
-    ocp = request.with_guess(count, time_only=duration is None and cooling is None)
+    ocp = request.with_guess(count)
     takes = None if duration is None else duration / ocp.time_scale
-    guess = ocp.guess.stretched(SLOWER) if request.has_one_time else ocp.guess
-    fastest = find_fastest_motion(ocp, guess, takes, cutoff=cutoff / ocp.time_scale)
+    fastest = find_fastest_motion(ocp, ocp.guess, takes, cutoff=cutoff / ocp.time_scale)
     motion = replace(ocp.result(fastest.solution), refined=fastest)
     return motion if fastest_only else finish_free(motion, problem.objective, duration, cutoff)
 
@@ -222,21 +201,6 @@ class _FreeRequest:
         return self.at_rest and self.reversals.via_velocity is None and self.reversals.guess is None
 
     @property
-    def has_one_time(self) -> bool:
-        """True if all elements share one time.
-
-        Beside an eye, elements move to where the tool may turn, and with limited jerk to the ends
-        of arcs.
-        """
-        alone = self.at_rest and len(self.displacements) == 1 and self.problem.eye is None
-        return alone and self.method == "Ipopt" and not self.jerk
-
-    @property
-    def is_confirmed_finer(self) -> bool:
-        """True if Ipopt confirms the motion on a finer mesh."""
-        return self.method == "confirmed" and self.at_rest and not self.reversals.free
-
-    @property
     def is_structured(self) -> bool:
         """True if the structured solver is tried.
 
@@ -251,13 +215,17 @@ class _FreeRequest:
         """Smallest number of elements between two switching points."""
         return 2 if len(self.displacements) < 16 else 1
 
-    def count(self, *, finer: bool) -> int:
-        """Return the number of elements. `finer` selects that of motions which Ipopt confirms."""
-        if self.jerk and not self.at_rest:
-            return MOVING_ELEMENTS
-        if not finer:
-            return ONE_TIME_ELEMENTS if self.has_one_time else ELEMENTS
-        return ONE_TIME_ELEMENTS if len(self.displacements) == 1 else PASSING_ELEMENTS
+    @property
+    def count(self) -> int:
+        """Number of elements.
+
+        A mesh is finer between two points if Ipopt confirms the motion. It is also finer for
+        jerk-limited motions at speed, because the initial acceleration must end within one element.
+        """
+        confirmed = self.method == "confirmed" and self.at_rest and not self.reversals.free
+        between_two_points = len(self.displacements) == 1
+        at_speed = self.jerk and not self.at_rest
+        return FINER * ELEMENTS if at_speed or (confirmed and between_two_points) else ELEMENTS
 
     def elements_per_segment(self, count: int) -> int:
         """Return the number of elements between two points, of `count` elements in all."""
@@ -295,26 +263,19 @@ class _FreeRequest:
             for k in range(len(displacements))
         ]
 
-    def with_guess(self, count: int | None, *, time_only: bool) -> FreeProblem:
+    def with_guess(self, count: int | None) -> FreeProblem:
         """Return the problem with its guess, on `count` elements or on a suitable number.
 
-        `time_only` tells that the fastest motion is sought.
+        TOPP-RA makes the guess if the closed form is far from keeping the limits of torques, rates
+        and tip speed.
         """
-        finer = count is None and self.is_confirmed_finer
-        # If the closed form keeps all other limits, it is the fastest motion on any mesh, so a
-        # coarse mesh suffices.
-        coarse_first = finer and time_only and len(self.displacements) == 1
-        per_segment = self.elements_per_segment(
-            count or self.count(finer=finer and not coarse_first)
-        )
+        per_segment = self.elements_per_segment(count or self.count)
         segments = self.segments(per_segment)
         ocp = self.on_mesh_of(segments)
         largest_row = ocp.row_maxima(ocp.guess.elements).max(initial=0.0)
-        if coarse_first and (ocp.chain.ports or largest_row > 1):
-            return self.with_guess(self.count(finer=True), time_only=time_only)
         if not self.rests_at_points or largest_row < FAR:
             return ocp
-        return self.on_mesh_of(segments, self._retimed_guesses(round(MORE * per_segment)))
+        return self.on_mesh_of(segments, self._retimed_guesses(per_segment))
 
     def _retimed_guesses(self, count: int) -> list[SegmentGuess | None]:
         """Return TOPP-RA's motions from point to point, with `count` elements each."""
@@ -337,7 +298,7 @@ class _FreeRequest:
                 for replacement, guess in zip(replacements, guesses, strict=True)
             ]
         chain = self._segment_chain(segments, guesses)
-        few_times = self.has_one_time or self._has_few_times(segments)
+        few_times = self._has_few_times(segments)
         structure = chain.structure(few_times=few_times, smooth=self.jerk)
         lengths = np.concatenate([np.diff(guess.instants) for guess in chain.guesses])
         times = np.bincount(structure.block, lengths)
@@ -355,14 +316,7 @@ class _FreeRequest:
             speeds=self.ends,
             start_acceleration=self.start_acceleration,
             starting=self.ends[0] == 0.0,
-            shortest=self._shortest(len(chain.directions)),
         )
-
-    def _shortest(self, segments: int) -> float:
-        """Return the smallest time of a block, as a share of the guess's."""
-        if segments == 1:
-            return SHORTEST
-        return SHORTEST_TURNING if self.reversals.free else SHORTEST_PASSING
 
     def _fixed_positions(self, segments: list[TurningGuess]) -> Mask:
         """Return which positions at borders are fixed, (k + 1, 4)."""

@@ -44,7 +44,7 @@ from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest_descent
 from ssm_planner.planning.ocp.segments import KINEMATIC, SegmentChain
 from ssm_planner.planning.phases import reversal_ranges
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem import (
     TASK,
     Problem,
@@ -55,8 +55,6 @@ from ssm_planner.problem import (
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
-AT_LIMIT = 8e-7
-"""Share by which rows may exceed their limit at an end at which the motion has a given velocity."""
 LEAST_UNIT = 0.05
 """Smallest unit of a joint that may reverse, as a share of its way at full velocity."""
 
@@ -142,9 +140,9 @@ class FreeProblem(OcpProblem):
         bound = base.path_bound.copy()
         rows = backoff.shape[1]
         if self.speeds[0].any():
-            bound[0, :rows] = np.where(np.isfinite(bound[0, :rows]), 1 + AT_LIMIT, np.inf)
+            bound[0, :rows] = np.where(np.isfinite(bound[0, :rows]), 1 + SAME, np.inf)
         if self.speeds[1].any():
-            bound[-1, -rows:] = np.where(np.isfinite(bound[-1, -rows:]), 1 + AT_LIMIT, np.inf)
+            bound[-1, -rows:] = np.where(np.isfinite(bound[-1, -rows:]), 1 + SAME, np.inf)
         return replace(base, path_bound=bound)
 
     def scaled(self, values: Array, order: int) -> Array:

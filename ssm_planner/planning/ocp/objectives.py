@@ -23,11 +23,9 @@ from ssm_planner.planning.ocp.refinement import (
 )
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
-from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.tolerances import GAP, SAME
 from ssm_planner.problem import Objective
 
-HOPELESS = 1.01
-"""Ratio to the requested duration above which the fastest motion is not refined any further."""
 CENTRING = 8
 """Largest number of iterations that centre a solution for Ipopt."""
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
@@ -51,7 +49,7 @@ def find_fastest_motion(
     cutoff : float
         Duration in scaled time beyond which the motion is not refined any further.
     """
-    cutoff = cutoff if duration is None else HOPELESS * duration
+    cutoff = cutoff if duration is None else (1 + GAP) * duration
     return solve_to_tolerance(RefinementState.from_guess(problem, guess), "time", cutoff=cutoff)
 
 
@@ -88,7 +86,7 @@ def finish(
     NlpSolution
         The motion, or the status of the failure.
     """
-    cutoff = cutoff if duration is None else HOPELESS * duration
+    cutoff = cutoff if duration is None else (1 + GAP) * duration
     if not fastest.solution.solved or fastest.solution.times.sum() > cutoff:
         return fastest.solution
     confirmed = _confirm(fastest, "time")

@@ -14,7 +14,7 @@ from ssm_planner.elements.rows import RowName
 from ssm_planner.planning.ocp.nlp import BoundaryConditions, Method, NlpData, NlpStructure
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
-SHORTEST = 0.2
+SHORTEST = 0.01
 """Smallest time of a block, as a share of the guess's."""
 
 
@@ -40,8 +40,6 @@ class OcpProblem(ABC):
     """True for joints that begin the motion at rest, (4,)."""
     method: Method = "Ipopt"
     """Solution method."""
-    shortest: float = SHORTEST
-    """Smallest time of a block, as a share of the guess's."""
 
     @property
     @abstractmethod
@@ -82,7 +80,7 @@ class OcpProblem(ABC):
         return NlpData(
             element_parameters=self.element_parameters(elements),
             fractions=self.fractions,
-            least_times=self.shortest * self.times,
+            least_times=SHORTEST * self.times,
             lower=lower,
             upper=upper,
             velocity=v_bounds,

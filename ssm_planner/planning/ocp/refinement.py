@@ -48,8 +48,7 @@ CUTS = 2
 BACKOFF = 2.0
 """Ratio of the added backoff to the violation."""
 ROUNDS = 12
-HEAT_ROUNDS = 4
-"""The fastest motion is already good, so cooling it must not take long."""
+"""Largest number of solves."""
 SOLVE = 0.02
 PRICES = {
     ("structured", False): 6e-6,
@@ -189,10 +188,9 @@ def solve_to_tolerance(
     cutoff : float
         Duration beyond which the refinement ends, since it only makes a motion longer.
     """
-    rounds = HEAT_ROUNDS if aim == "heat" else ROUNDS
     iterations = 0
     feasible = False
-    for k in range(1, rounds + 1):
+    for k in range(1, ROUNDS + 1):
         program = state.program(aim, duration)
         solution = state.solve(program, aim)
         iterations += solution.iterations
@@ -204,7 +202,7 @@ def solve_to_tolerance(
             break
         violation = state.problem.row_maxima(solution.elements) - 1
         feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
-        if feasible or k == rounds:
+        if feasible or k == ROUNDS:
             break
         state = _next_state(state, solution, violation, k, may_cut=aim != "heat")
     return RefinedMotion(replace(solution, iterations=iterations), state, feasible, program=program)

@@ -14,7 +14,7 @@ import numpy as np
 from ssm_planner.elements.compiled import native_elements
 from ssm_planner.elements.element import ElementModel
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, TOLERANCE, solve
+from ssm_planner.interior.solve import BARRIER, TOLERANCE, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.ocp.nlp import (
     InitialPoint,
@@ -29,17 +29,8 @@ from ssm_planner.typing import Array, Indices
 
 ITERATIONS = 600
 """Largest number of iterations for each exponent of the barrier."""
-SLOWLY = 1.2
-"""Exponent of the barrier if the usual one does not converge.
-
-It is tried first for motions with several times and without jerk limits, on which the usual one
-fails more often and takes more iterations.
-"""
-PATIENT = 1.2, 1.1, 1.3
-"""Exponents of the barrier for a row with a rounded edge, as that of the lens.
-
-One of them usually converges.
-"""
+EXPONENTS = 1.2, 1.5, 1.1, 1.3
+"""Exponents by which the weight of the barrier falls. One of them usually converges."""
 SLOWER = 1.2
 """Factor by which a guess is slowed down, so that it violates fewer rows and bounds."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
@@ -89,11 +80,7 @@ def solve_structured(
     warm = start.structured
     used = 0
     initial = _point(program, structure, data, start.x)
-    exponents: tuple[float, ...] = PATIENT if switching else (SUPERLINEAR, SLOWLY)
-    if not switching and not structure.smooth and len(data.least_times) > 1:
-        exponents = exponents[::-1]
-    if iterations < ITERATIONS:
-        exponents = exponents[:1]
+    exponents = EXPONENTS if iterations == ITERATIONS else EXPONENTS[:1]
     for superlinear in exponents if warm is None else (exponents[0], *exponents):
         outcome = solve(
             program,

@@ -9,17 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import field, replace
-from functools import cache, lru_cache, partial
-from typing import Any, Literal
-from weakref import WeakKeyDictionary
+from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.elements.compiled import MappedElements, mapped_elements
-from ssm_planner.elements.element import ElementFunctions, ElementModel, element_functions
-from ssm_planner.interior.solve import LAST_BARRIER, TOLERANCE
+from ssm_planner.elements.element import ElementModel, element_functions
+from ssm_planner.planning.ocp.ipopt import IpoptProgram, Start, build_solvers, ipopt
 from ssm_planner.planning.ocp.nlp import (
     InitialPoint,
     Multipliers,
@@ -28,7 +27,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpStructure,
 )
 from ssm_planner.trajectory import Cubic
-from ssm_planner.typing import Array, frozen
+from ssm_planner.typing import Array, frozen, record
 
 SMOOTHING = 3e-6
 """Weight of 3 ∫ (ü/limit)² dt of the joints. It determines the motion of joints that do not bind.
@@ -36,53 +35,47 @@ SMOOTHING = 3e-6
 EVEN = 1e-5
 """Weight of the variance of the blocks' times, relative to their least. It makes the mesh unique.
 """
-ITERATIONS = 300
-"""Largest number of iterations."""
-IPOPT: dict[str, Any] = {
-    "print_level": 0,
-    "sb": "yes",
-    "tol": 1e-8,
-    "mu_init": 1e-4,
-    "bound_push": 1e-2,
-    "bound_frac": 1e-2,
-    # AMD ordering. By default MUMPS takes METIS on fine meshes, which makes each iteration slower.
-    "mumps_pivot_order": 0,
-}
-FROM_BARRIER = {"bound_mult_init_method": "mu-based"}
-"""First multipliers mu_init / slack.
 
-They save a fifth of the iterations, except if jerk is limited in joints.
-"""
-WARM: dict[str, Any] = {
-    **IPOPT,
-    "mu_init": 1e-7,
-    "warm_start_init_point": "yes",
-    "warm_start_bound_push": 1e-9,
-    "warm_start_bound_frac": 1e-9,
-    "warm_start_slack_bound_push": 1e-9,
-    "warm_start_slack_bound_frac": 1e-9,
-    "warm_start_mult_bound_push": 1e-9,
-}
-"""Options for a start from the solution of the same problem with a few other bounds."""
-CONFIRMING: dict[str, Any] = {
-    **IPOPT,
-    **FROM_BARRIER,
-    "mu_init": TOLERANCE / LAST_BARRIER,
-    "bound_push": 1e-13,
-    "bound_frac": 1e-13,
-    "slack_bound_push": 1e-13,
-    "slack_bound_frac": 1e-13,
-    # With 0 Ipopt crashes if it has to treat fixed variables as free ones.
-    "bound_relax_factor": 1e-12,
-    "constr_mult_init_max": 1e10,
-}
-"""Options for a start from a solution of the structured solver.
 
-Its slacks and its last barrier weight give its multipliers, so the initial point is a solution for
-Ipopt if it is one at all.
-"""
-CONFIRMING_ITERATIONS = 30
-Start = Literal["cold", "warm", "confirming"]
+@record
+class _Symbols:
+    """Variables and parameters of a program with n elements, m coordinates and b blocks."""
+
+    x: ca.MX
+    """u, u̇, ü at the start and ü at the end of every element, (4 m, n)."""
+    times: ca.MX
+    """Times of the blocks, (b,)."""
+    cubic: Cubic
+    """The elements as cubics, (m, n) each."""
+    z: ca.MX
+    """The elements as vectors [u; u̇; ü; ü; h], (4 m + 1, n)."""
+    element_parameters: list[ca.MX]
+    """Parameters of the element model, (size, n) or (size, 1) each."""
+    own_parameters: ca.MX
+    layout: Layout
+    p: Any
+    """Parameters of the program by their names in the layout."""
+
+    @classmethod
+    def build(cls, structure: NlpStructure, element: ElementModel) -> _Symbols:
+        """Return the symbols of a structure and an element model."""
+        n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
+        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
+        u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
+        element_parameters = [
+            ca.MX.sym(f"p{i}", size, n if per_element else 1)
+            for i, (size, per_element) in enumerate(element.parameters)
+        ]
+        layout = Layout(fractions=n, end=2 * m, jerk=m, acceleration=m, weights=2, least_times=b)
+        own_parameters = ca.MX.sym("p", layout.size)
+        p = layout.unpack(own_parameters)
+        # h_k = fraction_k T_block(k)
+        h = p.fractions.T * ca.horzcat(
+            *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
+        )
+        cubic = Cubic(u, v, a0, a1, ca.repmat(h, m, 1))
+        z = ca.vertcat(x, h)
+        return cls(x, times, cubic, z, element_parameters, own_parameters, layout=layout, p=p)
 
 
 @frozen
@@ -118,67 +111,34 @@ class Transcription:
 
         Shapes are (coordinates, elements), because CasADi maps columns.
         """
-        n = structure.elements
-        m = structure.coordinates
-        b = len(structure.block_sizes)
-
-        # Variables: u, u̇, ü at the start and ü at the end of every element, and the time T of
-        # every block.
-        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
-        u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
-
-        # Parameters: those of the element model, (size, n) or (size, 1), and those of the program.
-        element_parameters = [
-            ca.MX.sym(f"p{i}", size, n if per_element else 1)
-            for i, (size, per_element) in enumerate(element.parameters)
-        ]
-        layout = Layout(fractions=n, end=2 * m, jerk=m, acceleration=m, weights=2, least_times=b)
-        own_parameters = ca.MX.sym("p", layout.size)
-        p = layout.unpack(own_parameters)
-
-        # Elements: h_k = fraction_k T_block(k) for all coordinates, and z = [u; u̇; ü; ü; h].
-        h = p.fractions.T * ca.horzcat(
-            *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
-        )
-        h_all = ca.repmat(h, m, 1)
-        cubic, z = Cubic(u, v, a0, a1, h_all), ca.vertcat(x, h)
-
-        duration = ca.sum1(times)
-        objective = p.weights[0] * duration + _regularisation(structure, cubic, times, p)
+        s = _Symbols.build(structure, element)
+        duration = ca.sum1(s.times)
+        objective = s.p.weights[0] * duration + _regularisation(structure, s.cubic, s.times, s.p)
 
         # Boundary conditions: bounds of the variables (BoundaryConditions), and static friction
-        # where a joint starts.
-        sigma, *other_parameters = element_parameters
-        breakaway = [
-            element.breakaway(
-                z[:, k], sigma[:, side], *(_column(parameter, k) for parameter in other_parameters)
-            )
-            for k, side in structure.breakaways
-        ]
-
-        # Path constraints G(z_k) and cost L(z_k) from the element model, with exact derivatives.
+        # where a joint starts. The path constraints G(z_k) and the cost L(z_k) follow from the
+        # element model, with exact derivatives.
         constraints = {
-            "dynamics": _dynamics(structure, cubic, p.end),
-            **_limits(structure, cubic, p.jerk),
-            "breakaway": ca.vertcat(*breakaway),
+            "dynamics": _dynamics(structure, s.cubic, s.p.end),
+            **_limits(structure, s.cubic, s.p.jerk),
+            "breakaway": _breakaway(structure, element, s),
             "duration": duration,
         }
-        native = mapped_elements(element, n)
-        solver = _solvers(
-            x=ca.vertcat(ca.vec(x), times),
-            p=ca.vertcat(*(ca.vec(parameter) for parameter in element_parameters), own_parameters),
+        native = mapped_elements(element, structure.elements)
+        parameters = (ca.vec(parameter) for parameter in s.element_parameters)
+        program = IpoptProgram(
+            structure,
+            x=ca.vertcat(ca.vec(s.x), s.times),
+            p=ca.vertcat(*parameters, s.own_parameters),
             objective=objective,
             constraints=ca.vertcat(*constraints.values()),
-            cost_weight=p.weights[1],
-            z=z,
-            element_parameters=element_parameters,
-            functions=element_functions(element),
-            native=native,
-            first_options={} if structure.joints and structure.smooth else FROM_BARRIER,
-            iterations=max(ITERATIONS, 2 * n),
+            cost_weight=s.p.weights[1],
+            z=s.z,
+            element_parameters=s.element_parameters,
         )
+        solver = build_solvers(program, element_functions(element), native)
         sizes = {name: rows.numel() for name, rows in constraints.items()}
-        return cls(structure, element, solver=solver, native=native, parameters=layout, sizes=sizes)
+        return cls(structure, element, solver, native=native, parameters=s.layout, sizes=sizes)
 
     def solve(self, data: NlpData, start: InitialPoint, *, confirming: bool = False) -> NlpSolution:
         """Solve with Ipopt from an initial point.
@@ -189,25 +149,26 @@ class Transcription:
         n, m = self.structure.elements, self.structure.coordinates
         if confirming:
             data = self._as_structured(data)
-        inputs = tuple(
-            (name, values.tobytes()) for name, values in self._inputs(data, start).items()
-        )
         start_kind: Start = (
             "confirming" if confirming else "cold" if start.multipliers is None else "warm"
         )
-        message, iterations, residual, objective, point = _solved(self, start_kind, inputs)
-        states = point.x[: 4 * m * n].reshape(n, 4 * m)
-        times = point.x[4 * m * n :]
+        result, stats = ipopt(self.solver(start_kind), **self._inputs(data, start))
+        if self.native is not None:
+            self.native.check()
+        x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
+        point = InitialPoint(x, (lam_x, lam_g))
+        states = x[: 4 * m * n].reshape(n, 4 * m)
+        times = x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
         return NlpSolution(
-            message,
+            str(stats["return_status"]),
             self.structure,
             elements,
             times,
-            iterations=iterations,
-            residual=residual,
+            iterations=int(stats["iter_count"]),
+            residual=max(stats["iterations"][name][-1] for name in ("inf_pr", "inf_du")),
             point=point,
-            objective=objective,
+            objective=float(result["f"]),
             multipliers=self._multipliers(data, point),
         )
 
@@ -317,171 +278,19 @@ def _limits(structure: NlpStructure, cubic: Cubic, jerk: ca.MX) -> dict[str, ca.
     }
 
 
-def _solvers(
-    *,
-    x: ca.MX,
-    p: ca.MX,
-    objective: ca.MX,
-    constraints: ca.MX,
-    cost_weight: ca.MX,
-    z: ca.MX,
-    element_parameters: list[ca.MX],
-    functions: ElementFunctions,
-    native: MappedElements | None,
-    first_options: dict[str, Any],
-    iterations: int,
-) -> Callable[[Start], ca.Function]:
-    """Return Ipopt for every kind of start, for elements z (4 m + 1, n).
-
-    The program is
-
-        min   f(x) = objective + w Σ L(z_k)
-        s.t.  bounds on g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant.
-
-    One Jacobian and one Hessian of the element, in C or as expanded expressions, serve every
-    element. This is several times faster than differentiating the mapped element, and gives the
-    same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k),
-
-        ∇g = [∂constraints/∂x; diag(∂G/∂z(z_k)) S],   ∇f = ∇objective + w Sᵀ [∇L(z_k)]_k,
-        ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S.
-    """
-    n, of_x = z.size2(), ca.jacobian(ca.vec(z), x)
-    of_elements = partial(_of_elements, native, z, element_parameters)
-    jacobians = _block_diagonal(
-        of_elements(functions.jacobian), functions.jacobian.sparsity_out(0), n
-    )
-    g = ca.vertcat(constraints, ca.vec(of_elements(functions.rows)))
-    jac_g = ca.vertcat(ca.jacobian(constraints, x), jacobians @ of_x)
-
-    lam_f = ca.MX.sym("lam_f")
-    lam_g = ca.MX.sym("lam_g", g.numel())
-    lam_constraints = lam_g[: constraints.numel()]
-    lam_rows = lam_g[constraints.numel() :]
-    multipliers = ca.reshape(lam_rows, -1, n)
-    f = objective
-    same_f = objective
-    grad_f = ca.gradient(objective, x)
-    if functions.cost is not None and functions.gradient is not None:
-        f += cost_weight * ca.sum2(of_elements(functions.cost))
-        costs, slopes = of_elements(functions.gradient)
-        same_f += cost_weight * ca.sum2(costs)
-        grad_f += cost_weight * (of_x.T @ ca.vec(slopes))
-        multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * cost_weight, 1, n))
-    hessians = _block_diagonal(
-        of_elements(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n
-    )
-    hess = ca.hessian(lam_f * objective + ca.dot(lam_constraints, constraints), x)[0]
-    hess += of_x.T @ hessians @ of_x
-
-    derivatives = {
-        "grad_f": ca.Function("grad_f", [x, p], [same_f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
-        "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
-    }
-    return _ipopt_by_start({"x": x, "p": p, "f": f, "g": g}, derivatives, first_options, iterations)
-
-
-def _ipopt_by_start(
-    nlp: dict[str, ca.MX],
-    derivatives: dict[str, ca.Function],
-    first_options: dict[str, Any],
-    iterations: int,
-) -> Callable[[Start], ca.Function]:
-    """Return Ipopt for every kind of start, from a program and its derivatives."""
-    options: dict[str, Any] = {
-        "print_time": False,
-        "error_on_fail": False,
-        "no_nlp_grad": True,  # It would only serve multipliers of p, which are not needed.
-        "calc_lam_p": False,
-        **derivatives,
-    }
-    of_ipopt: dict[Start, dict[str, Any]] = {
-        "cold": {**IPOPT, **first_options, "max_iter": iterations},
-        "warm": {**WARM, "max_iter": iterations},
-        "confirming": {**CONFIRMING, "max_iter": CONFIRMING_ITERATIONS},
-    }
-    return cache(
-        lambda start: ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": of_ipopt[start]})
-    )
-
-
-def _of_elements(
-    native: MappedElements | None,
-    z: ca.MX,
-    parameters: list[ca.MX],
-    function: ca.Function,
-    *inputs: ca.MX,
-) -> Any:
-    """Return the values of a function at all elements z (4 m + 1, n), side by side."""
-    if native is not None:
-        return native.function(function)(z, *parameters, *inputs)
-    shared = [i + 1 for i, parameter in enumerate(parameters) if parameter.size2() == 1]
-    return function.map(function.name(), "serial", z.size2(), shared, [])(z, *parameters, *inputs)
-
-
-Solved = tuple[str, int, float, float, InitialPoint]
-"""Ipopt's message, iterations, KKT residual, objective and solution."""
-Inputs = tuple[tuple[str, bytes], ...]
-KEPT_SOLUTIONS = 64
-"""Largest number of cached solutions of each program. They live as long as the program itself."""
-_solutions: WeakKeyDictionary[Transcription, dict[tuple[Start, Inputs], Solved]] = (
-    WeakKeyDictionary()
-)
-
-
-def _solved(transcription: Transcription, start: Start, inputs: Inputs) -> Solved:
-    """Solve, or return the cached solution.
-
-    Relaxations and second attempts repeat most of their solves.
-    """
-    solutions = _solutions.setdefault(transcription, {})
-    key = start, inputs
-    if key in solutions:
-        return solutions[key]
-    arguments = {name: np.frombuffer(values) for name, values in inputs}
-    result, stats = ipopt(transcription.solver(start), **arguments)
-    if transcription.native is not None:
-        transcription.native.check()
-    x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
-    if len(solutions) == KEPT_SOLUTIONS:
-        del solutions[next(iter(solutions))]
-    message = str(stats["return_status"])
-    errors = (stats["iterations"][name][-1] for name in ("inf_pr", "inf_du"))
-    point = InitialPoint(x, (lam_x, lam_g))
-    solutions[key] = message, int(stats["iter_count"]), max(errors), float(result["f"]), point
-    return solutions[key]
-
-
-def forget_solutions() -> None:
-    """Clear the cache of solutions, in order to measure how long a solve takes."""
-    _solutions.clear()
+def _breakaway(structure: NlpStructure, element: ElementModel, symbols: _Symbols) -> ca.MX:
+    """Return the rows of static friction where a joint may start."""
+    sigma, *other_parameters = symbols.element_parameters
+    rows = []
+    for k, side in structure.breakaways:
+        parameters = (_column(parameter, k) for parameter in other_parameters)
+        rows.append(element.breakaway(symbols.z[:, k], sigma[:, side], *parameters))
+    return ca.vertcat(*rows)
 
 
 def forget_programs() -> None:
-    """Clear the cache of programs with their solutions, in order to free memory."""
+    """Clear the cache of programs, in order to free memory."""
     Transcription.build.cache_clear()
-
-
-def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Call a solver, and return its result and statistics.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the user interrupted the solver.
-    """
-    result = solver(**arguments)
-    stats = solver.stats()
-    # Ipopt reports nothing else after Ctrl-C.
-    if stats["return_status"] == "NonIpopt_Exception_Thrown":
-        raise KeyboardInterrupt
-    return result, stats
-
-
-def _block_diagonal(columns: ca.MX, block: ca.Sparsity, count: int) -> ca.MX:
-    """Return diag(B_1, …, B_n) of the blocks that a mapped Function returns side by side."""
-    pattern = ca.diagcat(*[block] * count)
-    return ca.MX(pattern, ca.vec(columns).nz[:]) if pattern.nnz() else ca.MX(*pattern.shape)
 
 
 def _select(values: ca.MX, mask: Any) -> ca.MX:

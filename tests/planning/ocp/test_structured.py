@@ -18,7 +18,7 @@ from ssm_planner.planning.ocp import refinement, straight
 from ssm_planner.planning.ocp.free import finish_free, solve_free
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
-from ssm_planner.planning.ocp.transcription import Transcription, forget_solutions
+from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.search import GAP
 from ssm_planner.problem.limits import TaskRate, TipSpeed
@@ -232,8 +232,8 @@ def test_ipopt_confirms_joints_that_turn_back_at_points() -> None:
     assert abs(planned.motion.confirmation.difference) <= SAME
 
 
-def test_the_mesh_is_finer_where_the_closed_form_is_not_the_fastest(
-    tilt_insert: Problem, weaker: Any, solves: list[Solve]
+def test_a_motion_without_torque_limits_that_bind_takes_the_time_of_its_slowest_joint(
+    tilt_insert: Problem, weaker: Any
 ) -> None:
     mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
     points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
@@ -244,11 +244,8 @@ def test_the_mesh_is_finer_where_the_closed_form_is_not_the_fastest(
         for way, most in zip(points[1] - points[0], limits, strict=True)
     ]
     assert found.duration == pytest.approx(max(alone), rel=1e-6)
-    coarse = max(structure.elements for structure, *_ in solves)
-    solves.clear()
     weak = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.35))
     assert solve_free(weak, mechanism, points, method="confirmed").duration > 1.01 * max(alone)
-    assert max(structure.elements for structure, *_ in solves) > 1.5 * coarse
 
 
 def test_the_fastest_motion_is_confirmed_later_to_the_same_result(
@@ -321,7 +318,6 @@ def test_same_bits_in_any_order(tilt_insert: Problem, planner: Planner) -> None:
     chosen = dataclasses.replace(tilt_insert, planner=planner)
     first = plan_motion(chosen).trajectory
     plan_motion(dataclasses.replace(other, planner=planner))
-    forget_solutions()
     again = plan_motion(chosen).trajectory
     assert first is not None
     assert again is not None
