@@ -14,7 +14,7 @@ import numpy as np
 from ssm_planner.elements.compiled import native_elements
 from ssm_planner.elements.element import ElementModel
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import BARRIER, TOLERANCE, solve
+from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, TOLERANCE, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.ocp.nlp import (
     InitialPoint,
@@ -29,8 +29,11 @@ from ssm_planner.typing import Array, Indices
 
 ITERATIONS = 600
 """Largest number of iterations for each exponent of the barrier."""
-EXPONENTS = 1.2, 1.5, 1.1, 1.3
-"""Exponents by which the weight of the barrier falls. One of them usually converges."""
+EXPONENTS = 1.2, 1.1, 1.3
+"""Exponents by which the weight of the barrier falls. One of them usually converges.
+
+A motion with one time, or with limited jerk, begins with SUPERLINEAR, which is more accurate.
+"""
 SLOWER = 1.2
 """Factor by which a guess is slowed down, so that it violates fewer rows and bounds."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
@@ -80,7 +83,10 @@ def solve_structured(
     warm = start.structured
     used = 0
     initial = _point(program, structure, data, start.x)
-    exponents = EXPONENTS if iterations == ITERATIONS else EXPONENTS[:1]
+    accurate = structure.smooth or len(data.least_times) == 1
+    exponents = (SUPERLINEAR, *EXPONENTS) if accurate and not switching else EXPONENTS
+    if iterations < ITERATIONS:
+        exponents = exponents[:1]
     for superlinear in exponents if warm is None else (exponents[0], *exponents):
         outcome = solve(
             program,
