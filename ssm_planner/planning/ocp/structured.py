@@ -84,7 +84,9 @@ def solve_structured(
     used = 0
     initial = _point(program, structure, data, start.x)
     accurate = structure.smooth or len(data.least_times) == 1
-    exponents = (SUPERLINEAR, *EXPONENTS) if accurate and not switching else EXPONENTS
+    exponents: tuple[float, ...] = (
+        (SUPERLINEAR, *EXPONENTS) if accurate and not switching else EXPONENTS
+    )
     if iterations < ITERATIONS:
         exponents = exponents[:1]
     for superlinear in exponents if warm is None else (exponents[0], *exponents):
