@@ -32,12 +32,14 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.rotations import exponential_terms, rotation, rotation_matrices
+from ssm_planner.kinematics.rotations import exponential_terms, rotation
 from ssm_planner.problem import Geometry, read_only_array
 from ssm_planner.typing import Array, record
 
 PARALLEL = 1e-9
 """Sine of the angle below which two axes count as parallel."""
+ROTATION_TOLERANCE = 2.5e-7
+"""Largest entry of RᵀR − 1 of a matrix that counts as a rotation."""
 
 
 @record
@@ -275,8 +277,14 @@ def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
 
 
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:
-    """Return R_0 with its z column set to omega3 exactly. Raises GeometryError if they disagree."""
-    matrix = rotation_matrices("tool_home", value)[0]
+    """Return R_0 with its z column set to omega3 exactly.
+
+    Raises GeometryError if they disagree or if the value is not a rotation.
+    """
+    matrix = np.asarray(value, dtype=float)
+    defect = np.abs(matrix.T @ matrix - np.eye(3)).max()
+    if not (defect <= ROTATION_TOLERANCE and np.linalg.det(matrix) > 0.0):
+        raise GeometryError(f"tool_home = {matrix.tolist()} is not a rotation")
     if np.linalg.norm(matrix[:, 2] - omega3) > 1e-6:
         raise GeometryError(
             f"tool_home: its z column {matrix[:, 2].tolist()} must be omega3 = {omega3.tolist()} "

@@ -17,9 +17,6 @@ from ssm_planner.typing import Array
 if TYPE_CHECKING:
     import casadi
 
-ROTATION_TOLERANCE = 1e-6
-"""Largest entry of RᵀR − 1 of a matrix that counts as a rotation."""
-
 
 def hat(omega: ArrayLike) -> Array:
     """Return the matrix of the cross product ω × ·, (..., 3, 3), for ω (..., 3)."""
@@ -94,45 +91,6 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
         )
         raise GeometryError(f"{name} has shape {array.shape}: must be (n, {width}){hint}")
     finite(name, array)
-    return array
-
-
-def matrices(name: str, value: ArrayLike) -> Array:
-    """Return the argument as contiguous matrices (n, 3, 3). One matrix becomes a batch of one.
-
-    Raises GeometryError for another shape. The entries are not checked.
-    """
-    array = _floats(name, value)
-    if array.shape == (3, 3):
-        array = array[np.newaxis]
-    if array.ndim != 3 or array.shape[1:] != (3, 3):
-        hint = (
-            "; of homogeneous matrices pass [:, :3, :3] and [:, :3, 3]"
-            if array.shape[-2:] == (4, 4)
-            else ""
-        )
-        raise GeometryError(f"{name} has shape {array.shape}: must be (n, 3, 3){hint}")
-    return np.ascontiguousarray(array)
-
-
-def rotation_matrices(name: str, value: ArrayLike) -> Array:
-    """Return the argument as rotation matrices (n, 3, 3). One matrix becomes a batch of one.
-
-    Raises GeometryError for a matrix that is not a rotation.
-    """
-    array = matrices(name, value)
-    finite(name, array)
-    fault = np.abs(np.swapaxes(array, 1, 2) @ array - np.eye(3)).max(axis=(1, 2))
-    mirrored = np.linalg.det(array) < 0.0
-    bad = np.flatnonzero((fault > ROTATION_TOLERANCE / 4.0) | mirrored)
-    if bad.size:
-        i = int(bad[0])
-        reason = (
-            "its determinant is -1 (a reflection)"
-            if mirrored[i]
-            else f"RᵀR differs from 1 by {fault[i]:.2g}"
-        )
-        raise GeometryError(f"{name}[{i}] of shape {array.shape} is not a rotation: {reason}")
     return array
 
 

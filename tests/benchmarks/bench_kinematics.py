@@ -19,8 +19,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from ssm_planner.kinematics.forward import forward, space_jacobian
-from ssm_planner.kinematics.inverse import inverse, inverse_task
+from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
+from tests.support.pose_inverse import inverse
 
 BATCH = 300_000
 ITERATIVE = 300

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.kinematics.forward import forward
-from ssm_planner.kinematics.inverse import inverse
 from ssm_planner.kinematics.mechanism import Mechanism
 from tests.benchmarks.bench_kinematics import RATIO, iterative_inverse
 from tests.benchmarks.measuring import Spread, in_turns
 from tests.benchmarks.section import Section
+from tests.support.pose_inverse import inverse
 
 BATCH, ITERATIVE = 100_000, 300
 

@@ -10,13 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import forward
-from ssm_planner.kinematics.inverse import LEVER, inverse, inverse_task, inverse_tip
+from ssm_planner.kinematics.inverse import inverse_task, inverse_tip
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 from tests.support.paden_kahan import subproblem_1, subproblem_2, subproblem_3_prime
+from tests.support.pose_inverse import LEVER, inverse
 
 
 def worst_miss(
@@ -234,50 +235,6 @@ def test_a_tip_at_the_rcm_keeps_the_pointing(vitreoretinal):
     reference = np.array([0.3, -0.2, 0.1, -0.01])
     kept = inverse_tip(vitreoretinal, np.zeros((1, 3)), 0.1, reference=reference)
     assert np.abs(kept.joints[0, 0, :2] - reference[:2]).max() < 1e-12
-
-
-EYE = np.eye(3)[np.newaxis]
-
-
-@pytest.mark.parametrize(
-    ("rotations", "positions", "message"),
-    [
-        (EYE, np.zeros((2, 3)), r"rotations of shape \(1, 3, 3\) and positions of shape \(2, 3\)"),
-        (np.repeat(EYE, 5, axis=0), np.zeros((3, 5)), r"positions has shape \(3, 5\).*transposed"),
-        (
-            2.0 * EYE,
-            np.zeros(3),
-            r"rotations\[0\] of shape \(1, 3, 3\) is not a rotation: RᵀR differs from 1 by 3",
-        ),
-        (-EYE, np.zeros(3), r"rotations\[0\] .*reflection"),
-        (
-            np.full((1, 3, 3), math.nan),
-            np.zeros(3),
-            r"rotations of shape \(1, 3, 3\) is not finite",
-        ),
-        (
-            EYE,
-            np.array([0.0, math.nan, 0.0]),
-            r"positions of shape \(1, 3\) is not finite at \[0, 1\]",
-        ),
-        (np.zeros((2, 9)), np.zeros((2, 3)), r"rotations has shape \(2, 9\)"),
-        (
-            np.zeros((2, 4, 4)),
-            np.zeros((2, 3)),
-            r"rotations has shape \(2, 4, 4\).*of homogeneous matrices pass \[:, :3, :3\]",
-        ),
-    ],
-)
-def test_bad_poses_name_the_argument(vitreoretinal, rotations, positions, message):
-    with pytest.raises(GeometryError, match=message):
-        inverse(vitreoretinal, rotations, positions)
-
-
-def test_one_bad_pose_in_a_batch_is_named(vitreoretinal):
-    rotations, positions = forward(vitreoretinal, np.zeros((5000, 4)))
-    rotations[4321, 0, 0] += 1e-3
-    with pytest.raises(GeometryError, match=r"rotations\[4321\] of shape \(5000, 3, 3\)"):
-        inverse(vitreoretinal, rotations, positions)
 
 
 def test_parallel_axes_have_no_inverse():

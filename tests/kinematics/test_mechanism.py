@@ -187,8 +187,8 @@ def test_bad_geometry_names_the_field(change, message):
     ("tool_home", "message"),
     [
         (np.diag([1.0, -1.0, -1.0]), "tool_home: its z column"),
-        (2.0 * np.eye(3), r"tool_home\[0\] of shape \(1, 3, 3\) is not a rotation"),
-        (np.diag([1.0, 1.0, -1.0]), r"tool_home\[0\] .*reflection"),
+        (2.0 * np.eye(3), "tool_home = .* is not a rotation"),
+        (np.diag([1.0, 1.0, -1.0]), "tool_home = .* is not a rotation"),
     ],
 )
 def test_bad_tool_frames_are_refused(tool_home, message):

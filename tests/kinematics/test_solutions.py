@@ -9,9 +9,10 @@ import pytest
 
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import forward
-from ssm_planner.kinematics.inverse import inverse, inverse_task
+from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.solutions import WEIGHTS, nearest_turn
 from ssm_planner.kinematics.task import pose_from_task
+from tests.support.pose_inverse import inverse
 
 WIDE = np.array([(-2.0 * math.pi, 2.0 * math.pi)] * 3 + [(-0.03, 0.0)])
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.kinematics.forward import forward
-from ssm_planner.kinematics.inverse import inverse
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.problem.robot import Geometry
+from tests.support.pose_inverse import inverse
 
 
 @pytest.mark.parametrize("degrees", [20.0, 30.0, 45.0, 60.0])
