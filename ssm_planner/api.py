@@ -158,7 +158,7 @@ def compare(
     recordings : mapping
         EPOS recorder exports or CSV files by joint name, with a common clock.
     counts_per_turn : int, optional
-        Increments per motor turn of a position channel, if the motor file has no encoder_counts.
+        Increments per motor turn of a position channel, if the motor file omits encoder_counts.
     lag : float
         Allowed delay of a joint at its largest speed, s. It limits the tracking error.
 

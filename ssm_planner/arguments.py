@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class _Numbers:
-    """Stands for ArrayLike, which has no instances."""
+    """Placeholder for ArrayLike, which cannot have instances."""
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:

@@ -24,7 +24,7 @@ class SsmPlannerError(Exception):
 class ProblemError(SsmPlannerError):
     """Invalid user input.
 
-    The message has file, line, key, value and allowed values as far as they are known.
+    The message states file, line, key, value and allowed values if they are available.
     """
 
     def __init__(

@@ -229,7 +229,7 @@ class Plan(ShortRepr):
     None unless the plan is solved and the certificate belongs to this trajectory, robot and limits.
     """
     reason: Reason | None = None
-    """Reason why there is no certified motion."""
+    """Reason why no motion is certified."""
     nominal_duration: float | None = None
     """Duration of the plan for nominal friction and an empty tip, s.
 
@@ -271,7 +271,7 @@ class Plan(ShortRepr):
 
     @property
     def motion(self) -> Trajectory:
-        """Trajectory of a plan that must have one. Raises TrajectoryError if there is none."""
+        """Trajectory of a plan that must have one. Raises TrajectoryError if it is missing."""
         if self.trajectory is None:
             origin = self.problem.name if self.file is None else self.file
             raise TrajectoryError(f"{origin}: this plan has no trajectory (status: {self.status})")
@@ -326,7 +326,7 @@ class Plan(ShortRepr):
         """Draw the joint positions over time with matplotlib, in deg and mm.
 
         axes: axes to draw on. The default is the current axes of pyplot, which the function
-        returns. Raises TrajectoryError if the plan has no trajectory.
+        returns. Raises TrajectoryError for a plan without a trajectory.
         """
         from matplotlib import pyplot
 
@@ -662,7 +662,7 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) -> Plan:
-    """Return the plan of a trajectory of the robot, or of a plan.json. Plans stay as they are.
+    """Return the plan of a trajectory of the robot, or of a plan.json. Plans are returned unchanged.
 
     Raises TrajectoryError for a trajectory without a robot, and what `load_plan` raises.
     """

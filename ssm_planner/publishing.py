@@ -118,7 +118,7 @@ def sha256(path: Path) -> str:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest of results or of an export in a folder, empty if there is none."""
+    """Return the manifest of results or of an export in a folder, or an empty one."""
     path = folder / MANIFEST
     try:
         if not path.is_file() or path.stat().st_size > LARGEST_MANIFEST:

@@ -52,16 +52,16 @@ class Registry(Mapping[str, N]):
         return self[name]
 
     def __getitem__(self, name: str) -> N:
-        return (self._declared if name in self._declared else self._all)[name]
+        return (self._declared if name in self._declared else self._objects)[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._all)
+        return iter(self._objects)
 
     def __len__(self) -> int:
-        return len(self._all)
+        return len(self._objects)
 
     @cached_property
-    def _all(self) -> dict[str, N]:
+    def _objects(self) -> dict[str, N]:
         from importlib.metadata import entry_points
 
         for point in entry_points(group=self.group):

@@ -55,7 +55,7 @@ def schema(kind: str) -> dict[str, Any]:
     Raises
     ------
     ProblemError
-        If there is no such kind.
+        If the kind is unknown.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def template(kind: str, name: str) -> str:
     Raises
     ------
     ProblemError
-        If there is no such kind.
+        If the kind is unknown.
 
     Examples
     --------

@@ -71,7 +71,7 @@ class Trajectory(ShortRepr):
     coefficients : (m, 6, 4)
         Coefficients in rad/s^k and m/s^k, or an object that returns them block by block.
     phases : tuple of Span
-        Named parts that follow one another. Empty if the trajectory has no named parts.
+        Named parts that follow one another. Empty if the parts are not named.
 
     Raises
     ------
@@ -122,7 +122,7 @@ class Trajectory(ShortRepr):
                 )
             if shifted.max() > LARGEST:
                 raise TrajectoryError(
-                    f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are none"
+                    f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are invalid"
                 )
         self.breaks.setflags(write=False)
         if isinstance(self.coefficients, np.ndarray):
@@ -198,7 +198,7 @@ class Trajectory(ShortRepr):
         side : {"right", "left"}
             One-sided limit at a break, where the acceleration may jump.
         clamp : bool
-            Replace a time outside the trajectory by its nearer end instead of raising an error.
+            Replace a time outside the trajectory by the nearest end instead of raising an error.
 
         Returns
         -------
@@ -292,7 +292,7 @@ class Trajectory(ShortRepr):
             coefficients = np.asarray(data["coefficients"], dtype=float)
             if breaks.ndim != 1 or coefficients.ndim != 3:
                 raise ValueError(
-                    "breaks_s is no list of numbers, or coefficients are no list of pieces"
+                    "breaks_s must be a list of numbers, and coefficients a list of pieces"
                 )
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not the pieces of a trajectory: {error}") from error

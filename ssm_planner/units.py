@@ -99,7 +99,7 @@ _AFTER = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){PER}?|s|ms|us|ns)$", 
 def of_heading(name: str) -> tuple[str, str]:
     """Return (label, unit) of a column named `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`.
 
-    The unit is "" if the name has none.
+    The unit is "" if the name does not state one.
     """
     match = _IN_BRACKETS.match(name) or _AFTER.match(name.strip())
     return (match.group(1), match.group(2).strip()) if match else (name, "")
@@ -249,7 +249,7 @@ def _plain(name: str) -> tuple[float, Dimensions] | None:
 
 
 def _name(dimensions: Dimensions) -> str:
-    """Return the name of a quantity with these dimensions, if it is known."""
+    """Return the name of a quantity with these dimensions, or the dimensions themselves."""
     for kind in KINDS.values():
         if _parsed(kind.unit)[1] == dimensions:
             return kind.name

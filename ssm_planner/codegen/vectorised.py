@@ -115,7 +115,7 @@ def steps(function: ca.Function) -> Iterator[Step]:
         name = names.get(operation)
         if name is None:
             raise NotImplementedError(
-                f"{function.name()}: CasADi operation {operation} is not known here"
+                f"{function.name()}: CasADi operation {operation} is not supported"
             )
         if name == "const":
             yield Step(

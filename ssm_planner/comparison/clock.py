@@ -120,8 +120,8 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
 def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
     """Estimate one clock from the alignments of all axes.
 
-    Only axes whose measured speed agrees with the plan in shape and size determine the clock. If
-    there is no such axis, the axis with the best agreement determines the delay.
+    Only axes whose measured speed agrees with the plan in shape and size determine the clock. Without
+    such an axis, the axis with the best agreement determines the delay.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def _refine(
     slope = np.gradient(planned_speed, planned_time)
     cutoff = FAR * float(np.abs(planned_speed).max())
     duration = float(planned_time[-1])
-    # The planned time of the middle sample hardly depends on the rate.
+    # The planned time of the middle sample is almost independent of the rate.
     middle = float(np.clip(np.mean(t) - start, 0.0, duration))
     centre = start + middle
     rate = 1.0

@@ -185,7 +185,7 @@ def compare(
     Raises
     ------
     RecordingError
-        If there is no recording, or if a recording belongs to another motion.
+        If the list of recordings is empty, or if a recording belongs to another motion.
     """
     if not recordings:
         raise RecordingError("no recording to compare with")

@@ -48,7 +48,7 @@ OUTSIDE = 0.05
 UNRESOLVED = 0.1
 """Ratio of noise to limit above which no verdict is possible."""
 STANDS = 0.02
-"""Speed below which a motor stands still, as a share of the largest planned speed.
+"""Speed below which a motor counts as at rest, as a share of the largest planned speed.
 
 It is also the smallest speed that a saturated motor loses.
 """
@@ -133,7 +133,7 @@ class AlignedAxis:
     def moving(self) -> Mask:
         """Mask (n,) of the samples in which the plan moves the joint.
 
-        It selects all samples if the joint hardly moves.
+        It selects all samples if the joint almost rests.
         """
         peak = self.plan.peak
         moving = np.abs(self.speed) > STANDS * peak
@@ -289,7 +289,7 @@ def follows_plan(axis: AlignedAxis) -> bool:
 
 
 def find_stall(axis: AlignedAxis) -> Finding | None:
-    """Return a finding if the motor stands still while the plan moves it, otherwise None.
+    """Return a finding if the motor rests while the plan moves it, otherwise None.
 
     The motor must follow the plan before and after the stall. Otherwise, the recording may belong
     to another motion.

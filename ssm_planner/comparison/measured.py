@@ -71,13 +71,12 @@ def read_measured(
     Raises
     ------
     RecordingError
-        If the file is invalid, or if the joint has no drive.
+        If the file is invalid, or if the joint lacks a drive.
     """
     axis = next(axis for axis in robot.joints if axis.name == joint)
     if axis.drive is None:
         raise RecordingError(
-            f"{path}: joint {joint} has no drive in the robot file, so nothing is known of its "
-            "motor"
+            f"{path}: the robot file states no drive for joint {joint}, so its motor is unknown"
         )
     nominal = None if axis.motor is None else axis.motor.nominal_torque
     recording = read_recording(path, nominal_torque=nominal, direction=axis.motor_direction)

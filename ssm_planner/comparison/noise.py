@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssm_planner.typing import Array, Indices, Mask
+from ssm_planner.identification.torque_map import runs
+from ssm_planner.typing import Array, Mask
 
 WINDOWS = (10e-3, 40e-3)
 """Durations of the means that are compared with limits, s."""
@@ -103,20 +104,11 @@ def worst_excess(
     return max(candidates)[1:]
 
 
-def runs(flags: Mask) -> Indices:
-    """Return the first index and the index after the last one of every run of true values (n,).
-
-    The result is (runs, 2).
-    """
-    padded = np.concatenate([[False], flags, [False]]).astype(int)
-    return np.flatnonzero(np.diff(padded)).reshape(-1, 2)
-
-
 def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:
     """Return the first index, the last index and the duration (s) of the longest run.
 
     A run is a sequence of true values in `flags` (n,) at the instants `time` (n,). The result is
-    (0, 0, 0.0) if there is none.
+    (0, 0, 0.0) without a run.
     """
-    candidates = [(int(a), int(b) - 1, float(time[b - 1] - time[a])) for a, b in runs(flags)]
+    candidates = [(a, b - 1, float(time[b - 1] - time[a])) for a, b in runs(flags)]
     return max(candidates, key=lambda run: run[2], default=(0, 0, 0.0))

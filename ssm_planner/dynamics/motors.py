@@ -16,7 +16,7 @@ from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Expression, record
 
 STILL = 1e-9
-"""A joint stands still below this fraction of its velocity limit."""
+"""A joint counts as at rest below this fraction of its velocity limit."""
 
 
 def motorised(joints: Sequence[Joint]) -> Iterator[tuple[int, Drive, Motor]]:
@@ -58,7 +58,7 @@ def motor_motion(
     body : RigidBody
     samples : Samples
     direction : (n, 4)
-        Direction of each joint, +1 or −1, or 0 for a joint that stands while its drive holds it.
+        Direction of each joint, +1 or −1, or 0 for a joint that rests while its drive holds it.
         See `directions`.
     breakaway : (n, 4) bool
         Whether the joint starts to move, so that the static friction coefficient applies.
@@ -84,7 +84,7 @@ def motor_law(
     """Return joint efforts, motor torques and mesh efforts, each (4,), in CasADi.
 
     Torques and efforts of joints without a drive are 0. direction (4,): +1, −1, or 0 for a joint
-    that stands while its drive holds it. breakaway (4,): 1 for a joint that starts to move.
+    that rests while its drive holds it. breakaway (4,): 1 for a joint that starts to move.
     """
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
     torque = ca.SX.zeros(4)

@@ -138,7 +138,7 @@ class FrictionSpread:
 
 
 def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
-    """Return what a drive file says about the uncertainty of its friction.
+    """Return the uncertainty of the friction that a drive file states.
 
     relative: relative range of all parameters whose uncertainty the file does not state. Raises
     ProblemError if the covariance is not valid.
@@ -215,7 +215,7 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
 def _value(drive: Drive, name: str) -> float:
     value = drive.preload if name == "preload" else getattr(friction_of(drive), name)
     if value is None:
-        raise _not_one(drive, f"the friction has no {name}")
+        raise _not_one(drive, f"the friction lacks {name}")
     return float(value)
 
 

@@ -17,9 +17,8 @@ the same rows hold for all drives.
 The law is piecewise linear in the acceleration. The motor accelerates the inertia
 `effective_inertia(...)[0]` while the load opposes the motion, and `effective_inertia(...)[1]` while
 the load drives it. Friction can make the second inertia negative if the inertia of the load is
-large (J_in·ratio < γ·|tan(λ − φ)|·M). A rigid drive with such a load has no unique motion: it may
-run
-ahead or jam at once.
+large (J_in·ratio < γ·|tan(λ − φ)|·M). The motion of a rigid drive with such a load is not unique: it may
+run ahead or jam at once.
 """
 
 from __future__ import annotations
@@ -259,7 +258,7 @@ def motor_acceleration(
 
     It solves motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction. The solution
     is unique if the effective inertia at the largest friction is positive. tau, w: motor torque and
-    speed. load: effort on the output besides its inertia and friction. direction: ±1.
+    speed. load: effort on the output without its inertia and friction. direction: ±1.
     """
     rows = motor_torque_rows(drive, direction, mu)
     effort = output_effort(drive, load, w / drive.ratio, 0.0, direction)

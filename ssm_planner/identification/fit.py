@@ -224,8 +224,8 @@ def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[S
 def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> dict[str, Array]:
     """Return the parameter sets of all possible laws as columns (sets,) by name.
 
-    There are columns for each parameter, for the torque at the slow speeds (2,) in rad/s, for the
-    WEIGHT, and for the LAW if several laws are possible. Missing values are NaN, except that the
+    The columns are the parameters, the torques at the slow speeds (2,) in rad/s, the WEIGHT, and the
+    LAW if several laws are possible. Missing values are NaN, except that the
     Stribeck friction of the Coulomb law is 0.
     """
     laws = []

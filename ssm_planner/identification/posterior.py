@@ -155,7 +155,7 @@ class MapModel:
 
     @cached_property
     def whiteners(self) -> list[tuple[Array, float]]:
-        """Return W (points, points) with W Wᵀ = R_c⁻¹ and ln p(c) |R_c|^(−1/2), for each c."""
+        """Return W (points, points) with W Wᵀ = R_c⁻¹ and ln p(c) |R_c|^(−1/2) of every share c."""
         related, identity = correlation(self.w, self.w), np.eye(len(self.w))
         roots = [np.linalg.cholesky((1 - c) * identity + c * related) for c in SHARES]
         return [

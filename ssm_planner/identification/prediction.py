@@ -26,7 +26,7 @@ from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
 from ssm_planner.identification.recordings import Recording
-from ssm_planner.identification.torque_map import kind_of, rest_mask
+from ssm_planner.identification.torque_map import kind_of, rest_mask, runs
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Indices, record
@@ -322,19 +322,15 @@ class Motion:
     def from_speed(time: Array, w: Array) -> Motion:
         """Return the motion for times (s) and motor speeds (rad/s), arrays (samples,)."""
         rest = rest_mask(time, w)
-        edges = np.flatnonzero(
-            np.diff(np.concatenate([[False], rest, [False]]).astype(int))
-        ).reshape(-1, 2)
+        rests = [(start, stop) for start, stop in runs(rest)]
         direction = np.sign(_fill_gaps(np.where(rest, np.nan, w)))
         direction[rest] = 0.0
-        for start, stop in edges:
+        for start, stop in rests:
             if stop < len(w):
                 lead = time[start:stop] > time[stop] - START_LEAD
                 lead[-1] = True
                 direction[start:stop][lead] = direction[stop]
-        return Motion(
-            time, w, np.gradient(w, time), direction, tuple((int(a), int(b)) for a, b in edges)
-        )
+        return Motion(time, w, np.gradient(w, time), direction, tuple(rests))
 
 
 def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: float) -> Array:

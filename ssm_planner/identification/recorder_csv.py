@@ -174,7 +174,7 @@ def parse_table(text: str, path: Path) -> Table:
     for k, line in enumerate(lines):
         if len(line) > MAX_LINE:
             raise RecordingError(
-                f"{path}:{k + 1}: a line of {len(line)} characters is no line of a table"
+                f"{path}:{k + 1}: a line of {len(line)} characters is too long for a table"
             )
     separator = _separator(lines, path)
     names_at = _find_names(lines, separator, path)
@@ -237,7 +237,7 @@ def _separator(lines: list[str], path: Path) -> str:
     for separator in (";", "\t", ","):
         if any(separator in line for line in lines[:40]):
             return separator
-    raise RecordingError(f"{path}: no columns found (separators ; tab and , are known)")
+    raise RecordingError(f"{path}: no columns found (separators are ; tab and ,)")
 
 
 def _find_names(lines: list[str], separator: str, path: Path) -> int:

@@ -170,16 +170,15 @@ def read_recordings(
     ]
 
 
-def find_spikes(values: Array, most: float = 0.01) -> NDArray[np.intp]:
+def find_spikes(values: Array) -> NDArray[np.intp]:
     """Return the indices of isolated samples of values (samples,).
 
     A gap of SPIKE_GAP times the range of all but the outermost samples separates them from the
-    others. On each side, at most a share `most` of the samples is isolated, or one sample of a
-    short recording.
+    others. On each side, at most 1 % of the samples are isolated, or one sample of a short recording.
     """
     order = np.argsort(values, kind="stable")
     ranked = values[order]
-    outermost = max(1, int(most * len(values)))
+    outermost = max(1, len(values) // 100)
     inner = ranked[outermost : len(values) - outermost]
     gap = np.diff(ranked) > SPIKE_GAP * max(float(np.ptp(inner)), 1e-12)
     below = np.flatnonzero(gap[:outermost])

@@ -32,7 +32,7 @@ FIGURES_HEADER = (
     "torque_peak_N_m",
     "samples",
 )
-"""Columns of a table of figures, for the motor in the drive's positive direction."""
+"""Columns of a table of figures. Signs are those of the drive's positive direction."""
 
 REST_TIME = 0.3
 REST_SAMPLES = 6
@@ -106,11 +106,11 @@ def rest_mask(time: Array, w: Array) -> Array:
     """
     still = np.abs(w) <= STANDSTILL
     fast = FLICKER * float(np.quantile(np.abs(w[~still]), 0.9)) if not still.all() else 0.0
-    for start, stop in _runs(~still):
+    for start, stop in runs(~still):
         if stop - start < REST_SAMPLES and np.max(np.abs(w[start:stop])) < fast:
             still[start:stop] = True
     rest = np.zeros(len(w), dtype=bool)
-    for start, stop in _runs(still):
+    for start, stop in runs(still):
         lasts = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
         at_end = start == 0 or stop == len(w)
         turns = not at_end and w[start - 1] * w[stop] < 0
@@ -118,10 +118,20 @@ def rest_mask(time: Array, w: Array) -> Array:
     return rest
 
 
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """Return the first index and one past the last index of each run of True, mask (samples,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+def runs(mask: Mask) -> list[list[int]]:
+    """Return the first index and one past the last index of each run of True.
+
+    Parameters
+    ----------
+    mask : (samples,)
+
+    Returns
+    -------
+    list of [int, int]
+    """
+    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
+    pairs: list[list[int]] = np.flatnonzero(edges).reshape(-1, 2).tolist()
+    return pairs
 
 
 def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:

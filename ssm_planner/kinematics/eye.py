@@ -22,8 +22,8 @@ NO_LENGTH = 1e-12
 def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
     """Return the distance of the tip from the retina in m, which must be at least eye.clearance.
 
-    It is max(R − |p − c|, clearance + port − |p|), because there is no retina within the distance
-    `port` of the remote centre. The function is continuous but has kinks. The check uses it, and
+    It is max(R − |p − c|, clearance + port − |p|), because the retina has a hole with the radius
+    `port` about the remote centre. The function is continuous but has kinks. The check uses it, and
     the optimiser uses `retina_row`.
     """
     depth = eye.radius - xp.sqrt(_square(_minus(tip, eye.centre)))
@@ -91,8 +91,8 @@ def _lens_square(xp: Namespace, lens: Lens, tip: Any) -> Any:
     offset = [-_dot(row, lens.centre.tolist()) for row in scale]
     shaft = [_dot(row, tip) for row in scale]
     length = _square(shaft)
-    # without a length there is no foot: the guarded quotient keeps value and derivatives finite
-    # there
+    # A shaft without a length does not determine the foot of the perpendicular. The guarded
+    # quotient keeps value and derivatives finite.
     foot = -_dot(offset, shaft) / xp.where(length > NO_LENGTH, length, 1.0)
     foot = xp.where(foot > 0.0, xp.where(foot < 1.0, foot, 1.0), 0.0)
     return _square([b + foot * s for b, s in zip(offset, shaft, strict=True)])

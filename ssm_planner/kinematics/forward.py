@@ -151,7 +151,7 @@ def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
     bounds = {type(limit): limit.largest for limit in limits}
     for limit_type in bounds:
         if limit_type not in JACOBIANS:
-            raise ProblemError(f"kinematics/forward.py has no Jacobian for {limit_type.__name__}")
+            raise ProblemError(f"kinematics/forward.py lacks a Jacobian for {limit_type.__name__}")
     return np.array([bounds.get(limit_type, unlimited) for limit_type in JACOBIANS])
 
 

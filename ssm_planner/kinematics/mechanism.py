@@ -337,7 +337,7 @@ def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
 
 
 def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) -> tuple[Any, Any]:
-    """Return (C², S²), proportional to cos²(x/2) and sin²(x/2), for the cosine and sine of φ/2.
+    """Return (C², S²), proportional to cos²(x/2) and sin²(x/2), from the cosine and sine of φ/2.
 
     C² = sin((α + β + φ)/2) sin((α + β − φ)/2) and S² = sin((φ + α − β)/2) sin((φ − α + β)/2).
     Each vanishes at one end of the workspace and is negative beyond it. Their sum is sin α sin β

@@ -22,7 +22,7 @@ SAME = 1e-7
 
 @record
 class ToolPose(ShortRepr):
-    """Pose of the tool in the base frame, rad and m, for one configuration or for n."""
+    """Pose of the tool in the base frame, rad and m, in one or in n configurations."""
 
     rotation: Array
     """Rotation base ← tool, (3, 3) or (n, 3, 3)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from ssm_planner.paper.section import Section
 from ssm_planner.problem import (
     Body,
     Drive,
+    FrictionLawName,
     Motorisation,
     Robot,
     possible,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 
 FORMS = ("exp(−2x)", "exp(−x²)")
+STRIBECK_LAWS: tuple[FrictionLawName, ...] = ("stribeck_exponential", "stribeck_gaussian")
 
 
 def departures_section(
@@ -115,12 +117,9 @@ def _stribeck_figure() -> Figure:
     figure = new_figure(4.8, 3.2)
     axes = figure.subplots()
     x = np.linspace(0.0, 3.0, 301)
-    shapes = (
-        ("stribeck_exponential", f"{FORMS[0]}, the package", "-"),
-        ("stribeck_gaussian", f"{FORMS[1]}, a Gaussian", "--"),
-    )
-    for k, (law, label, dash) in enumerate(shapes):
-        axes.plot(x, stribeck_shape(law, x), dash, color=COLOURS[k], label=label)
+    styles = ((f"{FORMS[0]}, the package", "-"), (f"{FORMS[1]}, a Gaussian", "--"))
+    for law, (label, dash), colour in zip(STRIBECK_LAWS, styles, COLOURS, strict=False):
+        axes.plot(x, stribeck_shape(law, x), dash, color=colour, label=label)
     finish(axes, "speed by the Stribeck speed", "Stribeck's part of μ by its value at rest")
     legend(axes)
     return figure
@@ -193,10 +192,19 @@ def largest_change(
 
     Joints without a load have 0.
     """
-    change = dict.fromkeys(DRIVEN, 0.0)
-    for a, b in zip(first_loads, second_loads, strict=True):
-        change[a.joint] = max(change[a.joint], float(np.abs(b.torque() - a.torque()).max()))
-    return change
+    pairs = zip(first_loads, second_loads, strict=True)
+    return _largest((a.joint, b.torque() - a.torque()) for a, b in pairs)
+
+
+def _largest(values: Iterable[tuple[str, Array]]) -> dict[str, float]:
+    """Return the largest magnitude of the values (n,) of each driven joint.
+
+    values: pairs of joint and values; a joint may occur several times.
+    """
+    largest = dict.fromkeys(DRIVEN, 0.0)
+    for joint, value in values:
+        largest[joint] = max(largest[joint], float(np.abs(value).max()))
+    return largest
 
 
 def _flipped(body: Body) -> Body:
@@ -228,45 +236,38 @@ class StribeckForms:
 
 
 def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
-    """Compare both forms on one rig. Returns None if its authors give no Stribeck speed."""
-    pair = tuple(
-        published_drive(drive, law) for law in ("stribeck_exponential", "stribeck_gaussian")
-    )
-    exponential, gaussian = pair
+    """Compare both forms on one rig. Returns None if its authors omit the Stribeck speed."""
+    exponential, gaussian = (published_drive(drive, law) for law in STRIBECK_LAWS)
     speed = friction_of(exponential).stribeck_speed
     if not speed:
         return None
     x = np.linspace(0.0, 4.0, 4001)
-    gap = np.abs(stribeck_shape("stribeck_gaussian", x) - stribeck_shape("stribeck_exponential", x))
-    widest = float(x[int(np.argmax(gap))])
+    shapes = [stribeck_shape(law, x) for law in STRIBECK_LAWS]
+    widest = float(x[int(np.argmax(np.abs(shapes[1] - shapes[0])))])
+    rig = result.rig
     gaussian_fit = fit_map(
-        drive,
-        result.data,
-        result.rig.F_payload,
-        law="stribeck_gaussian",
-        reference=result.rig.published,
+        drive, result.data, rig.F_payload, law=STRIBECK_LAWS[1], reference=rig.published
     )
-    both_fits = (result.fits["stribeck_exponential"], gaussian_fit)
+    first_fit, second_fit = fits = (result.fits[STRIBECK_LAWS[0]], gaussian_fit)
+
+    def coefficients(ratio: float) -> tuple[float, float]:
+        """Return the friction coefficients of both forms at a multiple of the Stribeck speed."""
+        first, second = (
+            float(friction_coefficient(friction_of(form), ratio * speed))
+            for form in (exponential, gaussian)
+        )
+        return first, second
+
+    first_speed, second_speed = (fit.estimates["stribeck_speed"].value for fit in fits)
     return StribeckForms(
         result.title,
-        mu=tuple((_mu(exponential, s * speed), _mu(gaussian, s * speed)) for s in STRIBECK_SPEEDS),
-        largest=(widest, _mu(exponential, widest * speed), _mu(gaussian, widest * speed)),
+        mu=tuple(map(coefficients, STRIBECK_SPEEDS)),
+        largest=(widest, *coefficients(widest)),
         published_nrmsd=(result.map_nrmsd(exponential), result.map_nrmsd(gaussian)),
-        fitted_nrmsd=(both_fits[0].nrmsd, both_fits[1].nrmsd),
-        fitted_speed=(
-            both_fits[0].estimates["stribeck_speed"].value,
-            both_fits[1].estimates["stribeck_speed"].value,
-        ),
-        criterion=(
-            both_fits[0].criterion["stribeck_exponential"],
-            both_fits[1].criterion["stribeck_gaussian"],
-        ),
+        fitted_nrmsd=(first_fit.nrmsd, second_fit.nrmsd),
+        fitted_speed=(first_speed, second_speed),
+        criterion=(first_fit.criterion[first_fit.law], second_fit.criterion[second_fit.law]),
     )
-
-
-def _mu(drive: Drive, w: float) -> float:
-    """Return the friction coefficient at a motor speed in rad/s."""
-    return float(friction_coefficient(friction_of(drive), w))
 
 
 @frozen
@@ -288,11 +289,8 @@ def subtracted(load: JointLoad) -> JointLoad:
 
 def velocity_sign(loads: Sequence[JointLoad]) -> VelocitySign:
     """Compute the influence of the sign of the velocity product over a motion."""
-    effort = dict.fromkeys(DRIVEN, 0.0)
-    gravity = dict.fromkeys(DRIVEN, 0.0)
-    for load in loads:
-        effort[load.joint] = max(effort[load.joint], float(np.abs(load.velocity).max()))
-        gravity[load.joint] = max(gravity[load.joint], float(np.abs(load.gravity).max()))
     return VelocitySign(
-        effort, gravity, largest_change(loads, [subtracted(load) for load in loads])
+        _largest((load.joint, load.velocity) for load in loads),
+        _largest((load.joint, load.gravity) for load in loads),
+        largest_change(loads, [subtracted(load) for load in loads]),
     )

@@ -91,7 +91,7 @@ def plan_mission(
         stopped = came()
     if stopped:
         progress(Step("stopped: the best motion so far is taken"))
-    return search.listed, search.best_problem, stopped
+    return search.outcome, search.best_problem, stopped
 
 
 @dataclass
@@ -109,7 +109,7 @@ class _Search:
     """Alternatives by the index of their phase, as `Evaluation.described` returns them."""
 
     @property
-    def listed(self) -> Outcome:
+    def outcome(self) -> Outcome:
         """The best motion with all alternatives among its candidates."""
         planned = self.best.planned
         candidates = list(planned.candidates)

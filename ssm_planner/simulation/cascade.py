@@ -82,7 +82,7 @@ class LoopStep:
 def electrics_of(joint: Joint, controller: Controller) -> Electrics:
     """Return the winding and the supply of a joint's motor.
 
-    Raises ProblemError if the joint has no motor or the motor file no torque constant.
+    Raises ProblemError if the joint lacks a motor or the motor file lacks the torque constant.
     """
     motor = joint.motor
     if motor is None or motor.torque_constant is None:
@@ -156,7 +156,7 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
     D = 2·0.7·J·ω/k and I = 0.1·ω·P. If the controller receives no torque offsets, FF_v = b_v/k and
     FF_a = J/k. Otherwise both are 0, because the offsets contain these torques.
 
-    Raises ProblemError if the joint has no drive, or if the drive file does not state the inertia
+    Raises ProblemError if the joint lacks a drive, or if the drive file does not state the inertia
     that the default gains need.
     """
     drive, axis = joint.drive, controller.axis(joint.name)

@@ -83,14 +83,14 @@ def drawn_frictions(
     count
         Number of draws.
     spread
-        Relative range of parameters for which the drive file states no uncertainty.
+        Relative range of parameters whose uncertainty the drive file omits.
 
     Returns
     -------
     frictions : (count, 28)
         Parameters in the layout of `ArmPlant.friction`.
     notes
-        Remarks on drive files that state no uncertainty.
+        Remarks on drive files that omit the uncertainty.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Advance a simulated drive by one step, in CasADi. The drive slides, stops or stands still."""
+"""Advance a simulated drive by one step, in CasADi. The drive slides, stops or rests."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def drive_step(
     drive
         The drive.
     w
-        Motor speed, rad/s. Exactly 0 means that the drive stands still.
+        Motor speed, rad/s. Exactly 0 means that the drive rests.
     rest
         Time since the drive stopped, s.
     tau

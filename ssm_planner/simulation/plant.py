@@ -25,6 +25,9 @@ from ssm_planner.problem import Drive, Robot
 from ssm_planner.simulation.drive import drive_step, stalled
 from ssm_planner.typing import Array, frozen, record
 
+DAMPING_RATIO = 0.3
+"""Assumed damping ratio of all joints with locked drives."""
+
 
 @record
 class Compliance:
@@ -43,12 +46,11 @@ class Compliance:
         body: RigidBody,
         q: Array,
         frequency: tuple[float, float, float, float] = (30.0, 30.0, 30.0, 100.0),
-        damping_ratio: float = 0.3,
-        backlash: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> Compliance:
         """Compute stiffness and damping from the natural frequencies of the joints.
 
-        The default values are assumptions, not measurements.
+        The default values and the damping ratio DAMPING_RATIO are assumptions, not measurements.
+        The joints are free of backlash.
 
         Parameters
         ----------
@@ -58,18 +60,10 @@ class Compliance:
             Joint positions at which the frequencies apply, (4,), rad and m.
         frequency
             Natural frequency of each joint with locked drives, Hz.
-        damping_ratio
-            Damping ratio of all joints.
-        backlash
-            Free play of each joint, rad and m.
         """
         inertia = np.diag(body.mass_matrix(np.reshape(q, (1, 4)))[0])
         omega = 2.0 * math.pi * np.asarray(frequency)
-        return cls(
-            inertia * omega**2,
-            2.0 * damping_ratio * inertia * omega,
-            np.asarray(backlash, dtype=float),
-        )
+        return cls(inertia * omega**2, 2.0 * DAMPING_RATIO * inertia * omega)
 
     def stretch(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
         """Return the deflection of a joint's spring.
@@ -279,7 +273,7 @@ class ArmPlant:
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
-        """Return the drive of the joint with index k. Raises GeometryError if it has none."""
+        """Return the drive of the joint with index k. Raises GeometryError for a joint without a drive."""
         drive = self.robot.joints[k].drive
         if drive is None:
             raise GeometryError(f"joint {k + 1} has no drive")

@@ -8,12 +8,14 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen.vectorised import dense
+from ssm_planner.dynamics import RigidBody
 from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.formats.epos4 import Stream
 from ssm_planner.formats.epos4_setup import Axis
 from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
 from ssm_planner.simulation.plant import (
+    DAMPING_RATIO,
     FRICTION,
     INTEGRAL,
     MOTOR,
@@ -141,14 +143,13 @@ def commands(
     )
 
 
-def compliance_of(plant_robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
+def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
     """Return the springs, dampers and backlash between the drives and the joints.
 
     Values that the controller file does not state are assumed. `scale` multiplies stiffness and
     damping.
     """
-    body = ArmPlant(plant_robot, None, controller.loop_period).body
-    frequency, backlash, ratios = list(FREQUENCIES), list(BACKLASH), [0.3] * 4
+    frequency, backlash, ratios = list(FREQUENCIES), list(BACKLASH), [DAMPING_RATIO] * 4
     for k, name in enumerate(JOINTS):
         stated = controller.compliance.get(name)
         if stated is not None:
@@ -156,9 +157,11 @@ def compliance_of(plant_robot: Robot, controller: Controller, scale: float = 1.0
             backlash[k] = backlash[k] if stated.backlash is None else stated.backlash
             ratios[k] = stated.damping_ratio
     default = Compliance.of_frequency(
-        body, np.zeros(4), (frequency[0], frequency[1], frequency[2], frequency[3])
+        RigidBody.from_robot(robot),
+        np.zeros(4),
+        (frequency[0], frequency[1], frequency[2], frequency[3]),
     )
-    damping = default.damping * np.asarray(ratios) / 0.3
+    damping = default.damping * np.asarray(ratios) / DAMPING_RATIO
     return Compliance(default.stiffness * scale, damping * scale, np.asarray(backlash))
 
 

@@ -37,7 +37,7 @@ from ssm_planner.typing import Array, frozen, record
 PERIOD = 1
 """Period of the exported set points, ms."""
 COUNTS = 4096
-"""Increments per motor turn, if neither the motor file nor the controller file states them.
+"""Increments per motor turn, if the files of motor and controller omit them.
 
 The test rigs of the paper have this value.
 """
@@ -49,14 +49,14 @@ The tremor of an unaided hand has about this size (0.05 to 0.18 mm RMS).
 SETTLE = 0.2
 """Time for which the drives hold the target before they lose power, s."""
 HORIZON = 1.0
-"""Time after a loss of power within which the arm must stand still, s."""
+"""Time after a loss of power within which the arm must come to rest, s."""
 STILL = 0.05
 """Time without motion after which the arm counts as standing still, s.
 
 A joint that swings on its spring turns back within this time.
 """
 STANDS = 1e-3
-"""Speed below which a joint with a resting motor stands still, as a share of the velocity limit."""
+"""Speed below which a joint with a resting motor counts as at rest, as a share of the velocity limit."""
 EVERYWHERE: Literal["everywhere"] = "everywhere"
 
 
@@ -93,7 +93,7 @@ class Scenario:
     draws: int = 0
     """Number of additional playbacks with random friction from the data of the drive files."""
     spread: float | None = None
-    """Relative range of friction for which the drive file states no uncertainty.
+    """Relative range of friction whose uncertainty the drive file omits.
 
     None means that such friction is certain.
     """
@@ -194,7 +194,7 @@ class PowerLosses(ShortRepr):
     travel: Array
     """Largest distance of the tip from its position at the loss, (n,), m."""
     standing: Array
-    """Time until the arm stands still, (n,), s. Infinite if it exceeds HORIZON."""
+    """Time until the arm rests, (n,), s. Infinite if it exceeds HORIZON."""
 
     @property
     def holds(self) -> bool:
@@ -247,7 +247,7 @@ class SimulationResult(ShortRepr):
 
     @property
     def passed(self) -> bool:
-        """True if there is no reason for a failure.
+        """True if the list of reasons is empty.
 
         Reasons are a tripped drive, a saturated motor, a large tip error, and an arm that does not
         come to rest without power.
@@ -419,7 +419,7 @@ class _Stage:
         return PowerLosses(instants, travel, standing)
 
     def _stop(self, state: Array, off: Commands, instant: float) -> tuple[float, float]:
-        """Simulate the arm without power, from a state (44,) until it stands still.
+        """Simulate the arm without power, from a state (44,) until it rests.
 
         Parameters
         ----------
@@ -435,7 +435,7 @@ class _Stage:
         travel : float
             Largest distance of the tip from its initial position, m.
         time : float
-            Time until the arm stands still, s. Infinite if it still moves at the end of `off`.
+            Time until the arm rests, s. Infinite if it still moves at the end of `off`.
         """
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
         states, chunk, still_periods = [state[None, :]], 250, round(STILL / self.period)
@@ -454,7 +454,7 @@ class _Stage:
         return travel, float(self.period * periods) if stopped else np.inf
 
     def _standing(self, states: Array) -> Array:
-        """Return a mask (n,) of the states (n, 44) in which all motors and joints stand still."""
+        """Return a mask (n,) of the states (n, 44) in which all motors and joints rest."""
         largest = np.array([STANDS * joint.velocity for joint in self.plan.robot.joints])
         joints_stand = np.all(np.abs(states[:, QD]) <= largest, axis=1)
         return np.all(states[:, W] == 0.0, axis=1) & joints_stand

@@ -65,7 +65,7 @@ class MotorVerdict(ShortRepr):
     gear: tuple[Check, ...]
     """Checks of the gear or screw."""
     probability: float | None
-    """Probability that the motor keeps all its limits at once. None if it is not known."""
+    """Probability that the motor keeps all its limits at once. None if it is unknown."""
     heat: Heat | None
     """Winding temperatures. None if the motor file lacks thermal data."""
     regions: dict[str, float] | None
@@ -81,7 +81,7 @@ class MotorVerdict(ShortRepr):
     def adequate(self) -> bool | None:
         """True if every check of the motor passes and no check of its gear fails.
 
-        None if this is not known. The answer True has the confidence that `Conditions` states.
+        None if this is unknown. The answer True has the confidence that `Conditions` states.
         """
         gear_fails = any(check.passed is False for check in self.gear)
         return False if gear_fails else all_of(check.passed for check in self.checks)

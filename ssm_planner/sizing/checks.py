@@ -41,7 +41,7 @@ class Check(ShortRepr):
     nominal: float | None = None
     """Demand at the stated friction."""
     probability: float | None = None
-    """Probability that the limit is kept. None if the uncertainty of the friction is not known."""
+    """Probability that the limit is kept. None if the uncertainty of the friction is unknown."""
     needs: str | None = None
     best_margin: float | None = None
     """Margin at the favourable end of the uncertain data. None if `margin` is certain."""
@@ -105,7 +105,7 @@ class Case:
         demand
             Name of the demand.
         limit
-            Upper limit, in the SI unit `unit`. Infinity means that there is no limit.
+            Upper limit, in the SI unit `unit`. Infinity means that nothing limits the demand.
         unit
             Unit of the limit.
         factor
@@ -263,7 +263,7 @@ def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
 def _locking(case: Case) -> Check:
     """Check the condition of self-locking, μ > cos θ_n·tan λ, at the lowest plausible friction.
 
-    If the lowest friction is not known, the check contains only the nominal μ and names the data
+    If the lowest friction is unknown, the check contains only the nominal μ and names the data
     that it needs.
     """
     drive = case.load.drive

@@ -267,7 +267,7 @@ def _drawn_demands(
     """Return the demands (draws, 5) at one corner of the ranges."""
     moving = np.flatnonzero(load.direction != 0)
     standing = np.flatnonzero(load.direction == 0)
-    # A self-locking drive at rest needs no torque at any friction, and its effort stays the same.
+    # At any friction, a self-locking drive rests without torque, and its effort stays the same.
     torque_free = len(standing) > 0 and len(moving) > 0 and not np.any(load.torque()[standing])
     subset = replace(load.subset(moving), weight=load.weight[moving]) if torque_free else load
     values = spread.values(deviations)

@@ -122,7 +122,7 @@ class DutyCycle:
 
 
 def no_drive(joint: str, file: str | None = None, motor: str | None = None) -> ProblemError:
-    """Build the error for a motor on a joint that has no drive."""
+    """Build the error for a motor on a joint without a drive."""
     if joint not in JOINTS:
         return ProblemError("no joint of this name", key=joint, allowed=", ".join(JOINTS))
     return ProblemError(

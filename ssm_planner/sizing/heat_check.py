@@ -39,7 +39,7 @@ class Heat(ShortRepr):
     limit: float
     """Largest permitted winding temperature."""
     nominal_winding: float | None
-    """Peak winding temperature at the stated friction. None if there is no steady state."""
+    """Peak winding temperature at the stated friction. None without a steady state."""
     winding: float | None
     """Peak winding temperature at the RMS torque with the required confidence, or None."""
     model: ThermalModel
@@ -119,8 +119,8 @@ def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
     The factor is 0 if the ambient temperature reaches the limit. The search is regula falsi over
     the square of the factor. The temperature rise is a convex function of it, so the chord moves
     only the lower end of the bracket. Therefore, the excess at the upper end is halved from the
-    second such step on (Illinois method). The search bisects while the upper end has no steady
-    state.
+    second such step on (Illinois method). The search bisects while the upper end lacks a
+    steady state.
     """
     allowed = limit - model.ambient
     if allowed <= 0:

@@ -55,7 +55,7 @@ class JointLoad(ShortRepr):
     gravity: Array
     """Effort of gravity, N·m or N."""
     direction: Array
-    """Direction of motion: +1, −1, or 0 while the drive stands still."""
+    """Direction of motion: +1, −1, or 0 while the drive rests."""
     breakaway: Array
     """1 at instants at which the joint starts from rest, else 0."""
     weight: Array

@@ -8,12 +8,14 @@ was identified together with the motor.
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem import Bound, Motor
-from ssm_planner.typing import Array, Range, frozen
+from ssm_planner.problem import Bound, Motor, NotNegative, Value
+from ssm_planner.problem.value import Positive
+from ssm_planner.typing import Array, Range, record
 
 REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance, torque constant and nominal torque, K."""
@@ -26,45 +28,31 @@ It is the least favourable value for neodymium magnets.
 """
 
 
-@frozen
-class Conditions:
-    """Operating conditions of the motors, and the required confidence of the answer."""
+@record
+class Conditions(Value):
+    """Operating conditions of the motors, and the required confidence of the answer.
 
-    ambient: float = REFERENCE_TEMPERATURE
+    Raises ProblemError if a value is not in its range.
+    """
+
+    ambient: Annotated[float, Bound(at_least=200.0, at_most=400.0)] = REFERENCE_TEMPERATURE
     """Ambient temperature, K."""
-    supply_voltage: float | None = None
+    supply_voltage: Positive | None = None
     """Supply voltage of the motor controller, V. None means the motor's nominal voltage."""
-    current_limit: float | None = None
+    current_limit: Positive | None = None
     """Current limit of the motor controller, A. None means that it is not checked."""
-    pause: float = 0.0
+    pause: NotNegative = 0.0
     """Rest after each repetition of the motion, s."""
-    confidence: float = 0.99
+    confidence: Annotated[float, Bound(at_least=0.5, at_most=0.999)] = 0.99
     """Probability with which "adequate" is claimed."""
-    draws: int = 0
-    """Number of Monte Carlo draws of the friction. 0 means a linearised calculation."""
-    spread: float | None = None
+    draws: Annotated[int, Bound(at_least=0, at_most=1_000_000)] = 0
+    """Number of Monte Carlo draws of the friction, at least 1000. 0 means a linearised calculation."""
+    spread: Annotated[float, Bound(at_least=0.0, at_most=math.nextafter(1.0, 0.0))] | None = None
     """Relative range of friction parameters without a range or covariance in the drive file."""
 
-    def __post_init__(self) -> None:
-        for name, bound in CONDITIONS.items():
-            value = getattr(self, name)
-            if value is None or (name == "draws" and value == 0):
-                continue
-            fault = bound.fault(value) if math.isfinite(value) else "not a finite number"
-            if fault:
-                raise ProblemError(fault, key=name, value=value, allowed=bound.allowed)
-
-
-CONDITIONS = {
-    "ambient": Bound(at_least=200.0, at_most=400.0),
-    "supply_voltage": Bound(above=0.0),
-    "current_limit": Bound(above=0.0),
-    "pause": Bound(at_least=0.0),
-    "confidence": Bound(at_least=0.5, at_most=0.999),
-    "draws": Bound(at_least=1000, at_most=1_000_000),
-    "spread": Bound(at_least=0.0, at_most=math.nextafter(1.0, 0.0)),
-}
-"""Allowed values of the conditions that are stated, in SI units. Draws may also be 0."""
+    def _check(self) -> None:
+        if 0 < self.draws < 1000:
+            raise self._wrong("draws", "too few", "0, or 1000 to 1000000")
 
 
 def missing(motor: Motor, *names: str) -> tuple[str, ...]:
@@ -184,7 +172,7 @@ def operating_shares(
     Returns
     -------
     dict[str, float] or None
-        Shares by region. None if the continuous torque is not known.
+        Shares by region. None if the continuous torque is unknown.
     """
     steady = continuous_torque(motor, conditions.ambient)
     if steady is None:

@@ -1,4 +1,4 @@
-"""Compute what a motion requires of each motor: torque and its components, speed, power and energy.
+"""Compute the requirements of a motion on each motor: torque, its components, speed, power, energy.
 
 Without friction, the torque law of dynamics/transmission.py is linear in load and acceleration.
 Therefore, the torque is a sum of components, of which friction is the remainder:
@@ -25,7 +25,7 @@ from ssm_planner.typing import Array, JsonObject, record
 
 @record
 class MotorRequirement(ShortRepr):
-    """What one motion requires of the motor of one joint. Arrays are (n,), in SI units."""
+    """Requirements of one motion on the motor of one joint. Arrays are (n,), in SI units."""
 
     joint: str
     motor: Motor | None
@@ -54,7 +54,7 @@ class MotorRequirement(ShortRepr):
 
     @property
     def placeholder(self) -> bool:
-        """True if the joint has no motor or if values of the motor are placeholders."""
+        """True if the joint lacks a motor or if values of the motor are placeholders."""
         return self.motor is None or self.motor.placeholder
 
     def to_dict(self) -> JsonObject:

@@ -391,7 +391,7 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
 def _assess_by_draws(
     load: JointLoad, fleet: _Fleet, conditions: Conditions, gear: tuple[Check, ...], speed: Array
 ) -> Row:
-    """Assess the pairs one by one, for a friction that is given by draws.
+    """Assess the pairs one by one if draws describe the friction.
 
     Motors that are too slow and gears that fail are not assessed further.
     """

@@ -48,7 +48,7 @@ class JointSizing(ShortRepr):
 
     @property
     def adequate(self) -> bool | None:
-        """True if a candidate is adequate, False if no candidate is adequate, None if not known."""
+        """True if a candidate is adequate, False if no candidate is adequate, None if unknown."""
         answers = [verdict.adequate for verdict in self.candidates]
         if True in answers:
             return True
@@ -95,7 +95,7 @@ class Sizing(ShortRepr):
     def adequate(self) -> bool | None:
         """True if every joint has an adequate motor and every gear passes its checks.
 
-        None if that is not known or if there are no joints.
+        None if that is unknown or if the result is empty.
         """
         if not self.joints:
             return None
@@ -157,7 +157,7 @@ def size(
     Raises
     ------
     ProblemError
-        If candidates are given for a joint that has no drive or does not move.
+        If candidates are given for a joint that lacks a drive or does not move.
     """
     conditions = conditions or Conditions()
     motors = dict(candidates or {})
@@ -240,13 +240,7 @@ class WhatIf:
 
     def to_dict(self) -> JsonObject:
         """Return the result as JSON types in SI units."""
-        return {
-            "status": self.status,
-            "value": self.value,
-            "joint": self.joint,
-            "binds": self.binds,
-            "not_checked": list(self.not_checked),
-        }
+        return {**vars(self), "not_checked": list(self.not_checked)}
 
 
 def largest_payload(

@@ -280,7 +280,7 @@ def select_parts(
     Returns
     -------
     dict or Rejection
-        Names of the selected motors and gears by path. A rejection if a joint has no suitable pair.
+        Names of the selected motors and gears by path. A rejection if no pair suits a joint.
     """
     components: dict[str, str] = {}
     loads = []
@@ -382,7 +382,7 @@ def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]
 
 
 def _keeps_margin(results: Mapping[str, Any], margin: float) -> bool:
-    """Return True if the results keep the motor margin, or if the margin is not known."""
+    """Return True if the results keep the motor margin, or if the margin is unknown."""
     available = results["motor_margin"]
     return available is None or available >= margin
 
@@ -400,7 +400,7 @@ def _motion_figures(problems: Mapping[str, Problem], motions: Motions) -> JsonOb
 def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
     """Return the smallest motor margin, the largest torques and the mass of the motors.
 
-    All values are in SI units. The mass is None if the mass of a motor is not known.
+    All values are in SI units. The mass is None if the mass of a motor is unknown.
     """
     margins = []
     results: JsonObject = {}

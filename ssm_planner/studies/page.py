@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.atomic import replacing
-from ssm_planner.display import number
+from ssm_planner.display import number, plain_words
 from ssm_planner.reporting.html.page import render
 from ssm_planner.studies.store import Candidate, better
 from ssm_planner.studies.study import Study, Varied
@@ -25,7 +25,7 @@ UNITS = {
     "rms_torque": "N·m",
     "reach_margin": "rad",
 }
-"""SI unit of each result, by the first part of its name. Other results have no unit."""
+"""SI unit of each result, by the first part of its name. Other results are dimensionless."""
 BINS = 12
 """Number of bins into which `correlation_ratio` divides a quantity."""
 MAX_ROWS = 50
@@ -111,7 +111,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
 def against_own(study: Study, reference: Candidate, front: Sequence[Candidate]) -> str:
     """Describe the result of the study's own robot, and how many candidates beat it."""
     results = ", ".join(in_words(name, reference.figures) for name in study.minimise)
-    missing = [named(name) for name in study.minimise if reference.figures.get(name) is None]
+    missing = [plain_words(name) for name in study.minimise if reference.figures.get(name) is None]
     count = len(better(reference, front, study.minimise))
     if reference.state != "done":
         outcome = f"{reference.state}, {reference.reason}" if reference.reason else reference.state
@@ -242,11 +242,6 @@ def displayed_choices(study: Study, row: Candidate) -> dict[str, str]:
     return {path: re.sub(r"^-", "−", str(value)) for path, value in full_design.items()}
 
 
-def named(name: str) -> str:
-    """Return the name of a result in words, for example "motor mass" for "motor_mass"."""
-    return name.replace("_", " ")
-
-
 def unit_of(name: str) -> tuple[str, float]:
     """Return the display unit of a result, and the factor that converts SI values to this unit.
 
@@ -263,12 +258,12 @@ def unit_of(name: str) -> tuple[str, float]:
 def title_of(name: str) -> str:
     """Return the name of a result in words, with its display unit in parentheses."""
     unit = unit_of(name)[0]
-    return f"{named(name)} ({unit})" if unit else named(name)
+    return f"{plain_words(name)} ({unit})" if unit else plain_words(name)
 
 
 def in_words(name: str, results: Mapping[str, Any]) -> str:
     """Format a result with its name and unit, for example as "motor mass 0.239 kg"."""
-    return f"{named(name)} {number(scaled(name, results), 4)} {unit_of(name)[0]}".strip()
+    return f"{plain_words(name)} {number(scaled(name, results), 4)} {unit_of(name)[0]}".strip()
 
 
 def scaled(name: str, results: Mapping[str, Any]) -> float | None:

@@ -333,7 +333,9 @@ class _Driver:
             self.flush()
         if lost is not None:
             reason = f"the workers are lost ({type(lost).__name__})"
-            raise StudyError(f"{reason}; what is done is kept, the same command goes on") from lost
+            raise StudyError(
+                f"{reason}; the results are stored, and the same command continues the study"
+            ) from lost
 
     def _record(self, key: str, row: Candidate) -> None:
         """Add a result to those of the next write, and count its state."""

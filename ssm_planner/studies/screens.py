@@ -82,7 +82,7 @@ class Screens:
     def _problems(self) -> Iterator[Problem]:
         """Yield the problem of each motion, with a candidate for which all problems are valid.
 
-        There are no problems if none of three candidates is valid.
+        The result is empty if none of three candidates is valid.
         """
         for position in (0.0, 0.5, 1.0):
             design = self.study.design([position] * len(self.study.vary))

@@ -22,19 +22,19 @@ from ssm_planner.typing import JsonObject
 def candidate(folder: Path, number: int) -> Candidate:
     """Return the candidate with a number from the store in `folder`.
 
-    Raises ProblemError if there is no store or no such candidate.
+    Raises ProblemError if the store or the candidate does not exist.
     """
     if not (folder / STORE).is_file():
         raise ProblemError(
-            "no study has been run there",
+            "this folder does not contain the results of a study",
             file=folder / STORE,
-            allowed="run it first, or name its -o",
+            allowed="the folder that `study -o` wrote",
         )
     with Store(folder / STORE) as store:
         rows = {row.number: row for row in store.rows()}
     if number not in rows:
         raise ProblemError(
-            "no candidate of this number",
+            "this candidate does not exist",
             value=number,
             key="number",
             allowed=f"0 to {max(rows, default=0)}",
@@ -46,7 +46,7 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     """Write the robot file, the plans and the pages of a candidate, and return their paths.
 
     The files are written into `folder`/candidate_N, where `folder` contains the results of the
-    study. Raises ProblemError if a motion has no plan, and ExportError if a file cannot be written.
+    study. Raises ProblemError for a motion without a plan, and ExportError if a file cannot be written.
     """
     row = candidate(folder, number)
     target = folder / f"candidate_{number}"
@@ -61,7 +61,7 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     for name, plan in plans_of(study, row).items():
         if not plan.passed:
             reason = "" if plan.reason is None else plan.reason.message
-            raise ProblemError(f"candidate {number} has no plan of {name}: {reason}")
+            raise ProblemError(f"candidate {number}: the motion {name} cannot be planned: {reason}")
         paths += write_folder(plan, target / name).values()
         paths.append(write_report(plan, target / name / "report.html"))
     return paths

@@ -75,7 +75,7 @@ def key_of(design: Mapping[str, Any], context: str) -> str:
 class Store(AbstractContextManager["Store"]):
     """Database of candidates by key. It is used as a context manager.
 
-    Opening raises ProblemError if the file is no such database or if another process writes it, and
+    Opening raises ProblemError if the file is not such a database or if another process writes it, and
     ExportError if the file cannot be written.
     """
 
@@ -98,7 +98,9 @@ class Store(AbstractContextManager["Store"]):
             except OSError as error:
                 if time.monotonic() > deadline:
                     raise ProblemError(
-                        "another program works on this study", file=path, allowed="one at a time"
+                        "another program writes this study",
+                        file=path,
+                        allowed="one program at a time",
                     ) from error
                 time.sleep(0.02)
         try:

@@ -198,7 +198,7 @@ def changed_robot(
     tree = copy.deepcopy(dict(robot))
     for path, text in design.items():
         if path != PACE:
-            _put(tree, path, contents[path][text] if path in contents else _bare(text))
+            _put(tree, path, contents[path][text] if path in contents else _number_or_text(text))
     for path in design:
         if path.startswith("joints.") and path.endswith(".motor"):
             joint = path.split(".")[1]
@@ -206,7 +206,7 @@ def changed_robot(
     return tree
 
 
-def _bare(text: str) -> str | float:
+def _number_or_text(text: str) -> str | float:
     """Return the number in a text without a unit, or a text with a unit unchanged."""
     try:
         return float(text)

@@ -127,7 +127,9 @@ def study_from(section: Section) -> Study:
             key: value for key, value in motion.value.items() if key not in ("robot", "name")
         }
     if not model.vary:
-        raise section.error("nothing varies", "vary", allowed="at least one path of the robot file")
+        raise section.error(
+            "the study varies nothing", "vary", allowed="at least one path of the robot file"
+        )
     vary = tuple(_variable(section.sub("vary", path), path, robot) for path in model.vary)
     selected = tuple(
         variable
@@ -174,7 +176,9 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
     """Convert the entry for a path to a variable. Raises ProblemError if the entry is invalid."""
     if not path_exists(robot, path):
         raise section.error(
-            "the robot file has no such place", show=False, allowed="such as geometry.alpha"
+            "the robot file does not contain this path",
+            show=False,
+            allowed="such as geometry.alpha",
         )
     value = section.value
     forms = ({"from", "to"}, {"choices"}, {"catalogue"}, {"catalogue", "select"})
@@ -183,7 +187,7 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
             "{from: …, to: …}, {choices: [ … ]}, {catalogue: FILE} or {catalogue: FILE, "
             "select: mass}"
         )
-        raise section.error("not a way to vary", allowed=allowed)
+        raise section.error("not a variation", allowed=allowed)
     if "from" in value:
         return _span(section, path)
     if "choices" in value:
@@ -200,7 +204,7 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
         return Choice(path, contents)
     select = value.get("select")
     if select is not None and select not in RANKS:
-        raise section.error("not a rank known here", "select", allowed=", ".join(RANKS))
+        raise section.error("unknown rank", "select", allowed=", ".join(RANKS))
     contents, sizes = catalogue(section, path)
     return Choice(path, contents, select, sizes if select else {})
 
@@ -223,7 +227,7 @@ def _check_selection(
             *GEARS,
         ):
             raise section.error(
-                "no motor and no gear: not selected", "vary", choice.path, show=False
+                "only motors and gears can be selected", "vary", choice.path, show=False
             )
     for pace_variable in (variable for variable in vary if variable.path == PACE):
         # A range begins with its smallest value.
@@ -235,9 +239,9 @@ def _check_selection(
         except ValueError:
             is_valid = False
         if not is_valid or not selected:
-            reason = "nothing is selected, so the pace changes nothing"
+            reason = "without a selected part, the pace has no effect"
             if selected:
-                reason = "not a pace"
+                reason = "invalid pace"
             raise section.error(
                 reason,
                 "vary",
@@ -260,7 +264,9 @@ def _span(section: Section, path: str) -> Varied:
         units.append(unit.strip())
     if units[0] != units[1]:
         raise section.error(
-            f"another unit than from has ({units[0] or 'none'})", "to", allowed="one unit for both"
+            f"unit differs from that of the key from ({units[0] or 'none'})",
+            "to",
+            allowed="one unit for both",
         )
     low, high = numbers
     if not low < high:
@@ -296,4 +302,4 @@ def _check_paths(section: Section, study: Study) -> None:
     except ProblemError as error:
         for path in study.paths:
             if error.key is not None and path.rsplit(".", 1)[-1] in error.key:
-                raise section.error(f"cannot be: {error}", "vary", path, show=False) from None
+                raise section.error(f"invalid robot: {error}", "vary", path, show=False) from None

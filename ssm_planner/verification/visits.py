@@ -41,7 +41,7 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
     unjudged = list(certificate.unjudged)
     chain: list[Motion] = []
     path = _Path(motion, Mechanism.from_geometry(problem.robot.geometry))
-    _, error = path.nearest(path.errors(problem.start)[:1], 0)
+    _, error = path.nearest_index(path.errors(problem.start)[:1], 0)
     checks = [_of_point("target", "start", error, path.t[0])]
     begin = last = 0
     scanned = False
@@ -54,7 +54,7 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
             scanned = True
         else:
             for point in getattr(entry, "through", ()):
-                last, error = path.nearest(path.errors(point), last)
+                last, error = path.nearest_index(path.errors(point), last)
                 checks.append(_of_point("waypoint", entry.name, error, path.t[last]))
             errors = path.errors(entry.to)
             is_open = getattr(entry, "spin_free", False), getattr(entry, "distance", 0)
@@ -64,7 +64,7 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
             if getattr(entry, "blend", None) is not None:
                 continue
             final = entry is problem.motion[-1]
-            last, error = path.nearest(errors, len(path.t) - 1 if final else last)
+            last, error = path.nearest_index(errors, len(path.t) - 1 if final else last)
             checks.append(_of_point("target", entry.name, error, path.t[last]))
             if begin < last and not (scanned or motion.phases):
                 span = Span(entry.name, float(path.t[begin]), float(path.t[last]))
@@ -77,7 +77,7 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
                 checks.append(_timed("duration", entry.name, actual, entry.duration))
         begin = last
     if isinstance(problem.motion[-1], Dwell):
-        _, error = path.nearest(errors, len(path.t) - 1)
+        _, error = path.nearest_index(errors, len(path.t) - 1)
         checks.append(_of_point("target", "end", error, path.t[-1]))
     if problem.duration is not None:
         checks.append(_timed("duration", problem.name, motion.duration, problem.duration))
@@ -123,7 +123,7 @@ class _Path:
         self.held = task_at(self.mechanism, point, self.held, self.branch)
         return ((self.tasks - self.held + np.pi) % (2 * np.pi) - np.pi) / NEAR
 
-    def nearest(self, errors: Array, first: int) -> tuple[int, float]:
+    def nearest_index(self, errors: Array, first: int) -> tuple[int, float]:
         """Return the first instant from `first` at which a point is reached, and the error.
 
         It is the first instant of the first stay within NEAR whose error is the smallest up to

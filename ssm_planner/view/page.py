@@ -56,7 +56,7 @@ def _coordinates(pose: Pose) -> dict[str, str]:
     return {name: _in_units(name, value) for name, value in zip(TASK, pose, strict=True)}
 
 
-def _stated(value: Any) -> Any:
+def _value_of(value: Any) -> Any:
     """Return the value of an entry that may also state its source."""
     return value["value"] if isinstance(value, dict) else value
 
@@ -88,7 +88,7 @@ class Study:
     problem: Problem | None
 
     @property
-    def own(self) -> Mechanism:
+    def robot_mechanism(self) -> Mechanism:
         """Return the mechanism with the robot's own angles."""
         if self.problem is None:
             return Mechanism.from_angles(*PUBLISHED)
@@ -99,7 +99,7 @@ class Study:
 
         Raises ProblemError.
         """
-        original = self.own
+        original = self.robot_mechanism
         alpha, beta = (number(request, key, LOWEST, HIGHEST) for key in ("alpha", "beta"))
         if abs(alpha - original.alpha) < SAME and abs(beta - original.beta) < SAME:
             return original, True
@@ -139,7 +139,7 @@ class Study:
                 parts.append(Choice(f"joints.{name}.motor", own | motors))
             for group, key in PARTS:
                 value = joint.get("drive", {}).get(group, {}).get(key)
-                text, _, unit = str(_stated(value)).partition(" ")
+                text, _, unit = str(_value_of(value)).partition(" ")
                 with suppress(ValueError):
                     size = float(text)
                     path = f"joints.{name}.drive.{group}.{key}"
@@ -162,7 +162,7 @@ class Study:
             if path.endswith(".mu"):
                 friction = content["joints"][path.split(".")[1]]["drive"]["friction"]
                 static = friction.get("mu_static", friction["mu"])
-                ratio = _stated(static) / _stated(friction["mu"])
+                ratio = _value_of(static) / _value_of(friction["mu"])
                 design[f"{path}_static"] = f"{float(text) * ratio:.12g}"
         if not own:
             if "home_tilt" not in content["geometry"] or abs(mechanism.home_roll) > SAME:
@@ -201,7 +201,7 @@ class Study:
 
     def start(self) -> dict[str, Any]:
         """Return the initial values of the page, such as angles, ranges and joints."""
-        mechanism = self.own
+        mechanism = self.robot_mechanism
         low, high = tilt_interval(mechanism)
         ranges = {} if self.problem is None else dict(self.problem.ranges)
         start = None if self.problem is None else self.problem.start

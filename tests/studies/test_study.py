@@ -438,11 +438,14 @@ def test_the_front_holds_what_nothing_beats():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"vary": {}}, "nothing varies"),
-        ({"vary": {"geometry.alfa.x": {"from": "1 deg", "to": "2 deg"}}}, "no such place"),
-        ({"vary": {"geometry.alpha": {"from": "1 deg", "to": "2 rad"}}}, "another unit"),
+        ({"vary": {}}, "varies nothing"),
+        (
+            {"vary": {"geometry.alfa.x": {"from": "1 deg", "to": "2 deg"}}},
+            "does not contain this path",
+        ),
+        ({"vary": {"geometry.alpha": {"from": "1 deg", "to": "2 rad"}}}, "unit differs"),
         ({"vary": {"geometry.alpha": {"from": "3 deg", "to": "2 deg"}}}, "not above from"),
-        ({"vary": {"geometry.alpha": {"form": "3 deg", "to": "2 deg"}}}, "not a way to vary"),
+        ({"vary": {"geometry.alpha": {"form": "3 deg", "to": "2 deg"}}}, "not a variation"),
         ({"vary": {"joints.roll.motor": {"catalogue": "nowhere.csv"}}}, "does not exist"),
         ({"vary": {"joints.roll.motor": {"catalogue": "m" + "9" * 5000}}}, "does not exist"),
         (
@@ -661,8 +664,8 @@ def test_a_margin_required_of_the_motors_is_kept_by_the_motion():
     ("change", "words"),
     [
         ({"vary": PARTS}, "nothing is searched"),
-        ({"vary": {**GEOMETRY, "pace": {"choices": [1, 2]}}}, "nothing is selected"),
-        ({"vary": {**GEOMETRY, **PARTS, "pace": {"choices": [0.5, 2]}}}, "not a pace"),
+        ({"vary": {**GEOMETRY, "pace": {"choices": [1, 2]}}}, "without a selected part"),
+        ({"vary": {**GEOMETRY, **PARTS, "pace": {"choices": [0.5, 2]}}}, "invalid pace"),
         (
             {
                 "vary": {
@@ -670,7 +673,7 @@ def test_a_margin_required_of_the_motors_is_kept_by_the_motion():
                     "joints.roll.motor": {"catalogue": str(CATALOGUE), "select": "price"},
                 }
             },
-            "not a rank",
+            "unknown rank",
         ),
     ],
 )

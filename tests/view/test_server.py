@@ -86,7 +86,7 @@ def ask(server: ViewServer, path: str, body: Any) -> dict[str, Any]:
 
 def own_motion(server: ViewServer, **more: Any) -> dict[str, Any]:
     """Request for the motion of the problem file."""
-    own = server.study.own
+    own = server.study.robot_mechanism
     return {"alpha": own.alpha, "beta": own.beta, "own": True, **more}
 
 
@@ -542,7 +542,7 @@ def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
 
 def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
     problem = load_problem(APPROACH)
-    own = Study(problem).own
+    own = Study(problem).robot_mechanism
     made = Study(problem).requested_problem(
         {
             "alpha": own.alpha,

@@ -200,7 +200,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             if solved.steps is None:
                 yield from cls._spun(planner, solved.q, latest.result)
             elif solved.steps:
-                yield from cls._beside(planner, solved.q, solved.steps)
+                yield from cls._neighbours(planner, solved.q, solved.steps)
 
     @classmethod
     def _rescues(cls, planner: JointsPlanner, options: list[OtherJoints]) -> list[OtherJoints]:
@@ -250,10 +250,10 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             for k in (1, 2, 3):
                 beside = np.array([*q[:2], low + k * quarter, q[3]])
                 yield from cls._allowed(planner, beside, (quarter / 2, quarter / 4))
-            yield from cls._beside(planner, q, (quarter / 2, quarter / 4))
+            yield from cls._neighbours(planner, q, (quarter / 2, quarter / 4))
 
     @classmethod
-    def _beside(
+    def _neighbours(
         cls, planner: JointsPlanner, q: Array, steps: tuple[float, ...]
     ) -> Iterator[OtherJoints]:
         """Yield the spins at a step before and after joints q (4,)."""

@@ -189,7 +189,7 @@ class NlpData:
     """Weights of time and of the cost."""
 
     @property
-    def fixed(self) -> Mask:
+    def is_fixed(self) -> Mask:
         """True for states of elements with a single value, (n, 4 m)."""
         return np.asarray(self.upper - self.lower <= ROUNDING)
 
@@ -202,7 +202,7 @@ class NlpData:
         v_min, v_max = self.velocity
         counts = (v_min < 0) & (v_max > 0)
         counts[structure.borders[1:]] = True
-        return np.asarray(counts & ~self.fixed[:, : structure.coordinates])
+        return np.asarray(counts & ~self.is_fixed[:, : structure.coordinates])
 
     def least_cost(self, duration: tuple[float, float], time: float = 0.0) -> NlpData:
         """Return the data for the least cost plus `time` times the duration."""

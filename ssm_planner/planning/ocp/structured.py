@@ -209,7 +209,7 @@ def _boundary(
     entries of the elements.
     """
     n, m = structure.elements, structure.coordinates
-    same = np.vstack([data.fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
+    same = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
     state_values = np.vstack([data.lower[:, : 2 * m], data.end])
     if spline.kind == "hermite":
         return ~same.reshape(spline.rows, m), state_values.reshape(spline.rows, m), _NONE
@@ -246,7 +246,7 @@ def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, A
     return [
         (k, e, data.lower[k, e])
         for k in structure.borders[1:]
-        for e in np.flatnonzero(data.fixed[k, : 2 * m])
+        for e in np.flatnonzero(data.is_fixed[k, : 2 * m])
         if moving[k - 1, e % m] and moving[k, e % m]
     ]
 
@@ -262,7 +262,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     offset = 0 if counts.any() else m
     columns = np.r_[offset : 4 * m, 4 * m + 1 : 5 * m + 1]
     identity = np.eye(5 * m + 1)[columns]
-    counts = np.hstack([counts, ~data.fixed[:, m:]])
+    counts = np.hstack([counts, ~data.is_fixed[:, m:]])
     v_bounds = data.velocity if structure.velocity_limits else (v_min, np.full((n, m), np.inf))
     lower, upper = (
         np.hstack([np.where(counts, bound, sign * np.inf)[:, offset:], middle])

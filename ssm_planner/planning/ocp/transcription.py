@@ -184,7 +184,7 @@ class Transcription:
         start = self.sizes["dynamics"]
         limited = self.structure.moving & self.structure.velocity_limits
         within[limited] = of_g[start : start + self.sizes["velocity"]]
-        at_start = np.where(data.fixed, 0.0, of_x[: 4 * m * n].reshape(n, 4 * m))[:, m : 2 * m]
+        at_start = np.where(data.is_fixed, 0.0, of_x[: 4 * m * n].reshape(n, 4 * m))[:, m : 2 * m]
         signed = np.stack([at_start, within])
         lower, upper = (np.maximum(side * signed, 0.0).sum(axis=0) for side in (-1, 1))
         rows = np.maximum(of_g[sum(self.sizes.values()) :], 0.0).reshape(n, -1)
@@ -196,7 +196,7 @@ class Transcription:
         Their barrier would move the point at which Ipopt stops.
         """
         positions = slice(self.structure.coordinates)
-        needed = data.bounds_of_u_count(self.structure) | data.fixed[:, positions]
+        needed = data.bounds_of_u_count(self.structure) | data.is_fixed[:, positions]
         lower, upper = data.lower.copy(), data.upper.copy()
         lower[:, positions][~needed] = -np.inf
         upper[:, positions][~needed] = np.inf
