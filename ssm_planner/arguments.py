@@ -59,13 +59,17 @@ def _matches(hint: Any, value: Any) -> bool:
     if kind in (float, int):
         number = isinstance(value, Real if kind is float else Integral)
         return number and type(value) is not bool and math.isfinite(value)
-    if not isinstance(value, kind):
+    if kind in (Mapping, Sequence):
+        return _matches_items(kind, arguments[-1], value)
+    return isinstance(value, kind)
+
+
+def _matches_items(kind: type, hint: Any, value: Any) -> bool:
+    """Return whether a value is a mapping or sequence (but not a text) of items of a type."""
+    if not isinstance(value, kind) or isinstance(value, (str, bytes)):
         return False
-    if kind is Mapping:
-        return all(_matches(arguments[1], item) for item in value.values())
-    if kind is Sequence and isinstance(value, (str, bytes)):
-        return False
-    return kind is not Sequence or all(_matches(arguments[0], item) for item in value)
+    items = value.values() if isinstance(value, Mapping) else value
+    return all(_matches(hint, item) for item in items)
 
 
 def _numeric(value: Any) -> bool:

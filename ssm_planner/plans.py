@@ -446,23 +446,11 @@ class Plan(ShortRepr):
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks on missing data and assumptions."""
-        notes = (
-            []
-            if self.uncertified_reason is None
-            else [f"not certified: {self.uncertified_reason}: plan it again"]
-        )
+        notes = []
+        if self.uncertified_reason is not None:
+            notes.append(f"not certified: {self.uncertified_reason}: plan it again")
         for requirement in self.requirements:
-            motor = requirement.motor
-            if motor is None:
-                notes.append(
-                    f"joint {requirement.joint}: no motor given, its torque is not limited"
-                )
-            elif motor.placeholder:
-                notes.append(
-                    f"joint {requirement.joint}: motor {motor.name} has placeholder figures "
-                    f"({', '.join(motor.placeholders)})"
-                )
-            notes += _extrapolation(self.robot, requirement)
+            notes += [*_motor_notes(requirement), *_extrapolation(self.robot, requirement)]
         notes += _excess_ranges(self.problem)
         stays = ", ".join(phase.name for phase in self.phases if not phase.duration)
         notes += [f"skipped because the robot is already at the end: {stays}"] if stays else []
@@ -662,7 +650,9 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) -> Plan:
-    """Return the plan of a trajectory of the robot, or of a plan.json. Plans are returned unchanged.
+    """Return the plan of a trajectory of the robot, or of a plan.json.
+
+    A plan is returned unchanged.
 
     Raises TrajectoryError for a trajectory without a robot, and what `load_plan` raises.
     """
@@ -728,9 +718,9 @@ def _excess_ranges(problem: Problem) -> list[str]:
     return notes
 
 
-def _whole_turns(problem: Problem, trajectory: Trajectory | None) -> list[str]:
+def _whole_turns(problem: Problem, trajectory: Trajectory) -> list[str]:
     """Return notes on joints that start a whole turn away from zero if the problem allows both."""
-    if trajectory is None or isinstance(problem.start, Joints):
+    if isinstance(problem.start, Joints):
         return []
     start_angles = np.degrees(trajectory.sample(0.0).q[0])
     return [
@@ -769,6 +759,17 @@ def _ways_round(
             if not joint.slides and abs(angle) > 180.0 + 1e-6
         ]
     return notes
+
+
+def _motor_notes(requirement: MotorRequirement) -> list[str]:
+    """Return a note if a joint lacks a motor, or if figures of the motor are placeholders."""
+    joint, motor = requirement.joint, requirement.motor
+    if motor is None:
+        return [f"joint {joint}: no motor given, its torque is not limited"]
+    if not motor.placeholder:
+        return []
+    names = ", ".join(motor.placeholders)
+    return [f"joint {joint}: motor {motor.name} has placeholder figures ({names})"]
 
 
 def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:

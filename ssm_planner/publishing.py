@@ -180,23 +180,10 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
     """Move the content of source into a folder, and move replaced files away."""
     manifest = read_manifest(source)
     old = read_manifest(folder)
-    file_format = manifest.get("format")
-    if file_format and old and old["format"] != file_format:
-        description = "an export" if old["format"] == EXPORT else "the results of a plan"
-        raise ExportError(
-            f"{displayed_path}: holds {description}: choose another folder (nothing was written)"
-        )
     ours = listed_files(old)
-    if file_format == RESULTS and old and PLAN not in listed_files(manifest):
-        if old.get("plan") != manifest["plan"]:
-            raise ExportError(
-                f"{displayed_path}: holds results of another plan: choose another folder (nothing "
-                "was written)"
-            )
-        unchanged = {name: sha for name, sha in ours.items() if _is(folder / name, sha)}
-        manifest["files"] = dict(sorted({**unchanged, **manifest["files"]}.items()))
-        (source / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
-        sync(source / MANIFEST)
+    file_format = manifest.get("format")
+    if file_format:
+        manifest = _merged(source, folder, displayed_path, manifest, old=old)
     entries = sorted(path for path in source.iterdir() if path.name != MANIFEST)
     for entry in entries:
         _check_way(
@@ -211,8 +198,7 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
     if file_format:
         marked = {**manifest, INCOMPLETE: True, "files": {**ours, **listed_files(manifest)}}
         marker = source / ".begun"
-        marker.write_text(json.dumps(marked, indent=1) + "\n", encoding="utf-8")
-        sync(marker)
+        _write_manifest(marker, marked)
         marker.replace(folder / MANIFEST)
         sync(folder, content=False)
     for entry in entries:
@@ -220,12 +206,47 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
             (folder / entry.name).rename(replaced / entry.name)
         entry.replace(folder / entry.name)
     if file_format:
-        _remove_stale(
-            folder, {name: sha for name, sha in ours.items() if name not in listed_files(manifest)}
-        )
+        names = listed_files(manifest)
+        _remove_stale(folder, {name: sha for name, sha in ours.items() if name not in names})
         sync(folder, content=False)
         (source / MANIFEST).replace(folder / MANIFEST)
     sync(folder, content=False)
+
+
+def _merged(
+    source: Path,
+    folder: Path,
+    displayed_path: Path,
+    manifest: dict[str, Any],
+    *,
+    old: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the manifest of the new generation.
+
+    Files without a plan.json join the unchanged files of the same plan. Raises ExportError if the
+    folder contains files of another format or another plan.
+    """
+    if not old:
+        return manifest
+    hint = "choose another folder (nothing was written)"
+    if old["format"] != manifest["format"]:
+        description = "an export" if old["format"] == EXPORT else "the results of a plan"
+        raise ExportError(f"{displayed_path}: holds {description}: {hint}")
+    if manifest["format"] != RESULTS or PLAN in listed_files(manifest):
+        return manifest
+    if old.get("plan") != manifest["plan"]:
+        raise ExportError(f"{displayed_path}: holds results of another plan: {hint}")
+    ours = listed_files(old).items()
+    unchanged = {name: sha for name, sha in ours if _is(folder / name, sha)}
+    manifest["files"] = dict(sorted({**unchanged, **manifest["files"]}.items()))
+    _write_manifest(source / MANIFEST, manifest)
+    return manifest
+
+
+def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
+    """Write a manifest and flush it to the disk."""
+    path.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+    sync(path)
 
 
 def _check_way(

@@ -102,31 +102,36 @@ class Trajectory(ShortRepr):
                 f"a trajectory of {pieces} pieces needs coefficients of shape "
                 f"({pieces}, {DEGREE + 1}, 4), got {self.coefficients.shape}"
             )
-        length = np.diff(self.breaks)
-        finite = bool(np.isfinite(self.breaks).all())
-        if finite and length.min() <= 0:
-            raise TrajectoryError("the breaks of a trajectory must increase")
-        if finite and (length.min() < SHORTEST or np.abs(self.breaks[[0, -1]]).max() > LONGEST):
-            raise TrajectoryError(
-                f"a piece shorter than {SHORTEST:g} s, or times beyond {LONGEST:g} s"
-            )
+        if np.isfinite(self.breaks).all():
+            self._check_breaks()
         for start in range(0, pieces, BLOCK):
-            block = slice(start, start + BLOCK)
-            coefficients = self.pieces(block)
-            if not (finite and np.isfinite(coefficients).all()):
-                raise TrajectoryError("a trajectory holds only finite numbers")
-            with np.errstate(over="ignore"):
-                shifted = (
-                    np.abs(coefficients)
-                    * length[block, None, None] ** np.arange(DEGREE + 1)[:, None]
-                )
-            if shifted.max() > LARGEST:
-                raise TrajectoryError(
-                    f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are invalid"
-                )
+            self._check_pieces(slice(start, start + BLOCK))
         self.breaks.setflags(write=False)
         if isinstance(self.coefficients, np.ndarray):
             self.coefficients.setflags(write=False)
+
+    def _check_breaks(self) -> None:
+        """Raise TrajectoryError unless the breaks increase and lie in the permitted range."""
+        shortest = np.diff(self.breaks).min()
+        if shortest <= 0:
+            raise TrajectoryError("the breaks of a trajectory must increase")
+        if shortest < SHORTEST or np.abs(self.breaks[[0, -1]]).max() > LONGEST:
+            raise TrajectoryError(
+                f"a piece shorter than {SHORTEST:g} s, or times beyond {LONGEST:g} s"
+            )
+
+    def _check_pieces(self, block: slice) -> None:
+        """Raise TrajectoryError unless the pieces are finite and move by at most LARGEST."""
+        coefficients = self.pieces(block)
+        if not (np.isfinite(self.breaks).all() and np.isfinite(coefficients).all()):
+            raise TrajectoryError("a trajectory holds only finite numbers")
+        lengths = np.diff(self.breaks)[block, None, None]
+        with np.errstate(over="ignore"):
+            shifted = np.abs(coefficients) * lengths ** np.arange(DEGREE + 1)[:, None]
+        if shifted.max() > LARGEST:
+            raise TrajectoryError(
+                f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are invalid"
+            )
 
     @classmethod
     def from_samples(
@@ -149,17 +154,9 @@ class Trajectory(ShortRepr):
             If there are fewer than two samples, the shapes disagree, accelerations are given
             without velocities, a number is not finite, or the times do not increase.
         """
-        try:
-            times = np.atleast_1d(np.array(t, dtype=float))
-            states = [np.asarray(x, dtype=float) for x in (q, qd, qdd) if x is not None]
-        except (TypeError, ValueError) as error:
-            raise TrajectoryError(f"samples are not arrays of numbers: {error}") from error
         if qd is None and qdd is not None:
             raise TrajectoryError("samples with accelerations qdd need velocities qd")
-        if len(times) < 2 or any(x.shape != (len(times), 4) for x in states):
-            raise TrajectoryError("samples need at least two times t (n,), and rows of four joints")
-        if not (np.diff(times) > 0).all() or not all(np.isfinite(x).all() for x in states):
-            raise TrajectoryError("samples need increasing times and finite numbers")
+        times, states = _sample_arrays(t, [x for x in (q, qd, qdd) if x is not None])
         if len(states) == 1:
             from scipy.interpolate import CubicSpline
 
@@ -308,6 +305,20 @@ class Trajectory(ShortRepr):
                 "the phases of a trajectory follow one another from its start to its end"
             )
         return trajectory
+
+
+def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, list[Array]]:
+    """Return times (n,) and states (n, 4) as arrays. Raises TrajectoryError if they are invalid."""
+    try:
+        times = np.atleast_1d(np.array(t, dtype=float))
+        states = [np.asarray(value, dtype=float) for value in values]
+    except (TypeError, ValueError) as error:
+        raise TrajectoryError(f"samples are not arrays of numbers: {error}") from error
+    if len(times) < 2 or any(x.shape != (len(times), 4) for x in states):
+        raise TrajectoryError("samples need at least two times t (n,), and rows of four joints")
+    if not (np.diff(times) > 0).all() or not np.isfinite(states).all():
+        raise TrajectoryError("samples need increasing times and finite numbers")
+    return times, states
 
 
 def hermite(

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
-from ssm_planner.display import number
+from ssm_planner.display import number, plain_words
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 
@@ -174,7 +174,7 @@ def _entry(row: Candidate) -> dict[str, Any]:
 
 
 def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str]:
-    from ssm_planner.studies.page import against_own, displayed_choices, in_words, named
+    from ssm_planner.studies.page import against_own, displayed_choices, in_words
 
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())
     front = result.front
@@ -183,7 +183,7 @@ def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str
         *(f"  {n:>6}  {reason}" for reason, n in list(result.reasons.items())[:MAX_ROWS]),
         *("", *study.notes, *(f"file: {path}" for path in files.values()), ""),
     ]
-    lines += [f"Front in {', '.join(map(named, study.minimise))}: {len(front)} candidates"]
+    lines += [f"Front in {', '.join(map(plain_words, study.minimise))}: {len(front)} candidates"]
     for row in front[:MAX_ROWS]:
         figures = ", ".join(in_words(name, row.figures) for name in study.minimise)
         choices = ", ".join(

@@ -57,13 +57,23 @@ def write_function(
 ) -> str:
     """Return the C text of a function; it needs REAL and SIGN.
 
-    The function reads all inputs before it writes outputs, because they may overlap. expressions: C
-    expressions by operation, by default those of OPERATIONS.
+    The function reads all inputs before it writes outputs, because they may overlap.
+
+    Parameters
+    ----------
+    declaration : str
+        Head of the C function.
+    function : casadi.Function
+        Function of SX with dense inputs and outputs.
+    inputs, outputs : sequence of Argument
+        C arguments, one for each input and output of the function.
+    expressions : Mapping
+        C expressions by operation. The default is those of OPERATIONS.
     """
     value_of: dict[int, str] = {}
-    used: dict[int, None] = {}
+    registers: set[int] = set()
     body: list[str] = []
-    results: list[tuple[str, str, int]] = []
+    writes: list[str] = []
     inputs_read: set[int] = set()
     for step in steps(function):
         operands = [value_of[k] for k in step.operands]
@@ -74,29 +84,19 @@ def write_function(
             inputs_read.add(step.argument)
         elif step.name == "output":
             output = outputs[step.argument]
-            results.append(
-                (
-                    f"{output.element(step.index)} {'+=' if output.adds else '='}",
-                    operands[0],
-                    len(body),
-                )
-            )
-            body.append("")
+            result = f"r{len(writes)}"
+            body.append(f"{result} = {operands[0]};")
+            assignment = "+=" if output.adds else "="
+            writes.append(f"{output.element(step.index)} {assignment} {result};")
         else:
-            used[step.out] = None
+            registers.add(step.out)
             value_of[step.out] = f"w{step.out}"
             body.append(f"{value_of[step.out]} = {expressions[step.name].format(*operands)};")
-    for k, (target, value, line) in enumerate(results):
-        body[line] = f"r{k} = {value};"
-        body.append(f"{target} r{k};")
-    unused = [
-        f"(void){argument.name};" for i, argument in enumerate(inputs) if i not in inputs_read
-    ]
-    names = [f"w{k}" for k in sorted(used)] + [f"r{k}" for k in range(len(results))]
-    lines = [f"    ssm_real {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]
-    return "\n".join(
-        [declaration, "{", *lines, *(f"    {line}" for line in (*unused, *body)), "}", ""]
-    )
+    unused = [f"(void){inputs[i].name};" for i in sorted({*range(len(inputs))} - inputs_read)]
+    names = [f"w{k}" for k in sorted(registers)] + [f"r{k}" for k in range(len(writes))]
+    lines = [f"ssm_real {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]
+    lines += [*unused, *body, *writes]
+    return "\n".join([declaration, "{", *(f"    {line}" for line in lines), "}", ""])
 
 
 def literal(value: float) -> str:

@@ -6,7 +6,7 @@ NumPy evaluates many samples several times faster than CasADi's virtual machine.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
 from itertools import accumulate, pairwise
 from types import SimpleNamespace
@@ -250,7 +250,7 @@ class Vectorised:
     def _run(self, work: Array, inputs: list[Array], n: int) -> None:
         """Execute all operations, block by block.
 
-        work: registers (registers, samples of a block). given: rows (k, n) of the arguments and
+        work: registers (registers, samples of a block). inputs: rows (k, n) of the arguments and
         results.
         """
         tables = [work, self._constants, *inputs]
@@ -272,22 +272,17 @@ class Vectorised:
                 pointers = addresses + start * moves
                 samples = ctypes.c_long(count)
                 slots = ctypes.c_void_p(pointers.ctypes.data)
-                rows = {
-                    k: tables[index][row]
-                    for k, (index, row) in ((k, self._places[k]) for k in seen)
-                }
-                if n > BLOCK:
-                    selections = [slice(count), (), *[slice(start, start + count)] * len(inputs)]
-                    rows = {k: row[selections[self._places[k][0]]] for k, row in rows.items()}
+                selections = [slice(count), (), *[slice(start, start + count)] * len(inputs)]
+                rows = {}
+                for k in seen:
+                    index, row = self._places[k]
+                    rows[k] = tables[index][row][selections[index]]
                 for low, high, code, size in self._parts:
                     if native is not None and code is not None:
                         native.ssm_operations(code, slots, steps, size, samples)
                         continue
-                    for operation, operand, other_operand, result in self._program[low:high]:
-                        if other_operand < 0:
-                            operation(rows[operand], rows[result])
-                        else:
-                            operation(rows[operand], rows[other_operand], rows[result])
+                    for operation, *operands in self._program[low:high]:
+                        operation(*(rows[k] for k in operands if k >= 0))
 
     def _compile(
         self, function: ca.Function
@@ -324,10 +319,36 @@ class Vectorised:
 def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     """Evaluate a Function of column vectors over n samples.
 
-    Each argument is (n, size of that input), and each result is (n, size of that output). A plain
-    Function silently accepts a square transposed batch, so this function checks the shapes. Raises
-    GeometryError with function, argument and both shapes.
+    A plain Function silently accepts a square transposed batch, so this function checks the shapes.
+
+    Parameters
+    ----------
+    function : casadi.Function
+    *arguments : (n, size)
+        One array for each input of the function, whose size is the second length.
+
+    Returns
+    -------
+    tuple of (n, size)
+        One array for each output.
+
+    Raises
+    ------
+    GeometryError
+        With function, argument and both shapes, if a shape is wrong.
     """
+    samples = _sample_count(function, arguments)
+    if samples == 0:
+        return tuple(np.zeros((0, function.size1_out(i))) for i in range(function.n_out()))
+    arrays = [np.asarray(argument, dtype=float) for argument in arguments]
+    vectorised = _vectorised(function) if samples >= MANY else None
+    if vectorised is not None:
+        return tuple(vectorised(*arrays))
+    return tuple(Mapped(function, arrays[1:], samples)(arrays[0]))
+
+
+def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
+    """Return the number n of samples of the arguments (n, size). Raises GeometryError."""
     sizes = _sizes(function)
     if len(arguments) != len(sizes):
         raise GeometryError(f"{function.name()} takes {len(sizes)} arguments, got {len(arguments)}")
@@ -339,13 +360,7 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
                 f"{np.shape(argument)}, expected (n, {size})"
                 + ("" if i == 0 or samples < 0 else f" with n = {samples}")
             )
-    if samples == 0:
-        return tuple(np.zeros((0, function.size1_out(i))) for i in range(function.n_out()))
-    vectorised = _vectorised(function) if samples >= MANY else None
-    if vectorised is not None:
-        return tuple(vectorised(*(np.asarray(a, dtype=float) for a in arguments)))
-    leading, *arguments_left = (np.asarray(argument, dtype=float) for argument in arguments)
-    return tuple(Mapped(function, arguments_left, samples)(leading))
+    return samples
 
 
 @lru_cache(maxsize=256)

@@ -51,6 +51,12 @@ class Alignment(ShortRepr):
     agreement: float = 0.0
     """Correlation until the end of the measured motion, which may stop early."""
 
+    @property
+    def determines_clock(self) -> bool:
+        """True if the measured speed agrees with the plan in shape and size."""
+        alike = self.agreement >= ALIKE and abs(self.size - 1) <= FOLLOWS
+        return alike and bool(np.isfinite(self.rate_error))
+
 
 @frozen
 class Clock(ShortRepr):
@@ -120,8 +126,8 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
 def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
     """Estimate one clock from the alignments of all axes.
 
-    Only axes whose measured speed agrees with the plan in shape and size determine the clock. Without
-    such an axis, the axis with the best agreement determines the delay.
+    Only axes whose measured speed agrees with the plan in shape and size determine the clock.
+    Without such an axis, the axis with the best agreement determines the delay.
 
     Parameters
     ----------
@@ -131,28 +137,27 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
         Smallest deviation of the rate from 1 that is corrected. The uncertainty of the rate is
         added.
     """
-    good = [
-        axis
-        for axis in axes
-        if axis.agreement >= ALIKE
-        and abs(axis.size - 1) <= FOLLOWS
-        and np.isfinite(axis.rate_error)
-    ]
+    good = [axis for axis in axes if axis.determines_clock]
     reliable = good or [max(axes, key=lambda axis: axis.agreement)]
-    rate = 1.0
-    error = np.inf
-    if good:
-        rates = [axis.rate for axis in good]
-        weights = np.array([1 / axis.rate_error**2 for axis in good])
-        rate = float(np.median(rates))
-        error = float(1 / np.sqrt(weights.sum()))
-        if np.ptp(rates) <= CERTAIN * max(axis.rate_error for axis in good):
-            rate = float(np.average(rates, weights=weights))
+    rate, error = _common_rate(good) if good else (1.0, np.inf)
     certain = abs(rate - 1) > drift + CERTAIN * error
     size = float(np.median([axis.size for axis in reliable]))
     slower = certain and abs(size - rate) < abs(size - 1)
     delay = float(np.median([axis.delay for axis in reliable]))
     return Clock(delay, rate if certain and not slower else 1.0, rate, error, slower)
+
+
+def _common_rate(axes: Sequence[Alignment]) -> tuple[float, float]:
+    """Return the rate of the clock and its standard deviation.
+
+    The rate is the weighted mean of the rates, or their median if they contradict each other.
+    """
+    rates = [axis.rate for axis in axes]
+    errors = np.array([axis.rate_error for axis in axes])
+    weights = 1 / errors**2
+    agree = np.ptp(rates) <= CERTAIN * errors.max()
+    rate = np.average(rates, weights=weights) if agree else np.median(rates)
+    return float(rate), float(1 / np.sqrt(weights.sum()))
 
 
 def planned_speed_at(planned_time: Array, planned_speed: Array, t: Array) -> Array:
@@ -225,6 +230,7 @@ def _refine(
         size += float(change[2])
     errors = np.sqrt(np.diag(np.linalg.inv(normal)) * float(np.mean(residual[used] ** 2)))
     delay = centre - middle / rate
+
     before = planned_speed_at(planned_time, planned_speed, t - start)
     after = size * planned_speed_at(planned_time, planned_speed, rate * (t - delay))
     improved = np.sum((w - after) ** 2) <= np.sum((w - before) ** 2)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -422,45 +423,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
 
     `certificate` provides the margins of the plan.
     """
-    plan = axis.plan
-    joint = axis.plan.joint
-    measured = axis.measured
-    planned_margins = {}
-    if certificate is not None:
-        planned_margins = {c.name: c.margin for c in certificate.limits if c.joint == joint.name}
-
-    def result(
-        limit: Limit, bound: float, value: float, margin: float, noise: float, window: float
-    ) -> Kept:
-        """Build the result from the worst measured value and its noise."""
-        verdict: Verdict = "cannot tell"
-        if margin * limit.half_width < -noise:
-            verdict = "not held"
-        elif noise <= UNRESOLVED * limit.half_width:
-            verdict = "held"
-        return Kept(
-            limit.name,
-            bound,
-            planned_margin=planned_margins.get(limit.name),
-            measured=value,
-            margin=margin,
-            held=verdict == "held",
-            unit=limit.unit,
-            noise=noise,
-            window=window,
-            verdict=verdict,
-        )
-
-    def compare_limit(
-        limit_type: type[JointLimit], values: Array, departure: Array, resolution: float
-    ) -> Kept:
-        limit = joint.limit(limit_type)
-        excess, noise, window = worst_excess(
-            values, departure[axis.moving], limit.largest, axis.step, resolution
-        )
-        margin = 1 - excess / limit.largest
-        return result(limit, limit.largest, excess, margin, noise=noise, window=window)
-
+    plan, joint, measured = axis.plan, axis.plan.joint, axis.measured
     position = joint.limit(JointPosition)
     highest = float(axis.q.max())
     lowest = float(axis.q.min())
@@ -468,18 +431,59 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     below = lowest - position.low
     end, extreme = (position.high, highest) if above <= below else (position.low, lowest)
     margin = min(above, below) / position.half_width
-    limits = [result(position, end, extreme, margin, noise=position_noise(axis), window=0.0)]
-    ratio = plan.ratio
+    limits = [_kept(position, end, extreme, margin, noise=position_noise(axis))]
     speed_error = measured.w - axis.speed
-    resolution = measured.speed_resolution
-    velocity = measured.w / ratio, speed_error / ratio, resolution / ratio
-    limits.append(compare_limit(JointVelocity, *velocity))
+    speed = measured.w, speed_error, measured.speed_resolution
+    channels: list[tuple[type[JointLimit], tuple[Any, Any, float], float]] = [
+        (JointVelocity, speed, plan.ratio)
+    ]
     if joint.motor is not None:
         torque_error = measured.tau - np.interp(axis.t, plan.time, plan.torque)
         torque = measured.tau, torque_error, measured.torque_resolution
-        limits.append(compare_limit(MotorSpeed, measured.w, speed_error, resolution))
-        limits.append(compare_limit(MotorTorque, *torque))
-    return tuple(limits)
+        channels += [(MotorSpeed, speed, 1.0), (MotorTorque, torque, 1.0)]
+    for limit_type, channel, ratio in channels:
+        limit = joint.limit(limit_type)
+        values, departure, resolution = (value / ratio for value in channel)
+        excess, noise, window = worst_excess(
+            values, departure[axis.moving], limit.largest, axis.step, resolution
+        )
+        margin = 1 - excess / limit.largest
+        limits.append(_kept(limit, limit.largest, excess, margin, noise=noise, window=window))
+    if certificate is None:
+        return tuple(limits)
+    planned = {
+        check.name: check.margin for check in certificate.limits if check.joint == joint.name
+    }
+    return tuple(replace(limit, planned_margin=planned.get(limit.name)) for limit in limits)
+
+
+def _kept(
+    limit: Limit,
+    bound: float,
+    value: float,
+    margin: float,
+    *,
+    noise: float,
+    window: float = 0.0,
+) -> Kept:
+    """Build the result of one limit from the worst measured value and its possible noise."""
+    verdict: Verdict = "cannot tell"
+    if margin * limit.half_width < -noise:
+        verdict = "not held"
+    elif noise <= UNRESOLVED * limit.half_width:
+        verdict = "held"
+    return Kept(
+        limit.name,
+        bound,
+        planned_margin=None,
+        measured=value,
+        margin=margin,
+        held=verdict == "held",
+        unit=limit.unit,
+        noise=noise,
+        window=window,
+        verdict=verdict,
+    )
 
 
 def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:

@@ -107,29 +107,35 @@ def _recorded_position(
     """
     table = parse_table(path.read_text(encoding="utf-8", errors="replace").lstrip("\ufeff"), path)
     names = [name.strip().lower() for name in table.names]
+    units = [unit.strip().lower() for unit in table.units]
     column = next((names.index(name) for name in POSITION if name in names), None)
     clock = next((k for k, name in enumerate(names) if name in ("", "time", "t")), 0)
     if column is None or joint.drive is None:
         return None, 0.0
-    if table.units[column].strip().lower() not in INCREMENTS:
+    if units[column] not in INCREMENTS:
         raise RecordingError(
             f"{path}: position column has unit {table.units[column]!r}; allowed: increments (inc, "
             "qc)"
         )
-    counts = counts_per_turn
-    if counts is None and joint.motor is not None and joint.motor.encoder_known:
-        assert joint.motor.encoder_counts is not None
-        counts = QUADRATURE * joint.motor.encoder_counts
+    counts = counts_per_turn or _encoder_counts(joint)
     if counts is None:
         raise RecordingError(
             f"{path}: its position channel is in increments, and the motor of joint {joint.name} "
             "has no encoder_counts or a placeholder: give --counts-per-turn"
         )
-    raw = table.values[:, clock] * TIMES.get(table.units[clock].strip().lower(), 1.0)
+    raw = table.values[:, clock] * TIMES.get(units[clock], 1.0)
     increment = 2 * np.pi / counts / joint.drive.ratio
     position = table.values[:, column] * joint.motor_direction * increment
     finite = np.isfinite(raw) & np.isfinite(position)
     return np.interp(time, raw[finite], position[finite]), increment
+
+
+def _encoder_counts(joint: Joint) -> int | None:
+    """Return the increments per motor turn that the motor file states, or None."""
+    motor = joint.motor
+    if motor is None or not motor.encoder_known or motor.encoder_counts is None:
+        return None
+    return QUADRATURE * motor.encoder_counts
 
 
 def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:

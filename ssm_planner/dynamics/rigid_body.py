@@ -77,8 +77,8 @@ def _newton_euler(
     omega_dot = ca.SX.zeros(3)
     base_acceleration = ca.SX(base)
     moments = []
-    turns = []
     for i, (mass, com, inertia) in enumerate(bodies):
+        sliding, position = ca.SX.zeros(3), com
         if i < 3:
             # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with
             # the bodies before it
@@ -88,33 +88,25 @@ def _newton_euler(
             base_acceleration = back @ base_acceleration
             omega_dot = omega_dot + axes[i] * qdd[i] + ca.cross(omega, axes[i]) * qd[i]
             omega = omega + axes[i] * qd[i]
-            turns.append(back.T)
-            if mass is None:
-                moments.append(
-                    inertia @ omega_dot
-                    + ca.cross(omega, inertia @ omega)
-                    + ca.cross(com, base_acceleration)
-                )
-                continue
-            position = ca.SX(com)
-            sliding = ca.SX.zeros(3)
         else:
             position = com + axes[2] * q[3]
             sliding = axes[2] * qdd[3] + 2 * ca.cross(omega, axes[2]) * qd[3]
+        moment = inertia @ omega_dot + ca.cross(omega, inertia @ omega)
+        if mass is None:
+            moments.append(moment + ca.cross(com, base_acceleration))
+            continue
         force = mass * (
             base_acceleration
             + sliding
             + ca.cross(omega_dot, position)
             + ca.cross(omega, ca.cross(omega, position))
         )
-        moments.append(
-            inertia @ omega_dot + ca.cross(omega, inertia @ omega) + ca.cross(position, force)
-        )
+        moments.append(moment + ca.cross(position, force))
     tau = [ca.dot(axes[2], force)]
     total = moments[2] + moments[3]  # body 4 turns with body 3
     tau.append(ca.dot(axes[2], total))
     for i in (1, 0):
-        total = moments[i] + turns[i + 1] @ total
+        total = moments[i] + rotations[i + 1] @ total
         tau.append(ca.dot(axes[i], total))
     return ca.vertcat(*reversed(tau))
 

@@ -140,44 +140,60 @@ class FrictionSpread:
 def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     """Return the uncertainty of the friction that a drive file states.
 
-    relative: relative range of all parameters whose uncertainty the file does not state. Raises
-    ProblemError if the covariance is not valid.
+    Parameters
+    ----------
+    drive : Drive
+    relative : float, optional
+        Relative range of all parameters of SPREAD whose uncertainty the file does not state.
+
+    Raises
+    ------
+    ProblemError
+        If the covariance is not valid.
     """
     friction = friction_of(drive)
+    if friction.posterior is not None:
+        return _posterior_spread(drive, friction.posterior)
     ranges = dict(drive.friction_ranges)
-    posterior = friction.posterior
-    if posterior is not None:
-        names = tuple(
-            name for name in posterior.names if name != LOAD_OFFSET and name not in ranges
-        )
-        mean = np.array([_nominal_value(drive, name, posterior) for name in names])
-        covariance = np.cov(
-            np.column_stack([posterior.column(name) for name in names]), rowvar=False
-        )
-        return FrictionSpread(names, mean, np.atleast_2d(covariance), ranges, posterior)
     table = {name: row for name, row in (friction.covariance or {}).items() if name not in ranges}
     if relative is not None:
-        values = {
-            name: float(getattr(friction, name)) for name in SPREAD if name not in (*ranges, *table)
-        }
+        values = {name: float(getattr(friction, name)) for name in SPREAD}
         ranges |= {
             name: (value * (1 - relative), value * (1 + relative))
             for name, value in values.items()
-            if value > 0
+            if value > 0 and name not in (*ranges, *table)
         }
+    covariance = _covariance(drive, table)
+    mean = np.array([_value(drive, name) for name in table])
+    return FrictionSpread(tuple(table), mean, covariance, ranges)
+
+
+def _posterior_spread(drive: Drive, posterior: Posterior) -> FrictionSpread:
+    """Return the spread of a posterior without the parameters whose range is stated."""
+    ranges = dict(drive.friction_ranges)
+    names = tuple(name for name in posterior.names if name != LOAD_OFFSET and name not in ranges)
+    mean = np.array([_nominal_value(drive, name, posterior) for name in names])
+    columns = np.column_stack([posterior.column(name) for name in names])
+    covariance = np.atleast_2d(np.cov(columns, rowvar=False))
+    return FrictionSpread(names, mean, covariance, ranges, posterior)
+
+
+def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array:
+    """Return the checked covariance (k, k) of a table with a row for each parameter.
+
+    Raises ProblemError for an unknown parameter, a missing entry or an invalid matrix.
+    """
     names = tuple(table)
     unknown = [name for name in names if name not in VARIABLE]
     if unknown:
         raise _not_one(drive, f"{unknown[0]} is not a parameter", allowed=", ".join(VARIABLE))
     try:
-        covariance = np.array([[table[a][b] for b in names] for a in names]).reshape(
-            len(names), len(names)
-        )
+        rows = [[table[a][b] for b in names] for a in names]
     except KeyError as error:
         raise _not_one(drive, f"it lacks the entry of {error.args[0]} in a row") from None
+    covariance = np.array(rows).reshape(len(names), len(names))
     _check(drive, names, covariance)
-    mean = np.array([_value(drive, name) for name in names])
-    return FrictionSpread(names, mean, covariance, ranges)
+    return covariance
 
 
 def drive_with(drive: Drive, values: Mapping[str, Any]) -> Drive:

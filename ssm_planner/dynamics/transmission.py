@@ -17,8 +17,8 @@ the same rows hold for all drives.
 The law is piecewise linear in the acceleration. The motor accelerates the inertia
 `effective_inertia(...)[0]` while the load opposes the motion, and `effective_inertia(...)[1]` while
 the load drives it. Friction can make the second inertia negative if the inertia of the load is
-large (J_in·ratio < γ·|tan(λ − φ)|·M). The motion of a rigid drive with such a load is not unique: it may
-run ahead or jam at once.
+large (J_in·ratio < γ·|tan(λ − φ)|·M). The motion of a rigid drive with such a load is not unique:
+it may run ahead or jam at once.
 """
 
 from __future__ import annotations

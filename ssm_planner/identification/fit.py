@@ -114,58 +114,109 @@ def fit_map(
 ) -> MapFit:
     """Fit friction parameters to a torque–velocity map.
 
-    load: constant effort that the drive exerts on the payload, N·m or N. It is negative if the
-    payload drives forwards. A constant offset is fitted if it reduces the error on recordings left
-    out. law: one of LAWS, or `auto` for the simplest law that predicts recordings left out about as
-    well as the best. fixed: known values by name. reference: prior centres by name. free:
-    parameters that are fitted in addition to those of the law (`b_ov`, `preload`). progress: called
-    with a step for each law.
+    Parameters
+    ----------
+    drive : Drive
+        Drive whose friction is fitted.
+    data : TorqueMap
+        Points of the map.
+    load : float
+        Constant effort that the drive exerts on the payload, N·m or N. It is negative if the
+        payload drives forwards. A constant offset is fitted if it reduces the error on recordings
+        left out.
+    law : str
+        One of LAWS, or `auto` for the simplest law that predicts recordings left out about as well
+        as the best.
+    fixed : Mapping, optional
+        Known values by name.
+    reference : Mapping, optional
+        Prior centres by name.
+    free : sequence of str
+        Parameters that are fitted in addition to those of the law (`b_ov`, `preload`).
+    progress : callable
+        Called with a step for each law.
 
-    Raises RecordingError if the map has one direction only, or too few points for the parameters.
+    Returns
+    -------
+    MapFit
+
+    Raises
+    ------
+    RecordingError
+        If the map has one direction only, or too few points for the parameters.
     """
-    fixed = {"b_ov": 0.0} | dict(fixed or {})
-    for name in free:
-        fixed.pop(name, None)
+    fixed = {
+        name: value for name, value in {"b_ov": 0.0, **(fixed or {})}.items() if name not in free
+    }
     _check_fixed(fixed)
     _check_directions(data)
     outliers = find_outliers(data.w, data.tau)
     weight = np.ones(len(data.w))
     for outlier in outliers:
         weight[outlier.index] = outlier.weight
-    scatter = max(_QUIET * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau)))
-    models = [
-        MapModel(
-            drive=with_parameters(drive, name, {}),
-            law=name,
-            names=(*(n for n in (*names_of(name), *free) if n not in fixed), *offset),
-            fixed={k: v for k, v in fixed.items() if name != "coulomb" or k not in _STRIBECK},
-            reference=dict(reference or {}),
-            w=data.w,
-            tau=data.tau,
-            weight=weight,
-            load=load + fixed.get(LOAD_OFFSET, 0.0),
-            scatter=scatter,
-        )
-        for name in (LAWS if law == "auto" else (law,))
-        for offset in (((),) if LOAD_OFFSET in fixed else ((), (LOAD_OFFSET,)))
-    ]
+    prototype = MapModel(
+        drive=drive,
+        law=law,
+        names=(),
+        fixed=fixed,
+        reference=dict(reference or {}),
+        w=data.w,
+        tau=data.tau,
+        weight=weight,
+        load=load + fixed.get(LOAD_OFFSET, 0.0),
+        scatter=max(_QUIET * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau))),
+    )
+    models = _candidate_models(prototype, free)
     fitted = []
     for k, model in enumerate(models):
         progress(Step(f"fitting the {model.law.replace('_', ' ')} law", k, len(models) + 1))
         fitted.append((model, most_likely(model)))
-    determined = _determined(fitted)
-    errors = [blind_errors(model, z) for model, z in determined]
-    chosen = simplest([model for model, _ in determined], errors)
-    blind = [float(np.sqrt(np.mean(error**2))) for error in errors]
-    criterion: dict[str, float] = {}
-    for (model, _), rms in zip(determined, blind, strict=True):
-        criterion[model.law] = min(rms, criterion.get(model.law, math.inf))
-    model, z = determined[chosen]
-    criterion[model.law] = blind[chosen]
+    (model, z), criterion = _chosen(_determined(fitted))
     progress(Step("computing the confidence intervals", len(models), len(models) + 1))
     fit = _report(model, z, data, _possible(fitted, model.law))
     rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=rows, criterion=criterion)
+
+
+def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel]:
+    """Return a model for every law, without and with a load offset unless that is fixed.
+
+    prototype: model with the data, whose law is the requested one or `auto`.
+    """
+    fixed = prototype.fixed
+    models = []
+    for law in LAWS if prototype.law == "auto" else (prototype.law,):
+        names = tuple(name for name in (*names_of(law), *free) if name not in fixed)
+        stribeck = _STRIBECK if law == "coulomb" else ()
+        model = replace(
+            prototype,
+            drive=with_parameters(prototype.drive, law, {}),
+            law=law,
+            names=names,
+            fixed={name: value for name, value in fixed.items() if name not in stribeck},
+        )
+        models.append(model)
+        if LOAD_OFFSET not in fixed:
+            models.append(replace(model, names=(*names, LOAD_OFFSET)))
+    return models
+
+
+def _chosen(
+    determined: list[tuple[MapModel, Array]],
+) -> tuple[tuple[MapModel, Array], dict[str, float]]:
+    """Return the simplest model that predicts well, with its z (k,), and the criterion of all laws.
+
+    The criterion is the RMS error on recordings left out, N·m, by law.
+    """
+    models = [model for model, _ in determined]
+    errors = [blind_errors(model, z) for model, z in determined]
+    blind = [float(np.sqrt(np.mean(error**2))) for error in errors]
+    criterion: dict[str, float] = {}
+    for model, rms in zip(models, blind, strict=True):
+        criterion[model.law] = min(rms, criterion.get(model.law, math.inf))
+    chosen = simplest(models, errors)
+    criterion[models[chosen].law] = blind[chosen]
+    return determined[chosen], criterion
 
 
 def _check_fixed(fixed: Mapping[str, float]) -> None:
@@ -224,9 +275,9 @@ def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[S
 def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> dict[str, Array]:
     """Return the parameter sets of all possible laws as columns (sets,) by name.
 
-    The columns are the parameters, the torques at the slow speeds (2,) in rad/s, the WEIGHT, and the
-    LAW if several laws are possible. Missing values are NaN, except that the
-    Stribeck friction of the Coulomb law is 0.
+    The columns are the parameters, the torques at the slow speeds (2,) in rad/s, the WEIGHT, and
+    the LAW if several laws are possible. Missing values are NaN, except that the Stribeck friction
+    of the Coulomb law is 0.
     """
     laws = []
     for law_sample, share in possible:
@@ -268,41 +319,33 @@ def _report(
     model: MapModel, z: Array, data: TorqueMap, possible: list[tuple[Sample, float]]
 ) -> MapFit:
     """Return the fit of the chosen law with the most likely z (k,)."""
-    mu_at_bound = "mu" in model.names and model.parameters(z[None])["mu"].item() < locking_mu(
-        model.drive
-    )
+    smallest = locking_mu(model.drive)
+    mu_at_bound = "mu" in model.names and model.parameters(z[None])["mu"].item() < smallest
     if mu_at_bound:
-        bound = model.coordinate("mu", locking_mu(model.drive))
-        z = most_likely(model, z, (model.names.index("mu"), bound))
+        z = most_likely(model, z, (model.names.index("mu"), model.coordinate("mu", smallest)))
     predicted = model.torque(z[None])[0]
-    pulls = [
-        dict(zip(s.model.names, prior_pull(s.covariance).tolist(), strict=True))
-        for s, _ in possible
-    ]
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
     pooled = _pooled(possible, slow)
     posterior = _posterior(model, predicted, data, possible, _draw_sets(pooled))
-    values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)} | {
-        name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()
-    }
+    values = {name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()}
+    values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)} | values
+    separable = _separable(possible)
     estimates = {
-        name: replace(
-            _estimate(values[name], pooled, name),
-            separable=all(pull.get(name, 1.0) < SEPARABLE for pull in pulls),
-            at_bound=mu_at_bound and name == "mu",
-        )
+        name: replace(_estimate(values[name], pooled, name), separable=name in separable)
         for name in posterior.names
         if name in values
     }
-    together = tuple(name for name in model.names if not estimates[name].separable)
+    if mu_at_bound:
+        estimates["mu"] = replace(estimates["mu"], at_bound=True)
     estimates |= {name: Estimate(v, v, v, fixed=True) for name, v in model.fixed.items()}
+    together = tuple(name for name in model.names if name not in separable)
     offset = values.pop(LOAD_OFFSET)
     drive = _identified(model, values, posterior, offset)
     torques = zip(_WAYS, model.torque(z[None], slow)[0].tolist(), strict=True)
     return MapFit(
         law=model.law,
         drive=drive,
-        load=model.load + (0.0 if LOAD_OFFSET in model.fixed else offset),
+        load=model.total_load(offset),
         estimates=estimates,
         correlation_names=model.names,
         correlation=data_correlation(model, z),
@@ -315,6 +358,16 @@ def _report(
         law_shares=posterior.law_shares(model.law),
         notes=(*_notes(model, drive, predicted, offset), *_unreliable(possible)),
     )
+
+
+def _separable(possible: list[tuple[Sample, float]]) -> set[str]:
+    """Return the parameters whose prior pull is small in the sample of every possible law."""
+    names = []
+    for law_sample, _ in possible:
+        pull = prior_pull(law_sample.covariance)
+        pairs = zip(law_sample.model.names, pull, strict=True)
+        names.append({name for name, value in pairs if value < SEPARABLE})
+    return set.intersection(*names)
 
 
 def _posterior(

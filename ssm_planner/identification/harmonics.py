@@ -47,20 +47,44 @@ def ripple_rms(angle: Array, tau: Array) -> float:
 def fit_harmonics(
     recordings: Sequence[Recording], direction: int, ratio: float | None = None
 ) -> Harmonics | None:
-    """Fit the harmonics of the steady-state recordings in a direction (±1).
+    """Fit the harmonics of the steady-state recordings in a direction.
 
-    ratio: gear ratio of a worm. Harmonics of its wheel are fitted if the recorded angles span a
-    turn of it. The result is None if no recording has two turns.
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    direction : int
+        Sign of the motor speed of the recordings, ±1.
+    ratio : float, optional
+        Gear ratio of a worm. Harmonics of its wheel are fitted if the recorded angles span a turn
+        of it.
+
+    Returns
+    -------
+    Harmonics or None
+        None if every recording is shorter than two turns.
     """
-    angles = [(r, travelled(r)) for r in recordings if r.w.mean() * direction > 0]
-    recorded = [(r, (angle, r.tau)) for r, angle in angles if np.ptp(angle) >= 2 * TURN]
-    series = [curve for _, curve in recorded]
-    if not recorded:
+    series = []
+    phased = True
+    for recording in recordings:
+        angle = travelled(recording)
+        if recording.w.mean() * direction > 0 and np.ptp(angle) >= 2 * TURN:
+            series.append((angle, recording.tau))
+            phased = phased and recording.angle is not None
+    if not series:
         return None
-    if all(r.angle is not None for r, _ in recorded):
-        span = np.ptp(np.concatenate([angle for angle, _ in series]))
-        wheel = ratio if ratio is not None and span >= TURN * ratio else None
-        return _fit(series, _orders(wheel), phased=True)
+    if not phased:
+        return _aligned_mean(series)
+    span = np.ptp(np.concatenate([angle for angle, _ in series]))
+    wheel = ratio if ratio is not None and span >= TURN * ratio else None
+    return _fit(series, _orders(wheel), phased=True)
+
+
+def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
+    """Return the mean of the harmonics of recordings whose angles start anywhere.
+
+    The harmonics of every recording (angle, torque) are rotated until they agree best with the
+    mean, and the mean is then computed again. The weights are the spans of the angles.
+    """
     single = [_fit([curve], _orders(None), phased=False) for curve in series]
     turns = np.array([np.ptp(angle) for angle, _ in series])
     mean = single[int(np.argmax(turns))]

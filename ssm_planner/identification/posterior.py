@@ -142,12 +142,15 @@ class MapModel:
         w: motor speeds (points,) in rad/s instead of those of the map.
         """
         values: dict[str, Any] = {**self.fixed, **self.parameters(z)}
-        offset = values.pop(LOAD_OFFSET, 0.0)
-        load = self.load + (0.0 if LOAD_OFFSET in self.fixed else offset)
+        load = self.total_load(values.pop(LOAD_OFFSET, 0.0))
         torque = map_torque(
             with_parameters(self.drive, self.law, values), self.w if w is None else w, load
         )
         return np.broadcast_to(torque, (len(z), np.shape(torque)[-1]))
+
+    def total_load(self, offset: Any) -> Any:
+        """Return the effort on the output with a load offset. `load` includes a fixed offset."""
+        return self.load if LOAD_OFFSET in self.fixed else self.load + offset
 
     def residual(self, z: Array) -> Array:
         """Return weighted errors of the torque, (sets, points) in N·m, for z (sets, k)."""

@@ -6,8 +6,10 @@ Numbers may have local formats. The reader lists every repair.
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,6 +28,7 @@ _GROUPED = {
 """Numbers with thousands separators, by the decimal mark."""
 _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 """Numbers with one mark, which separates decimals or thousands."""
+_INTEGER = re.compile(r"[+-]?\d+")
 _MARKED = re.compile(r"[+-]?[\d.,]*\d[\d.,]*([eE][+-]?\d+)?")
 _BLANKS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f ](?=\\d{3})")
 """Apostrophes and blanks that separate thousands."""
@@ -62,13 +65,17 @@ class Notes:
         joined = _BLANKS.sub("", text)
         if mark and _GROUPED[mark].fullmatch(joined):
             joined = joined.replace(_OTHER[mark], "")
-        if joined != text and NUMBER.fullmatch(joined.replace(",", ".")):
+        pointed = joined.replace(",", ".")
+        if not NUMBER.fullmatch(pointed):
+            return self._number_with_text(text, line)
+        if joined != text:
             self.count("numbers with thousands separators read without them", line)
-        if NUMBER.fullmatch(joined):
-            return float(joined)
-        if NUMBER.fullmatch(joined.replace(",", ".")):
+        if pointed != joined:
             self.count("numbers with a decimal comma read as such", line)
-            return float(joined.replace(",", "."))
+        return float(pointed)
+
+    def _number_with_text(self, text: str, line: int) -> float:
+        """Return the number in a field with a remark behind it. Raises RecordingError."""
         edited = _EDITED.fullmatch(text)
         if edited:
             value, original = edited.group(1).strip(), edited.group(2)
@@ -133,7 +140,6 @@ NAMES = {
 """Accepted column names in the order of preference."""
 _OPTIONAL = ("position",)
 
-_MORE = "lines with more than {} columns: "
 MOST_LEFT_OUT = 0.05
 """Largest share of samples that may be left out because they are not numbers."""
 MAX_LINE = 100_000
@@ -198,39 +204,35 @@ def parse_table(text: str, path: Path) -> Table:
 def find_columns(table: Table, path: Path) -> dict[str, Column]:
     """Return the columns of time, speed, torque and position by quantity.
 
-    Raises RecordingError if a required column is missing.
+    Raises RecordingError if a required column is missing or if its unit is unknown.
     """
-    split = [
-        _name_and_unit(name, unit) for name, unit in zip(table.names, table.units, strict=True)
-    ]
+    pairs = zip(table.names, table.units, strict=True)
+    split = [_name_and_unit(name, unit) for name, unit in pairs]
+    names = [name for name, _ in split]
     columns: dict[str, Column] = {}
     for quantity, accepted in NAMES.items():
-        candidates = [(accepted.index(n), k) for k, (n, _) in enumerate(split) if n in accepted]
-        if not candidates and quantity in _OPTIONAL:
-            continue
-        if not candidates:
+        index = next((names.index(name) for name in accepted if name in names), None)
+        if index is not None:
+            columns[quantity] = _column(table, path, quantity, index, unit=split[index][1])
+        elif quantity not in _OPTIONAL:
             raise RecordingError(
                 f"{path}: no {quantity} column among "
-                f"{[n for n in table.names if n] or table.names}; "
+                f"{list(filter(None, table.names)) or table.names}; "
                 f"accepted names: {', '.join(accepted)}"
             )
-        index = min(candidates)[1]
-        unit = split[index][1]
-        allowed = UNITS[quantity]
-        if unit.lower() not in allowed:
-            unit_text = f"unit {unit!r}" if unit else "no unit"
-            raise RecordingError(
-                f"{path}: {quantity} column {table.names[index]!r} has {unit_text}; allowed: "
-                f"{', '.join(allowed)}"
-            )
-        columns[quantity] = Column(
-            index,
-            table.names[index],
-            unit,
-            allowed[unit.lower()],
-            quantity == "torque" and unit.lower() in _OF_NOMINAL,
-        )
     return columns
+
+
+def _column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -> Column:
+    """Return a column of a quantity. Raises RecordingError if its unit is unknown."""
+    name, allowed, key = table.names[index], UNITS[quantity], unit.lower()
+    if key not in allowed:
+        unit_text = f"unit {unit!r}" if unit else "no unit"
+        raise RecordingError(
+            f"{path}: {quantity} column {name!r} has {unit_text}; allowed: {', '.join(allowed)}"
+        )
+    of_nominal = quantity == "torque" and key in _OF_NOMINAL
+    return Column(index, name, unit, allowed[key], of_nominal)
 
 
 def _separator(lines: list[str], path: Path) -> str:
@@ -313,38 +315,45 @@ def _unquoted(text: str) -> str:
     return text.strip().strip('"').strip().replace("\u2212", "-")
 
 
+def _matching(pattern: re.Pattern[str], fields: Iterable[str]) -> list[str]:
+    """Return the fields that match a pattern completely."""
+    return [field for field in fields if pattern.fullmatch(field)]
+
+
 def _marks(rows: list[list[str]], width: int) -> list[str]:
     """Return the decimal mark of each column of fields, or "" for ambiguous columns."""
     columns = [[_BLANKS.sub("", _unquoted(row[k])) for row in rows] for k in range(width)]
-    sure: list[set[str]] = []
-    for fields in columns:
-        numbers = {
-            f
-            for f in fields
-            if ("," in f or "." in f) and _MARKED.fullmatch(f) and not _EITHER.fullmatch(f)
-        }
-        # A mark that occurs twice separates thousands.
-        marks = {(f, f[max(map(f.rfind, ".,"))]) for f in numbers}
-        sure.append({_OTHER[m] if f.count(m) > 1 else m for f, m in marks})
-    elsewhere = set().union(*sure) or {
-        m for fields in columns for f in fields if _MARKED.fullmatch(f) for m in ".," if m in f
-    }
+    sure = [_certain_marks(fields) for fields in columns]
+    numbers = _matching(_MARKED, itertools.chain.from_iterable(columns))
+    elsewhere = set().union(*sure) or set("".join(numbers)) & set(".,")
     return [
-        next(iter(marks)) if len(marks) == 1 else "" if marks else _guessed(fields, elsewhere)
+        _guessed(fields, elsewhere) if not marks else "".join(marks) if len(marks) == 1 else ""
         for fields, marks in zip(columns, sure, strict=True)
     ]
 
 
+def _certain_marks(fields: list[str]) -> set[str]:
+    """Return the decimal marks of the numbers in a column whose mark is certain."""
+    marks = set()
+    for number in _matching(_MARKED, fields):
+        last = max(map(number.rfind, ".,"))
+        if last >= 0 and not _EITHER.fullmatch(number):
+            mark = number[last]
+            # A mark that occurs twice separates thousands.
+            marks.add(_OTHER[mark] if number.count(mark) > 1 else mark)
+    return marks
+
+
 def _guessed(fields: list[str], elsewhere: set[str]) -> str:
-    """Return the decimal mark of a column without a certain mark.
+    """Return the decimal mark of a column without a certain mark, or "" if it is ambiguous.
 
     elsewhere: the certain marks of all columns.
     """
-    seen = {mark for f in fields if _EITHER.fullmatch(f) for mark in ".," if mark in f}
-    integers = [abs(int(f)) for f in fields if re.fullmatch(r"[+-]?\d+", f)]
+    seen = set("".join(_matching(_EITHER, fields))) & set(".,")
     if len(seen) != 1:
         return "" if seen else "."
-    mark = seen.pop()
+    (mark,) = seen
+    integers = [abs(int(field)) for field in _matching(_INTEGER, fields)]
     if integers:
         # With 992 before it, 1,024 has thousands; with 1024 before it, 1,125 has decimals.
         decimal = max(integers) >= 1000 or (mark == "." and "," not in elsewhere)
@@ -361,36 +370,24 @@ def _samples(
     header: dict[str, str],
     path: Path,
 ) -> Table:
-    width, rows, numbers = len(names), [], []
+    """Return the table of the lines from index `first` on.
+
+    Raises RecordingError if there are no samples, or if many of them have more fields than columns
+    and the comma separates columns, because numbers then seem to have decimal commas.
+    """
     notes = Notes(path)
-    more = _MORE.format(width) + ("left out" if separator == "," else "the rest ignored")
-    last = max(
-        (k for k in range(first, len(lines)) if lines[k].strip(" \t\r,;")), default=first - 1
-    )
-    for k in range(first, last + 1):
-        raw = lines[k]
-        fields = _fields(raw, separator)
-        if not fields:
-            notes.count("blank lines skipped", k)
-            continue
-        if separator != "," and raw.rstrip().endswith(","):
-            notes.count("lines with commas added at their end read without them", k)
-        if len(fields) > width:
-            notes.count(more, k)
-            if separator == ",":
-                # A number with a decimal comma makes two fields.
-                fields = []
-        elif len(fields) < width and k == last:
-            notes.add(f"the last line ({k + 1}) is cut off and left out")
-            continue
-        rows.append((fields + [""] * width)[:width])
-        numbers.append(k + 1)
+    width = len(names)
+    comma = separator == ","
+    more = f"lines with more than {width} columns: " + ("left out" if comma else "the rest ignored")
+    rows, numbers = _rows(lines, first, width, separator, more=more, notes=notes)
     if not rows:
         raise RecordingError(f"{path}: the header is there, but no sample follows it")
-    if separator == "," and len(notes.counted.get(more, ())) > max(1, MOST_LEFT_OUT * len(rows)):
+    too_long = notes.counted.get(more, [])
+    if comma and len(too_long) > max(1, MOST_LEFT_OUT * len(rows)):
         raise RecordingError(
-            f"{path}:{notes.counted[more][0]}: more fields than the {width} columns that the "
-            "header names: where the comma separates columns, numbers with a decimal comma must be quoted"
+            f"{path}:{too_long[0]}: more fields than the {width} columns that the "
+            "header names: where the comma separates columns, numbers with a decimal comma must be "
+            "quoted"
         )
     try:
         values = np.array(rows, dtype=float)
@@ -406,3 +403,34 @@ def _samples(
     if promised.isdigit() and int(promised) != len(rows):
         notes.add(f"the header promises {promised} samples, {len(rows)} were found")
     return Table(names, units, values=values, lines=numbers, repairs=notes.texts(), header=header)
+
+
+def _rows(
+    lines: list[str], first: int, width: int, separator: str, *, more: str, notes: Notes
+) -> tuple[list[list[str]], list[int]]:
+    """Return the fields of all samples, `width` for each, and the numbers of their lines.
+
+    `notes` gets remarks on blank lines, on a last line that is cut off, and the remark `more` on
+    lines with too many fields.
+    """
+    rows: list[list[str]] = []
+    numbers = []
+    filled = [k for k in range(first, len(lines)) if lines[k].strip(" \t\r,;")]
+    last = max(filled, default=first - 1)
+    for k, line in enumerate(lines[first : last + 1], first):
+        fields = _fields(line, separator)
+        if not fields:
+            notes.count("blank lines skipped", k)
+            continue
+        if separator != "," and line.rstrip().endswith(","):
+            notes.count("lines with commas added at their end read without them", k)
+        if len(fields) > width:
+            notes.count(more, k)
+            # A number with a decimal comma makes two fields.
+            fields = [] if separator == "," else fields
+        elif len(fields) < width and k == last:
+            notes.add(f"the last line ({k + 1}) is cut off and left out")
+            continue
+        rows.append((fields + [""] * width)[:width])
+        numbers.append(k + 1)
+    return rows, numbers

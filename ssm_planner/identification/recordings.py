@@ -80,16 +80,29 @@ def read_recording(
 ) -> Recording:
     """Read one recording.
 
-    nominal_torque: reference of a torque channel in percent or per mille, N·m. direction: sign of
-    the recorded channels. name: name in results, by default the file's name.
+    Parameters
+    ----------
+    path : str or Path
+        Export of the EPOS recorder, or CSV with named columns.
+    nominal_torque : float, optional
+        Reference of a torque channel in percent or per mille, N·m.
+    direction : int
+        Sign of the recorded channels, ±1.
+    name : str, optional
+        Name in results. The default is the name of the file.
 
-    Raises RecordingError with file, line and fault if the file cannot be used.
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be used. The message has file, line and fault.
     """
     path = Path(path)
-    text = _read_text(path)
-    table = parse_table(text, path)
+    table = parse_table(_read_text(path), path)
     columns = find_columns(table, path)
-    repairs = list(table.repairs)
     channels = np.array(
         [
             _in_si(table, columns[key], path, nominal_torque)
@@ -98,28 +111,8 @@ def read_recording(
             for key in ("time", "speed", "torque", "position")
         ]
     )
-    finite = np.isfinite(channels).all(axis=0)
-    bad = [table.lines[k] for k in np.flatnonzero(~finite)]
-    if len(bad) > max(1, MOST_LEFT_OUT * len(finite)):
-        raise RecordingError(
-            f"{path}:{bad[0]}: {len(bad)} of {len(finite)} samples are not finite numbers; "
-            f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
-        )
-    if bad:
-        repairs.append(f"{len(bad)} samples that are not finite left out (first: line {bad[0]})")
-    lines, channels = np.asarray(table.lines)[finite], channels[:, finite]
-    _check_time(channels[0], lines, path)
-    if len(lines) < MIN_SAMPLES:
-        raise RecordingError(f"{path}: {len(lines)} samples; at least {MIN_SAMPLES} are needed")
-    for quantity, channel in (("torque", channels[2]), ("speed", channels[1])):
-        spikes = find_spikes(channel)
-        if len(spikes):
-            listing = ", ".join(f"line {lines[k]}" for k in spikes[:5])
-            repairs.append(
-                f"{len(spikes)} isolated {quantity} samples far outside the rest left out "
-                f"({listing})"
-            )
-            channel[spikes] = np.nan
+    channels, lines, repairs = _finite_samples(channels, table, path)
+    repairs += _remove_spikes(channels, lines)
     time, speed, torque, angle = channels[:, np.isfinite(channels).all(axis=0)]
     if np.ptp(torque) == 0.0 and np.any(speed != 0.0):
         raise RecordingError(
@@ -135,12 +128,55 @@ def read_recording(
         time=time - time[0],
         w=direction * speed,
         tau=direction * torque,
-        repairs=tuple(repairs),
+        repairs=(*table.repairs, *repairs),
         quantum=_quantum(speed),
         header=table.header,
         angle=direction * angle if "position" in columns else None,
         begin=float(time[0]),
     )
+
+
+def _finite_samples(
+    channels: Array, table: Table, path: Path
+) -> tuple[Array, NDArray[np.int_], list[str]]:
+    """Return the channels (4, samples) without samples that are not finite, with their lines.
+
+    The third value has a remark on samples that are left out. Raises RecordingError if they are too
+    many, if too few remain, or if the time does not increase.
+    """
+    finite = np.isfinite(channels).all(axis=0)
+    bad = [table.lines[k] for k in np.flatnonzero(~finite)]
+    if len(bad) > max(1, MOST_LEFT_OUT * len(finite)):
+        raise RecordingError(
+            f"{path}:{bad[0]}: {len(bad)} of {len(finite)} samples are not finite numbers; "
+            f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
+        )
+    lines, channels = np.asarray(table.lines)[finite], channels[:, finite]
+    _check_time(channels[0], lines, path)
+    if len(lines) < MIN_SAMPLES:
+        raise RecordingError(f"{path}: {len(lines)} samples; at least {MIN_SAMPLES} are needed")
+    remark = (
+        f"{len(bad)} samples that are not finite left out (first: line {bad[0]})" if bad else ""
+    )
+    return channels, lines, [remark] if bad else []
+
+
+def _remove_spikes(channels: Array, lines: NDArray[np.int_]) -> list[str]:
+    """Replace spikes of torque and speed by NaN, and return a remark on each channel with spikes.
+
+    channels: time, speed, torque and position (4, samples), which change. lines: (samples,).
+    """
+    remarks = []
+    for quantity, channel in (("torque", channels[2]), ("speed", channels[1])):
+        spikes = find_spikes(channel)
+        if len(spikes):
+            listing = ", ".join(f"line {lines[k]}" for k in spikes[:5])
+            remarks.append(
+                f"{len(spikes)} isolated {quantity} samples far outside the rest left out "
+                f"({listing})"
+            )
+            channel[spikes] = np.nan
+    return remarks
 
 
 def read_recordings(
@@ -174,7 +210,8 @@ def find_spikes(values: Array) -> NDArray[np.intp]:
     """Return the indices of isolated samples of values (samples,).
 
     A gap of SPIKE_GAP times the range of all but the outermost samples separates them from the
-    others. On each side, at most 1 % of the samples are isolated, or one sample of a short recording.
+    others. On each side, at most 1 % of the samples are isolated, or one sample of a short
+    recording.
     """
     order = np.argsort(values, kind="stable")
     ranked = values[order]
@@ -246,37 +283,45 @@ def _torque_remarks(
     largest, second = (
         int(np.sum((below >= lower) & (below < lower + RAIL_BAND))) for lower in (0.0, RAIL_BAND)
     )
-    edges = np.flatnonzero(np.diff(torque, prepend=np.nan, append=np.nan) != 0.0)
-    rows = np.sort(
-        [
-            stop - start
-            for start, stop in itertools.pairwise(edges.tolist())
-            if moving[start:stop].all()
-        ]
-        or [0]
-    )
-    usual = int(rows[-2]) if len(rows) > 1 else 1
+    longest, usual = _longest_rows(torque, moving)
     if largest >= RAIL and largest > RAIL_EXCESS * second:
         remarks.append(
             f"torque stays at its largest value in {largest} samples: limited by the drive, or "
             "stuck?"
         )
-    elif rows[-1] >= max(RAIL, UNEQUAL * usual):
+    elif longest >= max(RAIL, UNEQUAL * usual):
         remarks.append(
-            f"torque does not change for {rows[-1]} samples in a row: did the channel stop?"
+            f"torque does not change for {longest} samples in a row: did the channel stop?"
         )
     if column.of_nominal and column.factor == 0.01 and nominal_torque is not None:
-        percent = 100 * torque / nominal_torque
-        whole = (
-            bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > nominal_torque
-        )
-        if whole or np.mean(size) > LASTING * nominal_torque:
-            remarks.append(
-                f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
-                f"{', in whole numbers' if whole else ''}: are the values ‰, labelled "
-                f"{column.unit}?"
-            )
+        remarks += _percent_remarks(torque / nominal_torque, column.unit)
     return remarks
+
+
+def _longest_rows(torque: Array, moving: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return the lengths of the longest and second longest row of equal torques in motion.
+
+    torque, moving: (samples,). Without two rows, the second length is 1.
+    """
+    edges = np.flatnonzero(np.diff(torque, prepend=np.nan, append=np.nan) != 0.0)
+    rows = sorted(
+        stop - start
+        for start, stop in itertools.pairwise(edges.tolist())
+        if moving[start:stop].all()
+    )
+    return rows[-1] if rows else 0, rows[-2] if len(rows) > 1 else 1
+
+
+def _percent_remarks(share: Array, unit: str) -> list[str]:
+    """Return a remark if torques over the nominal torque (samples,) look like ‰ instead of %."""
+    percent, size = 100 * share, np.abs(share)
+    whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
+    if not whole and np.mean(size) <= LASTING:
+        return []
+    return [
+        f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
+        f"{', in whole numbers' if whole else ''}: are the values ‰, labelled {unit}?"
+    ]
 
 
 def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:

@@ -211,9 +211,7 @@ def _with_bearing(
     degrees = len(model.w) + DEGREES
     linear = np.flatnonzero(model.linear)
     centre, spread = model.prior
-    slopes = {"b_c": np.sign(model.w), "b_v": model.w}
-    columns = [slopes[model.names[i]] * model.weight for i in linear]
-    q, r = np.linalg.qr((np.reshape(columns, (-1, len(model.w))) @ whitener).T)
+    q, r = np.linalg.qr((_slopes(model) @ whitener).T)
     z, x = z.copy(), np.zeros((len(z), len(linear)))
     error = residual @ whitener
     best, log_density = -error @ q, np.zeros(len(z))
@@ -231,6 +229,16 @@ def _with_bearing(
         square = square * (1 + t * t / freedom)
     log_posterior = log_share - 0.5 * degrees * np.log(square) + _log_normal(z)
     return np.column_stack([z, log_posterior - log_density, square])
+
+
+def _slopes(model: MapModel) -> Array:
+    """Return the weighted derivatives of the torque with respect to b_c and b_v, (2, recordings).
+
+    Fixed parameters are left out.
+    """
+    slopes = {"b_c": np.sign(model.w), "b_v": model.w}
+    rows = [slopes[name] * model.weight for name in model.names if name in slopes]
+    return np.reshape(rows, (-1, len(model.w)))
 
 
 def _components(y: Array, weight: Array, divisions: int) -> Mixture:

@@ -98,7 +98,7 @@ class TorqueMap(ShortRepr):
         )
 
 
-def rest_mask(time: Array, w: Array) -> Array:
+def rest_mask(time: Array, w: Array) -> Mask:
     """Return a mask (samples,) of rest from times in s and speeds in rad/s, (samples,) each.
 
     Motion below the resolution of the speed is not rest. Flickers of the speed channel, which are
@@ -196,7 +196,17 @@ def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
 def read_figures(path: str | Path, rig: str) -> TorqueMap:
     """Read the map of one rig from a table of figures.
 
-    Raises RecordingError with file, line and fault.
+    Parameters
+    ----------
+    path : str or Path
+        CSV file with the columns FIGURES_HEADER. Lines that start with # are comments.
+    rig : str
+        Name of the rig.
+
+    Raises
+    ------
+    RecordingError
+        If the table is invalid or does not contain the rig. The message has file, line and fault.
     """
     path = Path(path)
     try:
@@ -204,32 +214,37 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: the table of figures cannot be read ({error})") from error
     numbered = [
-        (k + 1, line) for k, line in enumerate(lines) if line.strip() and not line.startswith("#")
+        (f"{path}:{k}", next(csv.reader([line])))
+        for k, line in enumerate(lines, 1)
+        if line.strip() and not line.startswith("#")
     ]
-    if not numbered or tuple(numbered[0][1].split(",")) != FIGURES_HEADER:
+    if not numbered or tuple(numbered[0][1]) != FIGURES_HEADER:
         raise RecordingError(f"{path}: the first line must be {','.join(FIGURES_HEADER)}")
-    names, rows, rigs = [], [], []
-    for number, line in numbered[1:]:
-        fields = next(csv.reader([line]))
-        rigs.append(fields[0])
-        if fields[0] != rig:
-            continue
-        try:
-            row = [float(field) for field in fields[2:]]
-        except ValueError as error:
-            raise RecordingError(f"{path}:{number}: {error}") from error
-        if len(row) != len(FIGURES_HEADER) - 2 or not np.all(np.isfinite([*row[:4], *row[5:]])):
-            raise RecordingError(
-                f"{path}:{number}: {len(FIGURES_HEADER)} finite columns are needed"
-            )
-        names.append(fields[1])
-        rows.append(row)
-    if not rows:
+    tables: dict[str, list[tuple[str, list[float]]]] = {}
+    for location, fields in numbered[1:]:
+        rows = tables.setdefault(fields[0], [])
+        if fields[0] == rig:
+            figures_of_row = _figures(fields[2:], location)
+            rows.append((fields[1], figures_of_row))
+    if rig not in tables:
         raise RecordingError(
             f"{path}: no figures of {rig!r}; rigs in the table: "
-            f"{', '.join(sorted(set(rigs))) or 'none'}"
+            f"{', '.join(sorted(tables)) or 'none'}"
         )
-    return _from_rows(names, rows)
+    names, figures = zip(*tables[rig], strict=True)
+    return _from_rows(list(names), list(figures))
+
+
+def _figures(fields: list[str], location: str) -> list[float]:
+    """Convert the figures of one row. The ripple may be NaN. Raises RecordingError."""
+    try:
+        row = [float(field) for field in fields]
+    except ValueError as error:
+        raise RecordingError(f"{location}: {error}") from error
+    # The fifth figure is the ripple, which needs two turns of the motor.
+    if len(row) != len(FIGURES_HEADER) - 2 or not np.all(np.isfinite([*row[:4], *row[5:]])):
+        raise RecordingError(f"{location}: {len(FIGURES_HEADER)} finite columns are needed")
+    return row
 
 
 @frozen

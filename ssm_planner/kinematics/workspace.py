@@ -137,7 +137,8 @@ def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
     """Return the smallest singular value (n,) of the angular part of the space Jacobian.
 
     q: joints (n, 4). The columns of the angular part are the three revolute axes. The value is
-    dimensionless, depends on θ2 alone, and is zero at the workspace boundary, where the axes are coplanar.
+    dimensionless, depends on θ2 alone, and is zero at the workspace boundary, where the axes are
+    coplanar.
     """
     values = np.linalg.svd(space_jacobian(mechanism, q)[:, 3:, :3], compute_uv=False)
     return np.asarray(values[:, 2], dtype=float)

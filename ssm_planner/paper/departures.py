@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -51,6 +52,7 @@ def departures_section(
         (label, velocity_sign(DutyCycle.of_motorisation(run).loads()))
         for label, run in single.items()
     ]
+    payload_changes = [max(sign.torque.values()) for _, sign in payload_signs]
     forms = [stribeck_forms(inputs.rigs[rig.name], rig) for rig in rigs]
     values = {
         "bodies": body_moments(inputs.robot),
@@ -58,7 +60,7 @@ def departures_section(
         "flipped_inertia": joint_inertia(flipped(inputs.robot)),
         "inertia_changes": [
             *map(_change_of_motion, solved),
-            *(_change_of_payload(*run) for run in single.items()),
+            *itertools.starmap(_change_of_payload, single.items()),
         ],
         "FORMS": FORMS,
         "STRIBECK_SPEEDS": STRIBECK_SPEEDS,
@@ -67,17 +69,9 @@ def departures_section(
             *((run.row.label, velocity_sign(run.loads)) for run in solved),
             *payload_signs,
         ],
-        "payload_change": max(
-            (max(sign.torque.values()) for _, sign in payload_signs), default=0.0
-        ),
-        "standstill": [
-            (run.row.label, [_largest_start(run.load(joint)) for joint in DRIVEN]) for run in solved
-        ],
-        "outside": [
-            parameter
-            for name, drive in inputs.rigs.items()
-            for parameter in outside_bounds(name, drive)
-        ],
+        "payload_change": max(payload_changes, default=0.0),
+        "standstill": [(run.row.label, _largest_starts(run)) for run in solved],
+        "outside": list(itertools.chain(*itertools.starmap(outside_bounds, inputs.rigs.items()))),
     }
     return Section("departures", values, {"stribeck_forms": _stribeck_figure()})
 
@@ -106,10 +100,14 @@ def _change_of_payload(
     )
 
 
-def _largest_start(load: JointLoad) -> float | None:
-    """Return the largest |motor torque| at a start, N·m, or None if the joint never starts."""
-    torque = np.abs(load.torque()[load.breakaway > 0])
-    return float(torque.max()) if len(torque) else None
+def _largest_starts(run: SpeedRun) -> list[float | None]:
+    """Return the largest |motor torque| at a start of each driven joint, N·m.
+
+    The value of a joint that never starts is None.
+    """
+    loads = [run.load(joint) for joint in DRIVEN]
+    torques = [np.abs(load.torque()[load.breakaway > 0]) for load in loads]
+    return [float(torque.max()) if len(torque) else None for torque in torques]
 
 
 def _stribeck_figure() -> Figure:

@@ -167,43 +167,41 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
 def friction_section(robot: Robot) -> Section:
     """Return the section about Table II with the maps."""
     maps, (low, high) = friction_maps(robot), robot.ranges["tilt"]
-    rows = [TABLE_II[joint] for joint in DRIVEN]
-    torques = (
-        ("top speed of the map (rpm)", *(f"{RPM * m.w[-1]:.0f}" for m in maps)),
-        ("no load, slow", *(number(1e3 * m.unloaded[0][0]) for m in maps)),
-        ("no load, top speed", *(number(1e3 * m.unloaded[0][-1]) for m in maps)),
-        ("of which bearing, Coulomb", *(number(1e3 * row.b_c) for row in rows)),
-        (
-            "of which bearing, viscous",
-            *(number(1e3 * row.b_v * m.w[-1]) for row, m in zip(rows, maps, strict=True)),
-        ),
-        ("of which mesh, by μ_c", *(number(1e3 * m.mesh) for m in maps)),
-        ("no load, breakaway, by μ_s", *(number(1e3 * m.start) for m in maps)),
-        (
-            "the package's parameters, no load, top speed",
-            *(number(1e3 * m.package[0][-1]) for m in maps),
-        ),
-        (
-            "effort of the arm's weight (N·m, N·m, N)",
-            *(" … ".join(map(number, m.gravity)) for m in maps),
-        ),
-        ("under the arm's weight, largest", *(number(1e3 * m.max_friction) for m in maps)),
-    )
     parameters = (
         _parameter(robot, "mu", "μ_c", 1.0),
         _parameter(robot, "mu_static", "μ_s", 1.0),
         _parameter(robot, "b_c", "10³ b_c (N·m)", 1e3),
         _parameter(robot, "b_v", "10⁵ b_v (N·m·s/rad)", 1e5),
     )
-    ratios = [PACKAGE_FRICTION[joint].b_c / TABLE_II[joint].b_c for joint in DRIVEN]
+    columns = [_torques(friction_map) for friction_map in maps]
     values = {
         "parameters": parameters,
-        "ratios": ratios,
-        "torques": torques,
+        "ratios": [PACKAGE_FRICTION[joint].b_c / TABLE_II[joint].b_c for joint in DRIVEN],
+        "torques": [(name, *(column[name] for column in columns)) for name in columns[0]],
         "low": low,
         "high": high,
     }
     return Section("friction", values, {"friction_maps": _maps_figure(maps)})
+
+
+def _torques(m: FrictionMap) -> dict[str, str]:
+    """Return the torques of one joint as texts, mN·m unless stated otherwise, by name of the row."""
+    row = TABLE_II[m.joint]
+    torques = {
+        "no load, slow": m.unloaded[0][0],
+        "no load, top speed": m.unloaded[0][-1],
+        "of which bearing, Coulomb": row.b_c,
+        "of which bearing, viscous": row.b_v * m.w[-1],
+        "of which mesh, by μ_c": m.mesh,
+        "no load, breakaway, by μ_s": m.start,
+        "the package's parameters, no load, top speed": m.package[0][-1],
+    }
+    return {
+        "top speed of the map (rpm)": f"{RPM * m.w[-1]:.0f}",
+        **{name: number(1e3 * torque) for name, torque in torques.items()},
+        "effort of the arm's weight (N·m, N·m, N)": " … ".join(map(number, m.gravity)),
+        "under the arm's weight, largest": number(1e3 * m.max_friction),
+    }
 
 
 def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ from ssm_planner.reporting.figures.workspace import (
     pointings,
     reachable_set_figure,
 )
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, Range, frozen, record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,32 +70,11 @@ def tilt_table(mechanism: Mechanism) -> tuple[TiltRow, TiltRow, TiltRow]:
 
 def tilt_disks(mechanism: Mechanism) -> Figure:
     """Draw both reachable sectors, 2α each, symmetric about ω₁, and the measured limits."""
-    from matplotlib.patches import Wedge
-
     figure = new_figure(5.2, 4.4)
     axes = figure.subplots()
     interval = tilt_interval(mechanism)
-    low, high = (math.degrees(end) for end in interval)
-    for sign, grey, label in (
-        (-1.0, "0.72", "reachable at roll 0°"),
-        (1.0, "0.88", "reachable at roll 180°"),
-    ):
-        ends = sorted((sign * low, sign * high))
-        axes.add_patch(
-            Wedge(
-                (0.0, 0.0), 1.0, *ends, facecolor=grey, edgecolor="0.3", linewidth=0.8, label=label
-            )
-        )
-        # away from the line of the home position
-        label_angle = sign * (0.28 * interval[0] + 0.72 * interval[1])
-        axes.text(
-            0.75 * math.cos(label_angle),
-            0.75 * math.sin(label_angle),
-            "2α",
-            ha="center",
-            va="center",
-            fontsize=SIZE,
-        )
+    _sector(axes, interval, -1.0, facecolor="0.72", label="reachable at roll 0°")
+    _sector(axes, interval, 1.0, facecolor="0.88", label="reachable at roll 180°")
     angles = np.linspace(0.0, 2.0 * math.pi, 361)
     axes.plot(np.cos(angles), np.sin(angles), color="0.8", linewidth=0.8, zorder=0)
     for k, tilt in enumerate(TABLE_I_MEASURED):
@@ -104,14 +83,8 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
     for tilt, measured in zip(interval, TABLE_I_MEASURED, strict=True):
         text = minus(f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)")
         side = "right" if math.cos(tilt) < 0 else "left"
-        axes.text(
-            1.14 * math.cos(tilt),
-            -1.14 * math.sin(tilt),
-            text,
-            ha=side,
-            va="center",
-            fontsize=SIZE - 1,
-        )
+        x, y = 1.14 * math.cos(tilt), -1.14 * math.sin(tilt)
+        axes.text(x, y, text, ha=side, va="center", fontsize=SIZE - 1)
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
     axes.text(1.36, 0.0, "ω₁", ha="left", va="center", fontsize=SIZE)
     finish(axes, "", "")
@@ -119,6 +92,18 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
     axes.set_axis_off()
     legend(axes, loc="upper center", bbox_to_anchor=(0.5, 0.02), ncols=2)
     return figure
+
+
+def _sector(axes: Axes, interval: Range, sign: float, **style: Any) -> None:
+    """Draw the sector of the tilts in an interval, rad, multiplied by a sign."""
+    from matplotlib.patches import Wedge
+
+    ends = sorted(sign * math.degrees(end) for end in interval)
+    axes.add_patch(Wedge((0.0, 0.0), 1.0, *ends, edgecolor="0.3", linewidth=0.8, **style))
+    # away from the line of the home position
+    angle = sign * (0.28 * interval[0] + 0.72 * interval[1])
+    x, y = 0.75 * math.cos(angle), 0.75 * math.sin(angle)
+    axes.text(x, y, "2α", ha="center", va="center", fontsize=SIZE)
 
 
 def _ray(axes: Axes, tilt: float, length: float, **style: Any) -> None:
@@ -210,63 +195,52 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
 
     The tilt range is shown at roll 0, and the roll range at the middle tilt.
     """
-    from matplotlib.patches import Circle, Ellipse, Polygon
-
     figure = new_figure(7.2, 4.2)
+    left, right = figure.subplots(1, 2, sharey=True)
     middle = (TABLE_I[0] + TABLE_I[1]) / 2.0
     sweep = np.linspace(-0.5, 0.5, 91)
     tilts = middle + published.REQUIRED_TILT * sweep
     rolls = published.REQUIRED_ROLL * sweep
-    about_tilt = mechanism.insertion_sign * pointings(mechanism, tilts, np.zeros(len(sweep))).T
-    about_roll = mechanism.insertion_sign * pointings(mechanism, middle, rolls).T
-    views = (
-        (
-            0,
-            about_tilt,
-            "tilt",
-            published.REQUIRED_TILT,
-            "section through ω₁, roll 0°",
-            "along ω₁ (mm)",
-        ),
-        (1, about_roll, "roll", published.REQUIRED_ROLL, "seen along ω₁", "across ω₁ (mm)"),
-    )
-    for axes, (i, directions, name, extent, title, label) in zip(
-        figure.subplots(1, 2, sharey=True), views, strict=True
-    ):
-        centre = _mm(eye.centre, i)
-        axes.add_patch(
-            Circle(centre, 1e3 * eye.radius, fill=False, edgecolor="black", label="retina")
-        )
-        clearance_radius = 1e3 * (eye.radius - eye.clearance)
-        axes.add_patch(
-            Circle(
-                centre,
-                clearance_radius,
-                fill=False,
-                label="clearance",
-                edgecolor="0.45",
-                linestyle=(0, (4, 2)),
-            )
-        )
-        if eye.lens is not None:
-            widths = _mm(2 * np.sqrt(eye.lens.frame**2 @ eye.lens.semi_axes**2), i)
-            axes.add_patch(
-                Ellipse(_mm(eye.lens.centre, i), *widths, color="0.6", linewidth=0, label="lens")
-            )
-        ends = 1e3 * (directions * _to_retina(eye, directions)[:, None])[:, [i, 2]]
-        outline = np.vstack([np.zeros(2), ends])
-        axes.add_patch(
-            Polygon(outline, color=COLOURS[0], alpha=0.25, linewidth=0, label="required range")
-        )
-        for end in ends[[0, -1]]:
-            axes.plot(*zip((0.0, 0.0), end, strict=True), color=COLOURS[0], linewidth=1.0)
-        axes.plot([0.0], [0.0], "o", color="black", markersize=4, label="port, RCM")
-        finish(
-            axes, label, "up (mm)" if i == 0 else "", f"{name} {math.degrees(extent):.0f}°, {title}"
-        )
-        axes.set(xlim=(centre[0] - 13.0, centre[0] + 13.0), ylim=(-21.0, 5.0), aspect="equal")
-    legend_above(figure, figure.axes[0], 5)
+    sign = mechanism.insertion_sign
+    about_tilt = sign * pointings(mechanism, tilts, np.zeros(len(sweep))).T
+    about_roll = sign * pointings(mechanism, middle, rolls).T
+    tilt, roll = (math.degrees(x) for x in (published.REQUIRED_TILT, published.REQUIRED_ROLL))
+    title = f"tilt {tilt:.0f}°, section through ω₁, roll 0°"
+    _eye_section(left, eye, 0, about_tilt, ("along ω₁ (mm)", "up (mm)", title))
+    title = f"roll {roll:.0f}°, seen along ω₁"
+    _eye_section(right, eye, 1, about_roll, ("across ω₁ (mm)", "", title))
+    legend_above(figure, left, 5)
     return figure
+
+
+def _eye_section(
+    axes: Axes, eye: Eye, i: int, directions: Array, labels: tuple[str, str, str]
+) -> None:
+    """Draw the eye and a range of directions in the plane of component i and the height.
+
+    directions: unit vectors from the port to the retina, (n, 3). labels: titles of the horizontal
+    axis, of the vertical axis and of the section.
+    """
+    from matplotlib.patches import Circle, Ellipse, Polygon
+
+    centre = _mm(eye.centre, i)
+    radius, clear_radius = 1e3 * eye.radius, 1e3 * (eye.radius - eye.clearance)
+    dashed: Any = {"edgecolor": "0.45", "linestyle": (0, (4, 2))}
+    axes.add_patch(Circle(centre, radius, fill=False, edgecolor="black", label="retina"))
+    axes.add_patch(Circle(centre, clear_radius, fill=False, label="clearance", **dashed))
+    if eye.lens is not None:
+        widths = _mm(2 * np.sqrt(eye.lens.frame**2 @ eye.lens.semi_axes**2), i)
+        lens = Ellipse(_mm(eye.lens.centre, i), *widths, color="0.6", linewidth=0, label="lens")
+        axes.add_patch(lens)
+    ends = 1e3 * (directions * _to_retina(eye, directions)[:, None])[:, [i, 2]]
+    outline = np.vstack([np.zeros(2), ends])
+    area: Any = {"color": COLOURS[0], "alpha": 0.25, "linewidth": 0}
+    axes.add_patch(Polygon(outline, label="required range", **area))
+    for end in ends[[0, -1]]:
+        axes.plot(*zip((0.0, 0.0), end, strict=True), color=COLOURS[0], linewidth=1.0)
+    axes.plot([0.0], [0.0], "o", color="black", markersize=4, label="port, RCM")
+    finish(axes, *labels)
+    axes.set(xlim=(centre[0] - 13.0, centre[0] + 13.0), ylim=(-21.0, 5.0), aspect="equal")
 
 
 def _mm(vector: Array, i: int) -> tuple[float, float]:

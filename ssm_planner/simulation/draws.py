@@ -166,21 +166,18 @@ def play_draws(
     halved, table = arm.needs_half_steps(commands), commands.table()
     x = np.tile(start, (count, 1))
     width = table.shape[1]
-    inputs = np.empty((count, width + 4 + friction.shape[1]), order="F")
-    inputs[:, width : width + 4] = offsets
-    inputs[:, width + 4 :] = friction
+    inputs = _inputs(width, offsets, friction)
     mechanism = Mechanism.from_geometry(arm.robot.geometry)
-    constants = np.array(
-        [arm.electrics[k].torque_constant if k in arm.electrics else 0.0 for k in range(4)]
-    )
+    targets = tip_position(mechanism, planned[::TIP_INTERVAL])
+    constants = [getattr(arm.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
     tip, peak, error = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 4))
     saturated = np.zeros((count, 4), dtype=bool)
     for m, row in enumerate(table):
         if m % PROGRESS_INTERVAL == 0:
             progress(Step(f"playing {count} frictions", m, len(table)))
         if m % TIP_INTERVAL == 0:
-            target = tip_position(mechanism, planned[m : m + 1])
-            tip = np.fmax(tip, np.linalg.norm(tip_position(mechanism, x[:, Q]) - target, axis=1))
+            departure = tip_position(mechanism, x[:, Q]) - targets[m // TIP_INTERVAL]
+            tip = np.fmax(tip, np.linalg.norm(departure, axis=1))
         inputs[:, :width] = row
         step = half_steps if halved[m] else full_step
         x, following, cut = step(np.asfortranarray(x), inputs)
@@ -197,3 +194,10 @@ def play_draws(
         tripped=x[:, TRIP] > 0,
         tip_limit=tip_limit,
     )
+
+
+def _inputs(width: int, offsets: Array, friction: Array) -> Array:
+    """Return the inputs (n, 57) of one period, whose first `width` columns are still to be set."""
+    count = len(friction)
+    columns = [np.empty((count, width)), np.tile(offsets, (count, 1)), friction]
+    return np.asfortranarray(np.hstack(columns))

@@ -192,30 +192,34 @@ class ArmPlant:
             )
             qdd = self.accelerations(middle_q, middle_qd, forces.load, locked)
         qd_after = qd + h * qdd
-        mean_qd, mean_w = 0.5 * (qd + qd_after), forces.mean
+        mean_qd = 0.5 * (qd + qd_after)
         effort = self.body.symbolic(middle_q, middle_qd, qdd)
-        work = h * ca.dot(tau, mean_w)
-        locked_work = h * sum(
-            (effort[k] * mean_qd[k] for k in range(4) if k not in self.driven), ca.SX(0)
-        )
-        damping = h * sum(
-            (
-                forces.damper[k] * (mean_w[k] / self.drive(k).ratio - mean_qd[k])
-                for k in self.driven
-            ),
-            ca.SX(0),
-        )
-        energy = x[ENERGY] + ca.vertcat(work, locked_work, forces.loss, damping)
         y = ca.vertcat(
             q + h * mean_qd,
             qd_after,
-            motor + h * mean_w,
+            motor + h * forces.mean,
             forces.w,
             x[INTEGRAL],
             forces.rest,
-            energy,
+            x[ENERGY] + self._energies(tau, effort, forces, mean_qd),
         )
         return ca.Function("step", list(inputs), [y], {"cse": True})
+
+    def _energies(self, tau: ca.SX, effort: ca.SX, forces: _Forces, mean_qd: ca.SX) -> ca.SX:
+        """Return the four energies of a step, (4,), J, in the order of ENERGY.
+
+        The arguments are (4,): motor torques, joint efforts, forces of the step, and mean joint
+        velocities.
+        """
+        h = self.h
+        work = h * ca.dot(tau, forces.mean)
+        undriven = (effort[k] * mean_qd[k] for k in range(4) if k not in self.driven)
+        dampers = (
+            forces.damper[k] * (forces.mean[k] / self.drive(k).ratio - mean_qd[k])
+            for k in self.driven
+        )
+        locked_work, damping = (h * sum(terms, ca.SX(0)) for terms in (undriven, dampers))
+        return ca.vertcat(work, locked_work, forces.loss, damping)
 
     def _forces(
         self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX
@@ -273,7 +277,7 @@ class ArmPlant:
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
-        """Return the drive of the joint with index k. Raises GeometryError for a joint without a drive."""
+        """Return the drive of the joint with index k. Raises GeometryError if it is missing."""
         drive = self.robot.joints[k].drive
         if drive is None:
             raise GeometryError(f"joint {k + 1} has no drive")

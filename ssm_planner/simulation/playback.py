@@ -308,40 +308,55 @@ class ControlledArm(ArmPlant):
         next state (44,), the following errors (4,) and the saturation (4,).
         """
         x, u = ca.SX.sym("x", FULL_STATE), ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
-        demand, speed, acceleration, torque, prescribed, stalled = (
-            u[4 * k : 4 * k + 4] for k in range(6)
-        )
-        offsets, friction = u[25:29], u[29:]
+        prescribed, stalled, friction = u[16:20], u[20:24], u[29:]
         power = ca.logic_and(u[24], ca.mmax(x[TRIP]) == 0)
-        tau = [ca.SX(0)] * 4
-        loops = {name: [ca.SX(0)] * 4 for name in ("current", "i", "d", "e", "trip", "cut")}
-        for k in self.driven:
-            joint, electrics = self.robot.joints[k], self.electrics[k]
-            gains, axis = gains_of(joint, self.controller, electrics), self.axes[joint.name]
-            error = demand[k] - encoder(x[MOTOR][k] - offsets[k], axis.counts_per_turn)
-            forward = gains.ff_velocity * speed[k] + gains.ff_acceleration * acceleration[k]
-            step = loop_step(
-                gains,
-                electrics,
-                self.period,
-                error=ca.vertcat(error, x[ERROR][k]),
-                previous=ca.vertcat(x[CURRENT][k], x[INTEGRAL][k], x[DERIVATIVE][k]),
-                w=x[W][k],
-                feedforward=forward + torque[k] / electrics.torque_constant,
-            )
-            current = ca.if_else(power, step.current, 0)
-            tau[k] = electrics.torque_constant * current
-            loops["current"][k], loops["cut"][k] = current, ca.logic_and(power, step.saturated)
-            loops["i"][k], loops["d"][k], loops["e"][k] = step.integral, step.derivative, error
-            late = ca.logic_and(power, ca.fabs(error) > self.windows[joint.name])
-            loops["trip"][k] = ca.fmax(x[TRIP][k], late)
+        idle = dict.fromkeys(("tau", "current", "i", "d", "e", "trip", "cut"), ca.SX(0))
+        loops = [self._loop(k, x, u, power) if k in self.driven else idle for k in range(4)]
+        columns = {name: ca.vertcat(*(loop[name] for loop in loops)) for name in idle}
         # The actuation of a joint without a drive is not modelled. It stops if the power fails.
         locked = ca.if_else(power, prescribed, -x[QD] / self.period)
-        y = ca.vertcat(x[: INTEGRAL.start], *loops["i"], x[INTEGRAL.stop : STATE])
+        y = ca.vertcat(x[: INTEGRAL.start], columns["i"], x[INTEGRAL.stop : STATE])
         step_once = self.step_function()
         for _ in range(self.steps):
-            y = step_once(y, ca.vertcat(*tau), locked, stalled, friction)
-        columns = {name: ca.vertcat(*values) for name, values in loops.items()}
+            y = step_once(y, columns["tau"], locked, stalled, friction)
         state = ca.vertcat(y, *(columns[name] for name in ("current", "d", "e", "trip")))
         outputs = [state, columns["e"], columns["cut"]]
         return dense("period", [x, u], outputs)
+
+    def _loop(self, k: int, x: ca.SX, u: ca.SX, power: ca.SX) -> dict[str, ca.SX]:
+        """Return the motor torque, the state of the loop and its faults after one period.
+
+        Parameters
+        ----------
+        k
+            Index of a joint with a drive.
+        x, u
+            State (44,) and input (57,) of the period.
+        power
+            1 while the drives have power, otherwise 0.
+        """
+        demand, speed, acceleration, torque, offset = (u[k + shift] for shift in (0, 4, 8, 12, 25))
+        joint, electrics = self.robot.joints[k], self.electrics[k]
+        gains, axis = gains_of(joint, self.controller, electrics), self.axes[joint.name]
+        error = demand - encoder(x[MOTOR][k] - offset, axis.counts_per_turn)
+        forward = gains.ff_velocity * speed + gains.ff_acceleration * acceleration
+        step = loop_step(
+            gains,
+            electrics,
+            self.period,
+            error=ca.vertcat(error, x[ERROR][k]),
+            previous=ca.vertcat(x[CURRENT][k], x[INTEGRAL][k], x[DERIVATIVE][k]),
+            w=x[W][k],
+            feedforward=forward + torque / electrics.torque_constant,
+        )
+        current = ca.if_else(power, step.current, 0)
+        late = ca.logic_and(power, ca.fabs(error) > self.windows[joint.name])
+        return {
+            "tau": electrics.torque_constant * current,
+            "current": current,
+            "i": step.integral,
+            "d": step.derivative,
+            "e": error,
+            "trip": ca.fmax(x[TRIP][k], late),
+            "cut": ca.logic_and(power, step.saturated),
+        }

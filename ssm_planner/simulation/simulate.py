@@ -56,7 +56,7 @@ STILL = 0.05
 A joint that swings on its spring turns back within this time.
 """
 STANDS = 1e-3
-"""Speed below which a joint with a resting motor counts as at rest, as a share of the velocity limit."""
+"""Speed below which a joint with a resting motor rests, as a share of the velocity limit."""
 EVERYWHERE: Literal["everywhere"] = "everywhere"
 
 
@@ -111,30 +111,11 @@ class Scenario:
 
         `duration` is the duration of the motion at the speed of the scenario, s.
         """
+        self._check_ranges()
         driven = [joint.name for joint in robot.joints if joint.drive is not None]
-        for key, is_valid, fault, allowed in (
-            ("speed", 0 < self.speed <= 1, "out of range", "above 0 and up to 1 (100 %)"),
-            ("draws", 0 <= self.draws <= 100_000, "out of range", "0 to 100 000"),
-            (
-                "spread",
-                self.spread is None or 0 <= self.spread < 1,
-                "out of range",
-                "at least 0 and below 1",
-            ),
-            (
-                "payload_time",
-                not (self.draws and self.payload and self.payload_time > 0),
-                "not possible with draws",
-                "0",
-            ),
-            ("friction", 0 < self.friction <= 10, "out of range", "above 0 and up to 10"),
-        ):
-            if not is_valid:
-                raise ProblemError(fault, key=key, value=getattr(self, key), allowed=allowed)
-        for key, joint in (
-            ("stall", self.stall and self.stall[0]),
-            ("wrong_direction", self.wrong_direction),
-        ):
+        stalled_joint, stall_time = self.stall or (None, None)
+        joints = {"stall": stalled_joint, "wrong_direction": self.wrong_direction}
+        for key, joint in joints.items():
             if joint is not None and joint not in driven:
                 raise ProblemError(
                     "no joint of this name has a drive",
@@ -143,12 +124,31 @@ class Scenario:
                     allowed=", ".join(driven) or "none: no joint has a drive",
                 )
         loss = None if self.power_loss == EVERYWHERE else self.power_loss
-        times = {"power_loss": loss, "stall": self.stall and self.stall[1], "dropped": self.dropped}
+        times = {"power_loss": loss, "stall": stall_time, "dropped": self.dropped}
         for key, time in {**times, "payload_time": self.payload_time}.items():
             if time is not None and not 0 <= time <= duration:
                 raise ProblemError(
                     "outside the motion", key=key, value=time, allowed=f"0 s to {duration:.4g} s"
                 )
+
+    def _check_ranges(self) -> None:
+        """Raise ProblemError if a value is out of range, or if values exclude each other."""
+        spread = 0.0 if self.spread is None else self.spread
+        ranges = (
+            ("speed", 0 < self.speed <= 1, "above 0 and up to 1 (100 %)"),
+            ("draws", 0 <= self.draws <= 100_000, "0 to 100 000"),
+            ("spread", 0 <= spread < 1, "at least 0 and below 1"),
+            ("friction", 0 < self.friction <= 10, "above 0 and up to 10"),
+        )
+        for key, is_valid, allowed in ranges:
+            if not is_valid:
+                raise ProblemError(
+                    "out of range", key=key, value=getattr(self, key), allowed=allowed
+                )
+        if self.draws and self.payload and self.payload_time > 0:
+            raise ProblemError(
+                "not possible with draws", key="payload_time", value=self.payload_time, allowed="0"
+            )
 
 
 @frozen
@@ -485,11 +485,7 @@ class _Stage:
         mechanism = Mechanism.from_geometry(robot.geometry)
         planned_tip = tip_position(mechanism, self.planned)
         tip = np.linalg.norm(tip_position(mechanism, states[:, Q]) - planned_tip, axis=1)
-        constants = [
-            electrics_of(joint, self.controller).torque_constant if joint.drive else 0.0
-            for joint in robot.joints
-        ]
-        torque = played.states[1:, CURRENT] * np.array(constants)
+        torque = played.states[1:, CURRENT] * self._torque_constants()
         powered = (self.commands.power > 0) & np.all(states[:, TRIP] == 0, axis=1)
         count = max(int(np.sum(powered)), 1)
         tripped = played.states[-1, TRIP] > 0
@@ -524,6 +520,13 @@ class _Stage:
             draws=draws,
         )
         return replace(result, reasons=tuple(_reasons(result)))
+
+    def _torque_constants(self) -> list[float]:
+        """Return the torque constants of the motors, N·m/A. 0 for joints without a drive."""
+        return [
+            electrics_of(joint, self.controller).torque_constant if joint.drive else 0.0
+            for joint in self.plan.robot.joints
+        ]
 
     def _motor(self, k: int, torque: Array, played: Played, tripped: bool) -> MotorUse:
         """Return the load of the motor of joint k. `torque` (m,) covers the powered periods."""

@@ -46,7 +46,10 @@ class Conditions(Value):
     confidence: Annotated[float, Bound(at_least=0.5, at_most=0.999)] = 0.99
     """Probability with which "adequate" is claimed."""
     draws: Annotated[int, Bound(at_least=0, at_most=1_000_000)] = 0
-    """Number of Monte Carlo draws of the friction, at least 1000. 0 means a linearised calculation."""
+    """Number of Monte Carlo draws of the friction, at least 1000.
+
+    0 means a linearised calculation.
+    """
     spread: Annotated[float, Bound(at_least=0.0, at_most=math.nextafter(1.0, 0.0))] | None = None
     """Relative range of friction parameters without a range or covariance in the drive file."""
 

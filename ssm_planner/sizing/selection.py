@@ -349,6 +349,7 @@ Row = tuple[dict[str, NDArray[np.int8]], dict[str, Array], tuple[Check, ...]]
 
 
 def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
+    """Assess all motors with the gear in `load.drive`."""
     spread = spread_of(load.drive, conditions.spread)
     band = band_of(replace(load, motor=None), spread, conditions)
     gear = gear_checks(Case(load, band, spread, conditions))
@@ -360,31 +361,24 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     answers = {"speed": _answer(speed, speed)}
     margins = {"speed": speed}
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
-    for name, demand, factor in (
-        ("torque", "peak", 1.0),
-        ("continuous_torque", "rms", share),
-        ("voltage", "volts", 1.0),
-    ):
+    limited = {
+        "torque": ("peak", 1.0),
+        "continuous_torque": ("rms", share),
+        "voltage": ("volts", 1.0),
+    }
+    has_limit = {"heat": np.isfinite(fleet.cool)}
+    for name, (demand, factor) in limited.items():
         limit = fleet.limit(name)
+        has_limit[name] = np.isfinite(limit)
         margins[name] = _margin(factor * highest[demand], limit)
         answers[name] = _answer(margins[name], _margin(factor * lowest[demand], limit))
     fails = np.min(list(answers.values()), axis=0) < 0
-    if any(check.passed is False for check in gear):
-        fails[:] = True
+    fails |= any(check.passed is False for check in gear)
     answers["heat"] = _heat(
         load, fleet, conditions, band=(share * highest["rms"], share * lowest["rms"]), fails=fails
     )
-    limited = np.array(
-        [answers[name] for name in ("torque", "continuous_torque", "voltage", "heat")]
-    )
-    has_limit = np.array(
-        [np.isfinite(fleet.limit(name)) for name in ("torque", "continuous_torque", "voltage")]
-    )
-    has_limit = np.vstack([has_limit, np.isfinite(fleet.cool)])
-    together = np.where(has_limit, limited, 1).min(axis=0)
-    answers[CONFIDENCE] = (
-        together.astype(np.int8) if spread.is_stated else np.zeros(len(fails), np.int8)
-    )
+    together = np.min([np.where(has_limit[name], answers[name], 1) for name in has_limit], axis=0)
+    answers[CONFIDENCE] = (together if spread.is_stated else 0 * together).astype(np.int8)
     return answers, margins, gear
 
 

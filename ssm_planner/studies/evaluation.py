@@ -28,14 +28,15 @@ from ssm_planner.problem import Drive, Motor, Problem, unchecked
 from ssm_planner.sizing import (
     MARGINS,
     Conditions,
+    JointLoad,
     JointSelection,
+    MotorVerdict,
     Sizing,
     joint_loads,
     pause_of,
     select_joint,
     size_motion,
 )
-from ssm_planner.studies.screens import Rejection
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import PACE, Choice, Design, Study
 from ssm_planner.trajectory import Trajectory
@@ -59,6 +60,15 @@ Motions = Mapping[str, Trajectory]
 """Trajectories by name of the motion."""
 
 
+class Rejected(Exception):
+    """End of an evaluation that rejects a candidate, with the figures that were computed."""
+
+    def __init__(self, stage: str, reason: str, figures: Mapping[str, Any] | None = None) -> None:
+        super().__init__(reason)
+        self.stage = stage
+        self.figures = figures or {}
+
+
 @record
 class Evaluation:
     """A function that evaluates a candidate with all motions of a study. It can be pickled."""
@@ -68,18 +78,25 @@ class Evaluation:
     def __call__(self, number: int, design: Design) -> Candidate:
         """Return the results of a candidate. A fault of this program gives the state "failed"."""
         try:
-            return self._row(number, design)
+            return Candidate(number, "done", design, figures=self._figures(design))
+        except Rejected as error:
+            return Candidate(
+                number, "infeasible", design, error.stage, str(error), figures=error.figures
+            )
         except ProblemError as error:
             return Candidate(number, "infeasible", design, "design", str(error))
         except Exception as error:  # noqa: BLE001 the fault of one candidate must not end the study
             return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
 
-    def _row(self, number: int, design: Design) -> Candidate:
-        """Plan, select, check and size a candidate. Raises ProblemError for invalid values."""
+    def _figures(self, design: Design) -> JsonObject:
+        """Plan, select, check and size a candidate, and return its results.
+
+        Raises Rejected for an infeasible candidate, and ProblemError for invalid values.
+        """
         study = self.study
         margin = study.require.motor_margin
-        components: dict[str, str] = {}
         slowdown = float(design.get(PACE, 1.0))
+        components: dict[str, str] = {}
         fastest: Motions = {}
         if study.selected:
             originals = dict(problems_of(study, design))
@@ -87,44 +104,67 @@ class Evaluation:
                 name: _without_selected_motors(study, problem)
                 for name, problem in originals.items()
             }
-            planned = _plan_motions(undriven, {})
-            if isinstance(planned, Rejection):
-                return Candidate(number, "infeasible", design, planned.stage, planned.reason)
-            fastest = planned
-            selection = select_parts(study, originals, fastest, slowdown)
-            if isinstance(selection, Rejection):
-                return Candidate(number, "infeasible", design, selection.stage, selection.reason)
-            components = selection
+            fastest = _plan_motions(undriven, {})
+            components = select_parts(study, originals, fastest, slowdown)
         problems = dict(problems_of(study, {**design, **components}))
         reduced = {name: with_motor_margin(problem, margin) for name, problem in problems.items()}
-        motions = _plan_motions(reduced, fastest)
-        if isinstance(motions, Rejection):
-            return Candidate(
-                number, "infeasible", design, motions.stage, motions.reason, figures=components
-            )
+        try:
+            motions = _plan_motions(reduced, fastest)
+        except Rejected as error:
+            raise Rejected(error.stage, str(error), components) from error
         results = {
             **components,
             **_motion_figures(problems, motions),
             **_geometry_figures(next(iter(problems.values()))),
         }
-        for speed in np.geomspace(1.0, 1.0 / slowdown, PACES)[1:] if slowdown > 1 else ():
-            if _keeps_margin(results, margin):
-                break
-            # The planner does not limit heat and voltage, so slower motions are tried for them.
-            slower = {name: motion.slower(float(speed)) for name, motion in fastest.items()}
-            certificates = (
-                check(slower[name], problem.robot, problem.task_limits)
-                for name, problem in reduced.items()
-            )
-            if all(certificate.passed for certificate in certificates):
-                results |= _motion_figures(problems, slower)
+        if slowdown > 1 and not _keeps_margin(results, margin):
+            results |= _slower_figures(problems, reduced, fastest, slowdown, margin=margin)
         if not _keeps_margin(results, margin):
             reason = (
                 f"a motor margin of {100 * results['motor_margin']:.4g} %, required are "
                 f"{100 * margin:.4g} %"
             )
-            return Candidate(number, "infeasible", design, "motors", reason, figures=results)
-        return Candidate(number, "done", design, figures=results)
+            raise Rejected("motors", reason, results)
+        return results
+
+
+def _slower_figures(
+    problems: Mapping[str, Problem],
+    reduced: Mapping[str, Problem],
+    fastest: Motions,
+    slowdown: float,
+    *,
+    margin: float,
+) -> JsonObject:
+    """Return the results of the fastest slower motion that keeps the motor margin.
+
+    The planner does not limit heat and voltage, so slower motions are tried for them. Without such
+    a motion, the results are those of the slowest motion that passes the check, or empty.
+
+    Parameters
+    ----------
+    problems, reduced
+        Problem of each motion by name, with the motors of the candidate and with motors that are
+        reduced by the margin.
+    fastest
+        Fastest trajectory of each motion by name.
+    slowdown
+        Largest factor on the durations.
+    margin
+        Required motor margin, as a share.
+    """
+    results: JsonObject = {}
+    for speed in np.geomspace(1.0, 1.0 / slowdown, PACES)[1:]:
+        slower = {name: motion.slower(float(speed)) for name, motion in fastest.items()}
+        certificates = (
+            check(slower[name], problem.robot, problem.task_limits)
+            for name, problem in reduced.items()
+        )
+        if all(certificate.passed for certificate in certificates):
+            results = _motion_figures(problems, slower)
+            if _keeps_margin(results, margin):
+                break
+    return results
 
 
 def evaluate_batch(
@@ -210,8 +250,8 @@ def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
     return plans
 
 
-def _plan_motions(problems: Mapping[str, Problem], previous: Motions) -> Motions | Rejection:
-    """Plan a trajectory for each problem, or return the rejection of the first one without a plan.
+def _plan_motions(problems: Mapping[str, Problem], previous: Motions) -> Motions:
+    """Plan a trajectory for each problem. Raises Rejected for the first one without a plan.
 
     A trajectory in `previous` is used again if it passes the check of the problem.
     """
@@ -223,7 +263,7 @@ def _plan_motions(problems: Mapping[str, Problem], previous: Motions) -> Motions
         result = plan(quickly(problem), relaxations=False)
         if not result.passed or result.trajectory is None:
             reason = "no motion found" if result.reason is None else result.reason.message
-            return Rejection("plan", f"{name}: {reason}")
+            raise Rejected("plan", f"{name}: {reason}")
         motions[name] = result.trajectory
     return motions
 
@@ -259,7 +299,7 @@ def _without_selected_motors(study: Study, problem: Problem) -> Problem:
 
 def select_parts(
     study: Study, problems: Mapping[str, Problem], motions: Motions, slowdown: float
-) -> dict[str, str] | Rejection:
+) -> dict[str, str]:
     """Select a motor and a gear for each joint with such a choice.
 
     The function selects the first pair by rank that keeps the study's margins in every motion. It
@@ -279,51 +319,67 @@ def select_parts(
 
     Returns
     -------
-    dict or Rejection
-        Names of the selected motors and gears by path. A rejection if no pair suits a joint.
+    dict
+        Names of the selected motors and gears by path.
+
+    Raises
+    ------
+    Rejected
+        If no pair suits a joint.
     """
-    components: dict[str, str] = {}
     loads = []
     for name, problem in problems.items():
-        by_joint = {
-            load.joint: load
-            for load in joint_loads(motions[name].slower(1 / slowdown), problem.robot)
-        }
+        slower = motions[name].slower(1 / slowdown)
+        by_joint = {load.joint: load for load in joint_loads(slower, problem.robot)}
         loads.append((Conditions(pause=pause_of(problem)), by_joint))
     choices: dict[str, dict[str, Choice]] = {}
     for choice in study.selected:
         keys = choice.path.split(".")
         choices.setdefault(keys[1], {})[keys[-1]] = choice
+    components: dict[str, str] = {}
     for joint, by_component in choices.items():
-        motor_choice = by_component.pop("motor", None)
-        gear_choice = next(iter(by_component.values()), None)
-        motors = _motors(study, joint)
-        gears = _gears(study, joint, gear_choice)
-        selections = [
-            select_joint(by_joint[joint], motors, gears, conditions)
-            for conditions, by_joint in loads
-            if joint in by_joint
+        joint_conditions = [
+            (by_joint[joint], conditions) for conditions, by_joint in loads if joint in by_joint
         ]
-        rank = (motor_choice or gear_choice or study.selected[0]).select or "mass"
-        indices = next(iter(_admissible_pairs(selections, rank, study.require.motor_margin)), None)
-        if indices is None:
-            reasons = ", ".join(
-                f"{name} {count}" for name, count in selections[0].reasons().items()
-            )
-            pairs = f"{len(motors)} motors"
-            if gear_choice:
-                pairs += f" with {len(gears)} gears"
-            text = (
-                f"joint {joint}: none of {pairs} holds with "
-                f"{100 * study.require.motor_margin:.4g} % to spare"
-            )
-            return Rejection("selection", f"{text} (ruled out by {reasons or 'their margins'})")
-        gear, motor = indices
-        if motor_choice is not None:
-            components[motor_choice.path] = motors[motor].label
-        if gear_choice is not None:
-            components[gear_choice.path] = gears[gear].label
+        components |= _selected_pair(study, joint, by_component, joint_conditions)
     return components
+
+
+def _selected_pair(
+    study: Study,
+    joint: str,
+    choices: dict[str, Choice],
+    loads: Sequence[tuple[JointLoad, Conditions]],
+) -> dict[str, str]:
+    """Select the motor and the gear of one joint. Raises Rejected if no pair is suitable.
+
+    Parameters
+    ----------
+    study
+        Study with the required margin.
+    joint
+        Name of the joint.
+    choices
+        Choices of the joint by the last key of their path: "motor", or the kind of the gear.
+    loads
+        Load of the joint in each motion, with the operating conditions.
+    """
+    motor_choice = choices.pop("motor", None)
+    gear_choice = next(iter(choices.values()), None)
+    motors = _motors(study, joint)
+    gears = _gears(study, joint, gear_choice)
+    selections = [select_joint(load, motors, gears, conditions) for load, conditions in loads]
+    rank = (motor_choice or gear_choice or study.selected[0]).select or "mass"
+    margin = study.require.motor_margin
+    indices = next(iter(_admissible_pairs(selections, rank, margin)), None)
+    if indices is None:
+        counts = selections[0].reasons().items()
+        reasons = ", ".join(f"{name} {count}" for name, count in counts) or "their margins"
+        pairs = f"{len(motors)} motors" + (f" with {len(gears)} gears" if gear_choice else "")
+        text = f"joint {joint}: none of {pairs} holds with {100 * margin:.4g} % to spare"
+        raise Rejected("selection", f"{text} (ruled out by {reasons})")
+    chosen = ((gear_choice, gears[indices[0]].label), (motor_choice, motors[indices[1]].label))
+    return {choice.path: label for choice, label in chosen if choice is not None}
 
 
 def _admissible_pairs(
@@ -336,14 +392,15 @@ def _admissible_pairs(
     for g, m in selections[0].ranked(rank):
         if not admissible[g, m]:
             continue
-        checks = [
-            check
-            for selection in selections
-            for check in selection.verdict(g, m).checks
-            if check.name in CHECKED
-        ]
-        if all(check.margin is None or check.margin >= margin for check in checks):
+        verdicts = (selection.verdict(g, m) for selection in selections)
+        if all(min(_checked_margins(verdict), default=margin) >= margin for verdict in verdicts):
             yield g, m
+
+
+def _checked_margins(verdict: MotorVerdict) -> list[float]:
+    """Return the margins of the checks CHECKED of a motor that are evaluated."""
+    margins = {check.name: check.margin for check in verdict.checks if check.name in CHECKED}
+    return [margin for margin in margins.values() if margin is not None]
 
 
 @lru_cache(maxsize=8)
@@ -402,30 +459,19 @@ def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
 
     All values are in SI units. The mass is None if the mass of a motor is unknown.
     """
-    margins = []
+    verdicts = [verdict for sizing in sizings for verdict in sizing.verdicts]
+    margins = [margin for verdict in verdicts for margin in _checked_margins(verdict)]
     results: JsonObject = {}
-    masses: dict[str, float | None] = {}
-    for verdict in (verdict for sizing in sizings for verdict in sizing.verdicts):
-        margins += [
-            check.margin
-            for check in verdict.checks
-            if check.name in CHECKED and check.margin is not None
-        ]
-        for name, value in (
-            ("peak_torque", verdict.requirement.peak_torque),
-            ("rms_torque", verdict.requirement.rms_torque),
-        ):
-            key = f"{name}.{verdict.joint}"
+    for verdict in verdicts:
+        for name in ("peak_torque", "rms_torque"):
+            key, value = f"{name}.{verdict.joint}", getattr(verdict.requirement, name)
             results[key] = max(value, results.get(key, 0.0))
-        masses[verdict.joint] = verdict.motor.mass
-    known_masses = [mass for mass in masses.values() if mass is not None]
+    masses = {verdict.joint: verdict.motor.mass for verdict in verdicts}.values()
     results["motor_margin"] = min(margins, default=None)
     results["peak_torque"] = max(
-        (value for key, value in results.items() if key.startswith("peak_torque.")), default=None
+        (verdict.requirement.peak_torque for verdict in verdicts), default=None
     )
-    results["motor_mass"] = (
-        sum(known_masses) if len(known_masses) == len(masses) and known_masses else None
-    )
+    results["motor_mass"] = None if None in masses or not masses else sum(masses)
     return results
 
 

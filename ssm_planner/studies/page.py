@@ -68,17 +68,38 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     """Return the variables of the template."""
     states = sorted(Counter(row.state for row in rows).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
+    objectives = ", ".join(map(plain_words, study.minimise))
+    return {
+        "title": study.name,
+        "file": study.file or "FILE",
+        "summary": f"{len(rows)} candidates: {counts_text}. Objectives: {objectives}.",
+        "fallen": _rejections(rows),
+        "objectives": [title_of(name) for name in study.minimise],
+        "sensitivity": sensitivity(study, rows),
+        "front": _front_table(study, front),
+    }
+
+
+def _rejections(rows: Sequence[Candidate]) -> list[JsonObject]:
+    """Return the number of rejected candidates and an example for each stage, most frequent first."""
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
         if row.state not in ("done", "waiting"):
             stages.setdefault(row.stage or row.state, []).append(row)
-    names = [name for name in study.minimise if any(name in row.figures for row in front)]
-    header = [
-        "number",
-        *(title_of(name) for name in names),
-        *study.paths,
-        *(choice.path for choice in study.selected),
+    return [
+        {
+            "stage": stage,
+            "count": len(rejected),
+            "example": re.sub(r"(?<!\w)-(?=\d)", "−", rejected[0].reason or ""),
+        }
+        for stage, rejected in sorted(stages.items(), key=lambda item: -len(item[1]))
     ]
+
+
+def _front_table(study: Study, front: Sequence[Candidate]) -> JsonObject:
+    """Return header and rows of the table of the front: objectives, variables and parts."""
+    names = [name for name in study.minimise if any(name in row.figures for row in front)]
+    selected = [choice.path for choice in study.selected]
     cells = [
         [
             str(row.number),
@@ -130,14 +151,12 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
     """Return the data for the script of the page: columns over all candidates, as JSON types."""
     plotted = _plotted_results(study, rows)
     front_numbers = {row.number for row in front}
-    columns = [choices_at(study, path, rows) for path in study.paths]
-    columns += [
-        {"title": title_of(name), "at": [scaled(name, row.figures) for row in rows], "labels": None}
-        for name in plotted
-    ]
     return {
         "names": [*study.paths, *plotted],
-        "columns": columns,
+        "columns": [
+            *(choices_at(study, path, rows) for path in study.paths),
+            *(_result_column(name, rows) for name in plotted),
+        ],
         "choices": list(study.paths),
         "figures": plotted,
         "objectives": [name for name in study.minimise if name in plotted],
@@ -146,6 +165,12 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
         "stage": [row.stage or row.state for row in rows],
         "front": [i for i, row in enumerate(rows) if row.number in front_numbers],
     }
+
+
+def _result_column(name: str, rows: Sequence[Candidate]) -> JsonObject:
+    """Return a result of all candidates in the form of `choices_at`."""
+    values = [scaled(name, row.figures) for row in rows]
+    return {"title": title_of(name), "at": values, "labels": None}
 
 
 def _plotted_results(study: Study, rows: Sequence[Candidate]) -> list[str]:

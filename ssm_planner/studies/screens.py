@@ -206,40 +206,21 @@ class Screens:
         self, family: Family, branch: int, designs: Sequence[Design]
     ) -> list[Rejection | None]:
         """Return the rejection of each design whose motors are too weak on one branch, or None."""
-        assert self.robot is not None
         starts = np.array([move.start for move in self._moves])
         steps = starts + FIRST_STEP * (np.array([move.end for move in self._moves]) - starts)
         with np.errstate(invalid="ignore", divide="ignore"):
             q = family.joints(starts, branch)
-            next_q = family.joints(steps, branch)
-            step = next_q - q
+            step = family.joints(steps, branch) - q
             step[..., :3] = np.arctan2(np.sin(step[..., :3]), np.cos(step[..., :3]))
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
             load = self._loads(family, q)
         rejections: list[Rejection | None] = [None] * len(designs)
         selected = {choice.path.split(".")[1] for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
-            for joint, members in self._groups(name, designs):
-                if (
-                    joint.drive is None
-                    or joint.motor is None
-                    or joint.drive.friction is None
-                    or name in selected
-                ):
-                    continue
-                sign = direction[members, :, k]
-                moving_sign = np.where(sign == 0, 1.0, sign)
-                torque = np.abs(breakaway_torque(joint.drive, load[members, :, k], moving_sign))
-                torque = np.where((sign == 0) | ~np.isfinite(torque), 0.0, torque).max(axis=1)
-                for i in np.flatnonzero(torque > joint.motor.max_torque):
-                    if rejections[members[i]] is None:
-                        required = 1e3 * torque[i]
-                        available = 1e3 * joint.motor.max_torque
-                        reason = (
-                            f"joint {name} starts against {required:.4g} mN·m, "
-                            f"{joint.motor.name} has {available:.4g} mN·m"
-                        )
-                        rejections[members[i]] = Rejection("static torque", reason)
+            for joint, members in self._groups(name, designs) if name not in selected else ():
+                faults = _start_faults(joint, load[members, :, k], direction[members, :, k])
+                for i, rejection in faults.items():
+                    rejections[members[i]] = rejections[members[i]] or rejection
         return rejections
 
     def _loads(self, family: Family, q: Array) -> Array:
@@ -289,6 +270,34 @@ class Screens:
                     break
             if joint is not None:
                 yield joint, np.array(members)
+
+
+def _start_faults(joint: Joint, load: Array, direction: Array) -> dict[int, Rejection]:
+    """Return the rejection of each robot whose motor cannot start a joint, by index.
+
+    The result is empty if the joint lacks a motor or the friction of its drive.
+
+    Parameters
+    ----------
+    joint : Joint
+    load : (n, k)
+        Efforts of the weight in k configurations of n robots, N·m or N.
+    direction : (n, k)
+        Directions of the starts, +1, −1, or 0 for a joint that rests.
+    """
+    drive, motor = joint.drive, joint.motor
+    if drive is None or motor is None or drive.friction is None:
+        return {}
+    torque = np.abs(breakaway_torque(drive, load, np.where(direction == 0, 1.0, direction)))
+    torque = np.where((direction == 0) | ~np.isfinite(torque), 0.0, torque).max(axis=1)
+    return {
+        i: Rejection(
+            "static torque",
+            f"joint {joint.name} starts against {1e3 * torque[i]:.4g} mN·m, "
+            f"{motor.name} has {1e3 * motor.max_torque:.4g} mN·m",
+        )
+        for i in np.flatnonzero(torque > motor.max_torque).tolist()
+    }
 
 
 def _angles(texts: Sequence[str]) -> Array:

@@ -46,7 +46,8 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     """Write the robot file, the plans and the pages of a candidate, and return their paths.
 
     The files are written into `folder`/candidate_N, where `folder` contains the results of the
-    study. Raises ProblemError for a motion without a plan, and ExportError if a file cannot be written.
+    study. Raises ProblemError for a motion without a plan, and ExportError if a file cannot be
+    written.
     """
     row = candidate(folder, number)
     target = folder / f"candidate_{number}"

@@ -75,8 +75,8 @@ def key_of(design: Mapping[str, Any], context: str) -> str:
 class Store(AbstractContextManager["Store"]):
     """Database of candidates by key. It is used as a context manager.
 
-    Opening raises ProblemError if the file is not such a database or if another process writes it, and
-    ExportError if the file cannot be written.
+    Opening raises ProblemError if the file is not such a database or if another process writes it,
+    and ExportError if the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:

@@ -117,15 +117,7 @@ def study_from(section: Section) -> Study:
     """Convert the content of a study file to a study. Raises ProblemError if it is invalid."""
     model = validated(section, StudyModel)
     robot = robot_content(follow(section, "robot"))
-    motions: JsonObject = {}
-    for i, name in enumerate(model.motions):
-        motion = follow(section, "motions", i, file_kind="problem")
-        label = Path(name).stem
-        if label in motions:
-            raise section.error("given twice", "motions", i)
-        motions[label] = {
-            key: value for key, value in motion.value.items() if key not in ("robot", "name")
-        }
+    motions = _motions(section, model.motions)
     if not model.vary:
         raise section.error(
             "the study varies nothing", "vary", allowed="at least one path of the robot file"
@@ -151,6 +143,23 @@ def study_from(section: Section) -> Study:
         )
     _check_paths(section, study)
     return study
+
+
+def _motions(section: Section, names: Sequence[str]) -> JsonObject:
+    """Return the contents of problem files without robot and name, by the names of the files.
+
+    Raises ProblemError if a file is missing or named twice.
+    """
+    motions: JsonObject = {}
+    for i, name in enumerate(names):
+        content = follow(section, "motions", i, file_kind="problem").value
+        label = Path(name).stem
+        if label in motions:
+            raise section.error("given twice", "motions", i)
+        motions[label] = {
+            key: value for key, value in content.items() if key not in ("robot", "name")
+        }
+    return motions
 
 
 def robot_content(robot: Section) -> JsonObject:
@@ -191,22 +200,29 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
     if "from" in value:
         return _span(section, path)
     if "choices" in value:
-        choices = value["choices"]
-        if not isinstance(choices, list) or not choices:
-            raise section.error("not a list of choices", "choices")
-        contents = {}
-        kind = path.split(".")[-1]
-        for i, choice in enumerate(choices):
-            label = str(choice.get("name", i) if isinstance(choice, dict) else choice)
-            contents[label] = choice
-            if isinstance(choice, str) and kind in ("drive", "motor"):
-                contents[label] = follow(section, "choices", i, file_kind=kind).value
-        return Choice(path, contents)
+        return Choice(path, _choices(section, path.split(".")[-1]))
     select = value.get("select")
-    if select is not None and select not in RANKS:
+    if select not in (None, *RANKS):
         raise section.error("unknown rank", "select", allowed=", ".join(RANKS))
     contents, sizes = catalogue(section, path)
     return Choice(path, contents, select, sizes if select else {})
+
+
+def _choices(section: Section, kind: str) -> JsonObject:
+    """Return the contents of listed choices by name. Names of drives and motors are replaced.
+
+    kind: last key of the path. Raises ProblemError if the list is invalid.
+    """
+    choices = section.value["choices"]
+    if not isinstance(choices, list) or not choices:
+        raise section.error("not a list of choices", "choices")
+    contents = {}
+    for i, choice in enumerate(choices):
+        label = str(choice.get("name", i) if isinstance(choice, dict) else choice)
+        contents[label] = choice
+        if isinstance(choice, str) and kind in ("drive", "motor"):
+            contents[label] = follow(section, "choices", i, file_kind=kind).value
+    return contents
 
 
 def _check_selection(
@@ -222,32 +238,28 @@ def _check_selection(
             "nothing is searched", "vary", show=False, allowed="at least one path without select"
         )
     for choice in selected:
-        if not choice.path.startswith("joints.") or choice.path.split(".")[-1] not in (
-            "motor",
-            *GEARS,
-        ):
+        keys = choice.path.split(".")
+        if keys[0] != "joints" or keys[-1] not in ("motor", *GEARS):
             raise section.error(
                 "only motors and gears can be selected", "vary", choice.path, show=False
             )
-    for pace_variable in (variable for variable in vary if variable.path == PACE):
-        # A range begins with its smallest value.
-        paces = [pace_variable.value_at(0.0)]
-        if isinstance(pace_variable, Choice):
-            paces = list(pace_variable.contents)
-        try:
-            is_valid = all(1.0 <= float(text) < math.inf for text in paces)
-        except ValueError:
-            is_valid = False
-        if not is_valid or not selected:
-            reason = "without a selected part, the pace has no effect"
-            if selected:
-                reason = "invalid pace"
-            raise section.error(
-                reason,
-                "vary",
-                PACE,
-                allowed="numbers of at least 1, beside {catalogue: …, select: …}",
+    for variable in vary:
+        if variable.path == PACE and not (selected and _valid_pace(variable)):
+            reason = (
+                "invalid pace" if selected else "without a selected part, the pace has no effect"
             )
+            allowed = "numbers of at least 1, beside {catalogue: …, select: …}"
+            raise section.error(reason, "vary", PACE, allowed=allowed)
+
+
+def _valid_pace(variable: Variable) -> bool:
+    """Return True if all values of a pace are finite and at least 1."""
+    # A range begins with its smallest value.
+    paces = variable.contents if isinstance(variable, Choice) else [variable.value_at(0.0)]
+    try:
+        return all(1.0 <= float(text) < math.inf for text in paces)
+    except ValueError:
+        return False
 
 
 def _span(section: Section, path: str) -> Varied:

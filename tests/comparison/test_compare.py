@@ -221,7 +221,7 @@ def test_which_joint_a_file_is_of(robot: Robot) -> None:
 
 def test_joints_without_a_drive_and_counts_that_are_not_known(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv", position=True)
-    with pytest.raises(RecordingError, match="has no drive"):
+    with pytest.raises(RecordingError, match="states no drive"):
         read_measured(path, plan.robot, "spin")
     with pytest.raises(RecordingError, match="give --counts-per-turn"):
         read_measured(path, plan.robot, "roll")

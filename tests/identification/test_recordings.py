@@ -263,7 +263,7 @@ def test_fewer_samples_than_promised_is_said(tmp_path):
         (b"", "empty"),
         (b"\n \n", "empty"),
         (bytes(range(256)) * 40, "not a text file"),
-        (b"time;velocity;torque\n" + b"1;" * 100_000, "no line of a table"),
+        (b"time;velocity;torque\n" + b"1;" * 100_000, "too long for a table"),
         (b"just some words\nand more\n", "no columns"),
         (b"a;b;c\n1;2;3\n", "channel names"),
         (HEADER.encode(), "no sample"),

@@ -158,7 +158,7 @@ def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
         ),
         ({"mu": {"mu": 1e-4}, "b_c": {"mu": 0.0, "b_c": 1e-6}}, "lacks the entry of b_c"),
         ({"nu": {"nu": 1e-4}}, "nu is not a parameter"),
-        ({"stribeck_speed": {"stribeck_speed": 1.0}}, "no stribeck_speed"),
+        ({"stribeck_speed": {"stribeck_speed": 1.0}}, "lacks stribeck_speed"),
     ],
 )
 def test_what_is_no_covariance(loads: tuple[JointLoad, ...], table: dict, reason: str) -> None:
