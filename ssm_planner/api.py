@@ -55,6 +55,17 @@ def check(
     Raises
     ------
     TrajectoryError or ProblemError
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ssm_planner import Trajectory, check, load_robot
+    >>> t = np.linspace(0, 2, 101)
+    >>> q = np.outer(0.05 * (1 - np.cos(np.pi * t / 2)), [1, 1, 0, 0])
+    >>> motion = Trajectory.from_samples(t, q)
+    >>> certificate = check(motion, load_robot("vitreoretinal"))
+    >>> certificate.verdict, round(certificate["velocity", "tilt"].margin, 3)
+    ('kept', 0.931)
     """
     if speed != 1.0:
         return check_slower(*_smooth(motion, robot, limits), speed)
@@ -75,8 +86,22 @@ def check_speeds(
 ) -> SpeedRange:
     """Return the certificates of a motion at playback speeds from `slowest` to 1.
 
-    The result also has the worst speed of every motor limit. motion, robot and limits are as for
-    `check`, but a file must be a plan. Raises TrajectoryError or ProblemError.
+    The result also has the worst speed of every motor limit.
+
+    Parameters
+    ----------
+    motion, robot, limits
+        See `check`. A file must be a plan.
+    slowest : float
+        Smallest playback speed as a share of the planned one.
+
+    Returns
+    -------
+    SpeedRange
+
+    Raises
+    ------
+    TrajectoryError or ProblemError
     """
     return check_every_speed(*_smooth(motion, robot, limits), slowest)
 
@@ -90,8 +115,20 @@ def controlled_stops(
 ) -> Stops:
     """Return the quickest controlled stops along the path, with their certificate.
 
-    `instants` is the number of stops. motion, robot and limits are as for `check`, but a file must
-    be a plan. Raises TrajectoryError or ProblemError.
+    Parameters
+    ----------
+    motion, robot, limits
+        See `check`. A file must be a plan.
+    instants : int
+        Number of stops.
+
+    Returns
+    -------
+    Stops
+
+    Raises
+    ------
+    TrajectoryError or ProblemError
     """
     if instants < 1:
         raise ProblemError("no instants", key="instants", value=instants, allowed="at least 1")
@@ -127,6 +164,17 @@ def size(
     Raises
     ------
     TrajectoryError or ProblemError
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ssm_planner import Plan, Trajectory, load_robot, size
+    >>> t = np.linspace(0, 2, 101)
+    >>> q = np.outer(0.05 * (1 - np.cos(np.pi * t / 2)), [1, 1, 0, 0])
+    >>> motion = Trajectory.from_samples(t, q)
+    >>> sizing = size(Plan.from_trajectory(motion, load_robot("vitreoretinal")))
+    >>> [(verdict.joint, verdict.binds) for verdict in sizing.verdicts][0]
+    ('roll', 'continuous_torque')
     """
     motion = as_plan(plan)
     candidates = {
@@ -182,10 +230,25 @@ def compare(
 def report(
     plan: Plan | str | Path, path: str | Path | None = None, other: Plan | str | Path | None = None
 ) -> Path:
-    """Write the page of a plan, or with `other` a page that compares both, and return its path.
+    """Write the page of a plan, or a page that compares two plans, and return its path.
 
-    The default path is report.html or comparison.html in the folder of the plan's plan.json. Raises
-    ExportError, TrajectoryError or ProblemError.
+    Parameters
+    ----------
+    plan : Plan, str or Path
+        Plan, or its plan.json.
+    path : str or Path, optional
+        File of the page. The default is report.html or comparison.html in the folder of the plan's
+        plan.json.
+    other : Plan, str or Path, optional
+        Plan to compare with.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ExportError, TrajectoryError or ProblemError
     """
     from ssm_planner.reporting.html.compare import write_comparison
     from ssm_planner.reporting.html.report import write_report

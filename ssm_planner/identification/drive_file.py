@@ -23,10 +23,29 @@ def write_drive(
     dynamic: Mapping[str, Estimate],
     evidence: str,
 ) -> str:
-    """Write the YAML of `template`, the identified drive file, with the friction of `drive`.
+    """Write a drive file with identified friction, and return its path.
 
-    evidence: the recordings as a text, which becomes the source of the friction. Each parameter
-    states its 95 % interval. The file is written atomically. Raises ExportError.
+    Each parameter states its 95 % interval. The file is written atomically.
+
+    Parameters
+    ----------
+    path : str or Path
+        File that is written.
+    template : str or Path
+        The drive file that was identified. Its other keys are copied.
+    drive : Drive
+        The drive with the identified friction.
+    fit : MapFit
+        Fit of the torque–velocity map.
+    dynamic : Mapping
+        Estimates of the start–stop recordings by name.
+    evidence : str
+        Description of the recordings, which becomes the source of the friction.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
     """
     import yaml
 
@@ -48,6 +67,7 @@ def write_drive(
 
 
 def _heading(fit: MapFit, evidence: str) -> str:
+    """Return the comment lines at the beginning of the file."""
     lines = [
         f"Friction identified from {evidence}.",
         f"Law {fit.law}, NRMSD of the torque-velocity map {fit.nrmsd:.4f} over "
@@ -69,6 +89,7 @@ def _heading(fit: MapFit, evidence: str) -> str:
 def _friction(
     drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str
 ) -> dict[str, Any]:
+    """Return the mapping of the key `friction`."""
     friction = friction_of(drive)
     estimates = {**fit.estimates, **dynamic}
     names = ["mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"]
@@ -110,16 +131,19 @@ def _posterior(posterior: Posterior) -> dict[str, Any]:
 
 
 def _numbers(values: Iterable[float]) -> str:
+    """Return numbers of six digits as one text."""
     return " ".join(f"{value:.6g}" for value in values)
 
 
 def _with_source(
     drive: Drive, name: str, value: float, estimate: Estimate | None
 ) -> dict[str, Any]:
+    """Return a value and its source."""
     return {"value": _quantity(drive, name, value), "source": _origin(name, estimate)}
 
 
 def _origin(name: str, estimate: Estimate | None) -> str:
+    """Return the source that a parameter states."""
     if estimate is None:
         return "the law's value as speed tends to 0" if name == "mu_static" else "not identified"
     if estimate.fixed:
@@ -140,5 +164,6 @@ def unit_of(drive: Drive, name: str) -> str | None:
 
 
 def _quantity(drive: Drive, name: str, value: float) -> Any:
+    """Return a value of eight digits with its unit, or as a number."""
     unit = unit_of(drive, name)
     return float(f"{value:.8g}") if unit is None else f"{value:.8g} {unit}"

@@ -65,6 +65,7 @@ class _Problem:
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
 
     def model(self, theta: Array) -> Drive:
+        """Return the drive with the parameters θ (3,)."""
         base = friction_of(self.drive)
         rise, dwell, memory = theta.tolist()
         friction = replace(
@@ -73,6 +74,7 @@ class _Problem:
         return replace(self.drive, friction=friction)
 
     def residuals(self, theta: Array) -> list[Array]:
+        """Return the errors (samples,) of each recording, over the range of its torque."""
         drive = self.model(theta)
         return [
             (predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau)
@@ -80,12 +82,15 @@ class _Problem:
         ]
 
     def residual(self, theta: Array) -> Array:
+        """Return the errors of all recordings one after the other."""
         return np.concatenate(self.residuals(theta))
 
     def cost(self, theta: Array) -> float:
+        """Return the sum of the squared errors."""
         return float(np.sum(self.residual(theta) ** 2))
 
     def nrmsd(self, theta: Array) -> tuple[float, ...]:
+        """Return the NRMSD of each recording."""
         return tuple(float(np.sqrt(np.mean(part**2))) for part in self.residuals(theta))
 
 
@@ -94,12 +99,19 @@ def fit_dynamic(
 ) -> DynamicFit:
     """Fit mu_static, dwell_constant (s) and memory (s) to start–stop recordings.
 
-    The parameters of the map do not change. load: constant effort on the output, N·m or N.
-    load_inertia: inertia of the payload at the output, kg·m² or kg.
+    The parameters of the map do not change. The fit takes the subset of the three parameters with
+    the lowest Akaike criterion. The criterion counts the samples that are independent by the
+    autocorrelation of the residuals. The 95 % intervals are asymptotic.
 
-    The fit takes the subset of the three parameters with the lowest Akaike criterion. The criterion
-    counts the samples that are independent by the autocorrelation of the residuals. The 95 %
-    intervals are asymptotic.
+    Parameters
+    ----------
+    drive : Drive
+        Drive with the friction of the map.
+    recordings : sequence of Recording
+    load : float
+        Constant effort on the output, N·m or N.
+    load_inertia : float
+        Inertia of the payload at the output, kg·m² or kg.
     """
     problem = _Problem(drive, recordings, load, load_inertia)
     starts = {subset: _best_of_grid(problem, subset) for subset in _SUBSETS}

@@ -220,6 +220,7 @@ def _chosen(
 
 
 def _check_fixed(fixed: Mapping[str, float]) -> None:
+    """Raise RecordingError for an unknown parameter or an invalid value."""
     names = (*ALL, LOAD_OFFSET)
     for name, value in fixed.items():
         allowed = name in names and math.isfinite(value)
@@ -230,6 +231,7 @@ def _check_fixed(fixed: Mapping[str, float]) -> None:
 
 
 def _check_directions(data: TorqueMap) -> None:
+    """Raise RecordingError if all recordings move in one direction."""
     if not (np.any(data.w > 0) and np.any(data.w < 0)):
         side = "positive" if np.any(data.w > 0) else "negative"
         raise RecordingError(
@@ -394,16 +396,19 @@ def _posterior(
 
 
 def _six_digits(values: Array) -> tuple[float, ...]:
+    """Round values (n,) to six digits."""
     return tuple(float(f"{value:.6g}") for value in values)
 
 
 def _estimate(value: float, pooled: dict[str, Array], name: str) -> Estimate:
+    """Return the estimate with the interval of a column of the pooled sets."""
     present = np.isfinite(pooled[name])
     low, high = weighted_interval(pooled[name][present], pooled[WEIGHT][present])
     return Estimate(value, min(low, value), max(high, value))
 
 
 def _unreliable(possible: list[tuple[Sample, float]]) -> list[str]:
+    """Return a note if one of the parameter sets has too much weight."""
     weight = max(share * s.largest_weight for s, share in possible)
     if weight <= LARGEST_WEIGHT:
         return []

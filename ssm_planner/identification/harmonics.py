@@ -97,6 +97,10 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
 
 
 def _orders(ratio: float | None) -> tuple[float, ...]:
+    """Return the orders of the harmonics per turn of the motor, with those of a wheel first.
+
+    ratio: motor turns per turn of the wheel.
+    """
     motor = tuple(float(k) for k in range(1, HARMONICS + 1))
     return motor if ratio is None else (*(k / ratio for k in motor), *motor)
 
@@ -107,6 +111,7 @@ def _complex(harmonics: Harmonics) -> Any:
 
 
 def _harmonics(orders: tuple[float, ...], c: Any, phased: bool) -> Harmonics:
+    """Return the harmonics with the complex amplitudes c of `_complex`."""
     return Harmonics(orders, tuple(c.real.tolist()), tuple((-c.imag).tolist()), phased)
 
 

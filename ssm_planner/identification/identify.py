@@ -121,13 +121,36 @@ def identify(
 ) -> Identification:
     """Identify the friction of the drive in a file.
 
-    recordings: files or folders. The map is fitted to the steady-state recordings; breakaway, dwell
-    and memory to the start–stop recordings. Without steady-state recordings, the map comes from the
-    table of figures beside the drive file. law: name of a law, or `auto`. fixed: known parameters,
-    SI. free: parameters that are fitted in addition to those of the law (b_ov, preload). progress:
-    called with each step.
+    The torque–velocity map is fitted to the steady-state recordings. Breakaway, dwell and memory
+    are fitted to the start–stop recordings. `fit_map` and `fit_dynamic` describe the methods.
 
-    Raises RecordingError or ProblemError.
+    Parameters
+    ----------
+    drive : str or Path
+        Drive file, or the name of a shipped drive.
+    recordings : sequence of str or Path
+        Files or folders. Without steady-state recordings, the map comes from the table of figures
+        beside the drive file.
+    law : str
+        Name of a friction law, or `auto` for the simplest law that predicts recordings left out
+        about as well as the best.
+    fixed : Mapping, optional
+        Known parameters by name, in SI units.
+    free : sequence of str
+        Parameters that are fitted in addition to those of the law (`b_ov`, `preload`).
+    progress : callable
+        Called with each step.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be used, or if the recordings do not determine the parameters.
+    ProblemError
+        If the drive file is invalid.
     """
     template = load_drive(drive)
     recorded, repeated = distinct(_read(template, recordings))
@@ -184,10 +207,27 @@ def predict(
 ) -> list[Prediction]:
     """Predict the motor torque of recordings from their measured speed, with the drive in a file.
 
-    recordings: files or folders. If the drive file has no friction, it is identified from the table
-    of figures beside the file. progress: called with each step.
+    Parameters
+    ----------
+    drive : str or Path
+        Drive file, or the name of a shipped drive. If it omits the friction, the friction is
+        identified from the table of figures beside the file.
+    recordings : sequence of str or Path
+        Files or folders.
+    progress : callable
+        Called with each step.
 
-    Raises RecordingError or ProblemError.
+    Returns
+    -------
+    list of Prediction
+        One prediction for each recording.
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be used.
+    ProblemError
+        If the drive file is invalid.
     """
     predicting = load_drive(drive)
     if not recordings:

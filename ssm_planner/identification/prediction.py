@@ -158,9 +158,17 @@ def predict_recording(
 ) -> Prediction:
     """Predict the motor torque of a recording from its speed alone.
 
-    A steady-state recording has its mean speed. load: constant effort on the output, N·m or N.
-    load_inertia: inertia of the payload at the output, kg·m² or kg. At rest, a self-locking drive
-    holds without torque; a torque that a controller's integrator leaves is not predicted.
+    A steady-state recording has its mean speed. At rest, a self-locking drive holds without torque.
+    The torque that the integrator of a controller leaves at rest is not predicted.
+
+    Parameters
+    ----------
+    drive : Drive
+    recording : Recording
+    load : float
+        Constant effort on the output, N·m or N.
+    load_inertia : float
+        Inertia of the payload at the output, kg·m² or kg.
     """
     w = recording.w
     if kind_of(recording) == "steady":
@@ -222,8 +230,14 @@ def departure(drive: Drive, motion: Motion, load: float) -> Array:
 
     It is the departure of recordings at similar speeds from the law plus the median of the equally
     likely sets. If several laws are possible, the chosen law is not the best prediction at speeds
-    without recordings. The result is 0 at rest or without a posterior. load: constant effort on the
-    output including the rig's load_offset, N·m or N.
+    without recordings. The result is 0 at rest or without a posterior.
+
+    Parameters
+    ----------
+    drive : Drive
+    motion : Motion
+    load : float
+        Constant effort on the output including the rig's load_offset, N·m or N.
     """
     posterior = friction_of(drive).posterior
     if posterior is None:
@@ -270,9 +284,16 @@ def band_of(
 ) -> PredictionBand | None:
     """Return the band around the predicted torque, or None for a drive without a posterior.
 
-    tau: (samples,) in N·m, with the departure. load: constant effort on the output including the
-    rig's load_offset, N·m or N. wave: predicted torque that repeats with the angle, (samples,) in
-    N·m, which reduces the ripple.
+    Parameters
+    ----------
+    drive : Drive
+    motion : Motion
+    tau : (samples,)
+        Predicted torque with the departure, N·m.
+    load : float
+        Constant effort on the output including the rig's load_offset, N·m or N.
+    wave : (samples,), optional
+        Predicted torque that repeats with the angle, N·m. It reduces the ripple.
     """
     posterior = friction_of(drive).posterior
     if posterior is None:
@@ -336,8 +357,16 @@ class Motion:
 def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: float) -> Array:
     """Return the motor torque of the exact law along a motion, (samples,) in N·m.
 
-    It includes the memory of friction and its growth at rest. load: constant effort on the output,
-    N·m or N. load_inertia: inertia of the payload at the output, kg·m² or kg.
+    It includes the memory of friction and its growth at rest.
+
+    Parameters
+    ----------
+    drive : Drive
+    motion : Motion
+    load : float
+        Constant effort on the output, N·m or N.
+    load_inertia : float
+        Inertia of the payload at the output, kg·m² or kg.
     """
     drive = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     moving = motion.direction != 0

@@ -44,9 +44,11 @@ class Notes:
         self.counted: dict[str, list[int]] = {}
 
     def add(self, text: str) -> None:
+        """Add one repair."""
         self.single.append(text)
 
     def count(self, text: str, line: int) -> None:
+        """Add a repair of the line with an index, which is counted with equal ones."""
         self.counted.setdefault(text, []).append(line + 1)
 
     def number(self, text: str, line: int, mark: str) -> float:
@@ -93,6 +95,7 @@ class Notes:
         raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
 
     def texts(self) -> list[str]:
+        """Return all repairs as texts."""
         counted = [f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()]
         return self.single + counted
 
@@ -236,6 +239,7 @@ def _column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -
 
 
 def _separator(lines: list[str], path: Path) -> str:
+    """Return the separator of the columns. Raises RecordingError for a file without columns."""
     for separator in (";", "\t", ","):
         if any(separator in line for line in lines[:40]):
             return separator
@@ -299,6 +303,7 @@ def _strip(line: str) -> str:
 
 
 def _fields(line: str, separator: str) -> list[str]:
+    """Return the fields of a line without empty ones at its end."""
     if separator == ",":
         fields = (
             next(csv.reader([line.rstrip()]), []) if '"' in line else line.rstrip().split(separator)

@@ -187,7 +187,17 @@ def read_recordings(
 ) -> list[Recording]:
     """Read files, and all `*.csv` and `*.txt` files below directories.
 
-    Files of a directory are sorted and named by their path within it.
+    Parameters
+    ----------
+    paths : list or tuple of str or Path
+        Files and directories. Files of a directory are sorted and named by their path within it.
+    nominal_torque, direction
+        See `read_recording`.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be used, or if a directory does not contain such files.
     """
     files: list[tuple[Path, str]] = []
     for entry in map(Path, paths):
@@ -226,6 +236,7 @@ def find_spikes(values: Array) -> NDArray[np.intp]:
 
 
 def _read_text(path: Path) -> str:
+    """Return the text of a recording. Raises RecordingError for large, empty and binary files."""
     try:
         size = path.stat().st_size
         if size > MAX_BYTES:
@@ -253,6 +264,10 @@ def _read_text(path: Path) -> str:
 
 
 def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | None) -> Array:
+    """Return a column (samples,) in SI units.
+
+    Raises RecordingError if the torque is relative and the nominal torque is unknown.
+    """
     values = table.values[:, column.index]
     if column.of_nominal:
         if nominal_torque is None:
@@ -356,6 +371,7 @@ def _passages(recording: Recording) -> set[int]:
 
 
 def _check_time(time: Array, lines: Array, path: Path) -> None:
+    """Raise RecordingError unless the times (samples,) increase."""
     backwards = np.flatnonzero(np.diff(time) <= 0)
     if len(backwards):
         k = backwards[0] + 1
@@ -365,5 +381,6 @@ def _check_time(time: Array, lines: Array, path: Path) -> None:
 
 
 def _quantum(speed: Array) -> float:
+    """Return the smallest difference of two speeds (samples,), rad/s, or 0."""
     steps = np.diff(np.unique(np.round(speed, 6)))
     return float(steps.min()) if len(steps) else 0.0

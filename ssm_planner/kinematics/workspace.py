@@ -279,10 +279,22 @@ def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> Des
     margin : float
         Required distance of both ends from the workspace boundary in rad.
 
+    Returns
+    -------
+    DesignRegion
+
     Raises
     ------
     GeometryError
         If the range or the margin is not in [−π, π] or [0, π].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ssm_planner import design_region
+    >>> region = design_region(*np.radians([-140.0, -80.0]))
+    >>> np.degrees(region.smallest_alpha).round(6).tolist()
+    [30.0, 110.0]
     """
     low, high = magnitude_range("tilt range", (tilt_low, tilt_high))
     if not 0.0 <= margin <= math.pi:

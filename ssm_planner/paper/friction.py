@@ -185,7 +185,7 @@ def friction_section(robot: Robot) -> Section:
 
 
 def _torques(m: FrictionMap) -> dict[str, str]:
-    """Return the torques of one joint as texts, mN·m unless stated otherwise, by name of the row."""
+    """Return the cells of one joint by name of the row, in mN·m unless stated otherwise."""
     row = TABLE_II[m.joint]
     torques = {
         "no load, slow": m.unloaded[0][0],

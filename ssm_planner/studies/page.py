@@ -81,7 +81,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
 
 
 def _rejections(rows: Sequence[Candidate]) -> list[JsonObject]:
-    """Return the number of rejected candidates and an example for each stage, most frequent first."""
+    """Return the number of rejections and an example for each stage, most frequent first."""
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
         if row.state not in ("done", "waiting"):

@@ -107,8 +107,25 @@ class StudyModel(Model):
 def load_study(name: str | Path) -> Study:
     """Load a study and all files that it names.
 
-    `name` is the path of a YAML file or the name of a shipped study. Raises ProblemError if a file
-    is missing or invalid.
+    Parameters
+    ----------
+    name : str or Path
+        Path of a YAML file, or the name of a shipped study.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    ProblemError
+        If a file is missing or invalid.
+
+    Examples
+    --------
+    >>> from ssm_planner import load_study
+    >>> load_study("vitreoretinal").search.method
+    'sobol'
     """
     return study_from(read(find(name, "studies")))
 
