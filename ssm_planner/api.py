@@ -263,6 +263,7 @@ def report(
 def _smooth(
     motion: Plan | Trajectory | str | Path, robot: Robot | None, limits: TaskLimits | None
 ) -> tuple[Trajectory, Robot, TaskLimits]:
+    """Return the trajectory, the robot and the limits of a motion that is not a table."""
     if isinstance(motion, Trajectory):
         robot = _require_robot(robot, "a trajectory")
         return motion, robot, limits or TaskLimits(robot.limits)
@@ -272,6 +273,7 @@ def _smooth(
 
 
 def _require_robot(robot: Robot | None, motion: str | Path) -> Robot:
+    """Return the robot. Raises TrajectoryError if it is missing."""
     if robot is None:
         if isinstance(motion, Path) and not motion.exists():
             raise TrajectoryError(f"{motion}: no such file or folder")

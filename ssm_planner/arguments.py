@@ -68,7 +68,7 @@ def _matches_items(kind: type, hint: Any, value: Any) -> bool:
     """Return whether a value is a mapping or sequence (but not a text) of items of a type."""
     if not isinstance(value, kind) or isinstance(value, (str, bytes)):
         return False
-    items = value.values() if isinstance(value, Mapping) else value
+    items: Any = value.values() if isinstance(value, Mapping) else value
     return all(_matches(hint, item) for item in items)
 
 

@@ -95,5 +95,6 @@ class ExportError(SsmPlannerError):
 
 
 def _shorten(value: object) -> str:
+    """Return a value as a text of at most 80 characters."""
     text = value if isinstance(value, str) else repr(value)
     return text if len(text) <= 80 else text[:79] + "…"

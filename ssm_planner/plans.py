@@ -86,6 +86,7 @@ def software() -> dict[str, str]:
 
 @cache
 def _version(package: str) -> str:
+    """Return the version of an installed package."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -319,6 +320,7 @@ class Plan(ShortRepr):
         raise TypeError("a plan is neither true nor false: ask for plan.passed")
 
     def _repr_html_(self) -> str:
+        """Return the summary and the limits as tables for notebooks."""
         limits = self.certificate._repr_html_() if self.certificate else ""
         return html_table([attributes(self, SUMMARY)]) + limits
 
@@ -562,6 +564,7 @@ class Plan(ShortRepr):
 
     @cached_property
     def _text(self) -> str:
+        """Text of plan.json, which is computed once."""
         return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
 
     def to_json(self) -> str:
@@ -579,6 +582,7 @@ class Plan(ShortRepr):
 
     @classmethod
     def _from_document(cls, data: Any, sha256: str, file: Path) -> Plan:
+        """Return the plan in the content of a plan.json."""
         document = _document(data, file)
         problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
         if document.get("trajectory") is None:
@@ -676,6 +680,7 @@ def _document(document: Any, path: Path) -> JsonObject:
 
 
 def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
+    """Return the mapping of a key. Raises TrajectoryError if it is missing."""
     value = data.get(key)
     if not isinstance(value, dict):
         raise TrajectoryError(f"{path}: {key} is missing or not a mapping: incomplete plan.json")
@@ -683,12 +688,14 @@ def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
 
 
 def _number(value: Any, path: Path) -> float | None:
+    """Return an optional number. Raises TrajectoryError for another type."""
     if value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
         raise TrajectoryError(f"{path}: nominal_duration is not a number: incomplete plan.json")
     return value
 
 
 def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
+    """Return the phases of a plan.json. Raises TrajectoryError or ProblemError."""
     if not isinstance(data, list):
         raise TrajectoryError("phases is not a list: incomplete plan.json")
     try:
@@ -699,6 +706,7 @@ def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
 
 
 def _limits_of(robot: Robot) -> list[Limit]:
+    """Return the limits of the joints and of the tool."""
     return [*(limit for joint in robot.joints for limit in joint.limits), *robot.limits]
 
 

@@ -162,6 +162,7 @@ def check_generation(folder: Path) -> None:
 
 
 def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
+    """Rename a new folder into place, or move its files into an existing one."""
     sync(source)
     with held_signals():
         if not folder.exists():
@@ -278,6 +279,7 @@ def _remove_stale(folder: Path, stale: Mapping[str, str]) -> None:
 
 
 def _is(path: Path, sha: str) -> bool:
+    """Return True if a file exists and has this SHA-256."""
     return os.path.isfile(path) and sha256(path) == sha
 
 

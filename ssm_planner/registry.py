@@ -62,6 +62,7 @@ class Registry(Mapping[str, N]):
 
     @cached_property
     def _objects(self) -> dict[str, N]:
+        """All objects, after those of other packages have been loaded."""
         from importlib.metadata import entry_points
 
         for point in entry_points(group=self.group):

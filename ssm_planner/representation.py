@@ -39,6 +39,7 @@ class ShortRepr:
 
 
 def _abbreviated(value: object) -> str:
+    """Return a short text of one field."""
     if isinstance(value, np.ndarray):
         return f"<array {value.shape}>" if value.size > 4 else repr(value.tolist())
     text = repr(value) if dataclasses.is_dataclass(value) else reprlib.repr(value)

@@ -77,6 +77,7 @@ def schema(kind: str) -> dict[str, Any]:
 
 
 def _require(kind: str, allowed: tuple[str, ...]) -> None:
+    """Raise ProblemError for an unknown kind of file."""
     if kind not in allowed:
         raise ProblemError(
             "unknown kind of file", key="kind", value=kind, allowed=", ".join(allowed)
@@ -165,6 +166,7 @@ class _Writer:
                 yield _commented(f"{'  ' * depth}# {name}:{default}", key)
 
     def _entry(self, name: str, value: Any, parent: str, depth: int) -> Iterator[str]:
+        """Yield the lines of one key and of the mappings below it."""
         pad, path = "  " * depth, f"{parent}{name}"
         key = self.keys.get(path) if self._describe(path) else None
         if isinstance(value, dict) and any(other.startswith(f"{path}.") for other in self.keys):

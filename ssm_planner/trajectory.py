@@ -166,6 +166,7 @@ class Trajectory(ShortRepr):
         return cls(times, interpolate(np.diff(times), *ends), ())
 
     def _repr_html_(self) -> str:
+        """Return the duration and the phases for notebooks."""
         return f"<p>{self.duration:.6g} s</p>{html_table([vars(span) for span in self.phases])}"
 
     @property

@@ -175,6 +175,7 @@ def interval(value: object, unit_kind: str) -> tuple[float, float]:
 
 
 def _convert(magnitude: float, unit: str, target: Kind) -> float:
+    """Return a magnitude with a unit in SI. Raises BadQuantity."""
     if _UNIT.fullmatch(unit) is None:
         raise BadQuantity(
             f"{unit[:40]!r} is not a unit",
@@ -194,6 +195,7 @@ def _convert(magnitude: float, unit: str, target: Kind) -> float:
 
 
 def _plausible(value: float, target: Kind, text: str) -> float:
+    """Return a value in SI. Raises BadQuantity if its size suggests another unit."""
     if not math.isfinite(value):
         raise BadQuantity("not a finite number", target.expected)
     if abs(value) > target.largest:
@@ -261,6 +263,7 @@ def _name(dimensions: Dimensions) -> str:
 
 
 def _spell(text: str) -> str:
+    """Replace symbols such as ° and ² by ASCII text."""
     for odd, plain in _SPELLINGS.items():
         text = text.replace(odd, plain)
     return text
@@ -268,15 +271,14 @@ def _spell(text: str) -> str:
 
 def describe(value: object) -> str:
     """Return the kind of a YAML value for messages."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return "true/false"
-    if isinstance(value, (int, float)):
-        return "a number"
-    if isinstance(value, (list, tuple)):
-        return "a list"
-    return "a mapping" if isinstance(value, dict) else "a text"
+    kinds: tuple[tuple[tuple[type, ...], str], ...] = (
+        ((type(None),), "nothing"),
+        ((bool,), "true/false"),
+        ((int, float), "a number"),
+        ((list, tuple), "a list"),
+        ((dict,), "a mapping"),
+    )
+    return next((text for types, text in kinds if isinstance(value, types)), "a text")
 
 
 @frozen
@@ -295,6 +297,7 @@ class Kind:
 
     @property
     def expected(self) -> str:
+        """Name and example of the quantity for messages."""
         return f"{self.name} such as {self.example}"
 
 

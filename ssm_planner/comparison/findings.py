@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -434,7 +434,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     limits = [_kept(position, end, extreme, margin, noise=position_noise(axis))]
     speed_error = measured.w - axis.speed
     speed = measured.w, speed_error, measured.speed_resolution
-    channels: list[tuple[type[JointLimit], tuple[Any, Any, float], float]] = [
+    channels: list[tuple[type[JointLimit], tuple[Array, Array, float], float]] = [
         (JointVelocity, speed, plan.ratio)
     ]
     if joint.motor is not None:
@@ -443,9 +443,13 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
         channels += [(MotorSpeed, speed, 1.0), (MotorTorque, torque, 1.0)]
     for limit_type, channel, ratio in channels:
         limit = joint.limit(limit_type)
-        values, departure, resolution = (value / ratio for value in channel)
+        values, departure, resolution = channel
         excess, noise, window = worst_excess(
-            values, departure[axis.moving], limit.largest, axis.step, resolution
+            values / ratio,
+            departure[axis.moving] / ratio,
+            limit.largest,
+            axis.step,
+            resolution / ratio,
         )
         margin = 1 - excess / limit.largest
         limits.append(_kept(limit, limit.largest, excess, margin, noise=noise, window=window))

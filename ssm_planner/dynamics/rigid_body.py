@@ -23,31 +23,6 @@ from ssm_planner.problem import Body, Geometry, Robot, read_only_array
 from ssm_planner.typing import Array, record
 
 
-def inverse_dynamics_symbolic(
-    geometry: Geometry, bodies: tuple[Body, ...], gravity: Array, q: ca.SX, qd: ca.SX, qdd: ca.SX
-) -> ca.SX:
-    """Return the joint efforts (4,) in N·m and N that produce qdd at (q, qd), rad and m.
-
-    The recursion is Newton–Euler with moments about the RCM (Murray, Li, Sastry, ch. 4). All three
-    revolute axes pass through the origin, so bodies 1 to 3 only rotate. Body 4 slides along ω3.
-    Each body has a frame that moves with it and equals the base frame at q = 0. In this frame,
-    axes, centres of mass and inertias are constant. Gravity enters as an acceleration −g of the
-    base.
-    """
-    numbers = geometry.omega1, geometry.omega2, geometry.omega3
-    axes = [constant(axis) for axis in numbers]
-    rotations = [rotation_symbolic(axis, q[i]) for i, axis in enumerate(numbers)]
-    inertias = [
-        (
-            body.mass,
-            constant(body.frame @ body.com),
-            constant(body.frame @ inertia_about_com(body) @ body.frame.T),
-        )
-        for body in bodies
-    ]
-    return _newton_euler(axes, rotations, inertias, base=ca.DM(-gravity), motion=(q, qd, qdd))
-
-
 def _newton_euler(
     axes: Sequence[Any],
     rotations: Sequence[ca.SX],
@@ -171,7 +146,7 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
 
 
 def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-    """Evaluate `inverse_dynamics_symbolic` with the numbers of LOAD as symbols.
+    """Evaluate `RigidBody.symbolic` with the numbers of LOAD as symbols.
 
     θ2 must include the offset of `axes_frames`.
     """
@@ -228,6 +203,7 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
 
 @lru_cache(maxsize=4)
 def _static_load(gravity: tuple[float, ...]) -> ca.Function:
+    """Build the function of q (4,) and of the numbers of a robot (25,) for one gravity."""
     q = ca.SX.sym("q", 4)
     robot = ca.SX.sym("robot", 25)
     still = ca.SX.zeros(4)
@@ -303,10 +279,31 @@ class RigidBody:
         return call(self._mass_matrix, q)[0].reshape(-1, 4, 4)
 
     def symbolic(self, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-        return inverse_dynamics_symbolic(self.geometry, self.bodies, self.gravity, q, qd, qdd=qdd)
+        """Return the joint efforts (4,) in N·m and N that produce qdd at (q, qd), rad and m.
+
+        The recursion is Newton–Euler with moments about the RCM (Murray, Li, Sastry, ch. 4). All
+        three revolute axes pass through the origin, so bodies 1 to 3 only rotate. Body 4 slides
+        along ω3. Each body has a frame that moves with it and equals the base frame at q = 0. In
+        this frame, axes, centres of mass and inertias are constant. Gravity enters as an
+        acceleration −g of the base.
+        """
+        numbers = self.geometry.omega1, self.geometry.omega2, self.geometry.omega3
+        axes = [constant(axis) for axis in numbers]
+        rotations = [rotation_symbolic(axis, q[i]) for i, axis in enumerate(numbers)]
+        inertias = [
+            (
+                body.mass,
+                constant(body.frame @ body.com),
+                constant(body.frame @ inertia_about_com(body) @ body.frame.T),
+            )
+            for body in self.bodies
+        ]
+        base = ca.DM(-self.gravity)
+        return _newton_euler(axes, rotations, inertias, base=base, motion=(q, qd, qdd))
 
     @cached_property
     def _inverse_dynamics(self) -> ca.Function:
+        """Function of q, qd and qdd that returns the joint efforts."""
         q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
         return ca.Function(
             "inverse_dynamics",
@@ -318,6 +315,7 @@ class RigidBody:
 
     @cached_property
     def _path_load(self) -> ca.Function:
+        """Function of q, dq and ddq that returns the coefficients of `path_load`."""
         q, dq, ddq = (ca.SX.sym(name, 4) for name in ("q", "dq", "ddq"))
         zero = ca.SX.zeros(4)
         still = self.symbolic(q, zero, zero)
@@ -330,6 +328,7 @@ class RigidBody:
 
     @cached_property
     def _effort_parts(self) -> ca.Function:
+        """Function of q, qd and qdd that returns the parts of the efforts."""
         q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
         zero = ca.SX.zeros(4)
         still = self.symbolic(q, zero, zero)
@@ -342,6 +341,7 @@ class RigidBody:
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:
+        """Function of q that returns the entries of the mass matrix column by column."""
         q = ca.SX.sym("q", 4)
         qdd = ca.SX.sym("qdd", 4)
         tau = self.symbolic(q, ca.SX.zeros(4), qdd)
@@ -354,6 +354,7 @@ _last: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
 
 @lru_cache(maxsize=16)
 def _rigid_body(content: bytes) -> RigidBody:
+    """Build the dynamics from pickled fields, or return the cached one."""
     return RigidBody(*pickle.loads(content))
 
 

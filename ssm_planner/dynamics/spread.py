@@ -229,6 +229,7 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
 
 
 def _value(drive: Drive, name: str) -> float:
+    """Return the drive's value of a parameter. Raises ProblemError if it is missing."""
     value = drive.preload if name == "preload" else getattr(friction_of(drive), name)
     if value is None:
         raise _not_one(drive, f"the friction lacks {name}")
@@ -236,6 +237,7 @@ def _value(drive: Drive, name: str) -> float:
 
 
 def _check(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
+    """Raise ProblemError unless the matrix (k, k) is a covariance."""
     if not names:
         return
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -249,6 +251,7 @@ def _check(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
 
 
 def _not_one(drive: Drive, reason: str, allowed: str | None = None) -> ProblemError:
+    """Return the error for an invalid covariance."""
     return ProblemError(
         f"not a covariance: {reason}", file=drive.file, key="friction.covariance", allowed=allowed
     )

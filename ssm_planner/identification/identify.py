@@ -253,6 +253,7 @@ def friction_origin(drive: str | Path) -> str:
 
 
 def _read(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
+    """Read recordings with the nominal torque and the direction of the rig."""
     rig = drive.rig
     nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
     return read_recordings(list(recordings), nominal_torque=nominal, direction=direction)

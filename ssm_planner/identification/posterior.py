@@ -307,6 +307,7 @@ def data_correlation(model: MapModel, z: Array) -> Array:
 
 
 def _log_speed(w: Array) -> Array:
+    """Return the logarithm of |w| (n,), at least that of SLOWEST."""
     return np.asarray(np.log(np.maximum(np.abs(w), SLOWEST)))
 
 

@@ -104,6 +104,7 @@ class Prediction(ShortRepr):
 
     @property
     def _foreign(self) -> tuple[str, ...]:
+        """Remarks on a torque that another drive, load or unit explains."""
         moving = np.logical_not(self.rest)
         expected, measured = (
             float(np.abs(self.tau[moving]).mean()),

@@ -146,9 +146,10 @@ def _finite_samples(
     """
     finite = np.isfinite(channels).all(axis=0)
     bad = [table.lines[k] for k in np.flatnonzero(~finite)]
-    if len(bad) > max(1, MOST_LEFT_OUT * len(finite)):
+    count = len(table.lines)
+    if len(bad) > max(1, MOST_LEFT_OUT * count):
         raise RecordingError(
-            f"{path}:{bad[0]}: {len(bad)} of {len(finite)} samples are not finite numbers; "
+            f"{path}:{bad[0]}: {len(bad)} of {count} samples are not finite numbers; "
             f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
         )
     lines, channels = np.asarray(table.lines)[finite], channels[:, finite]

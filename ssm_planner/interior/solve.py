@@ -148,10 +148,14 @@ _D = ctypes.c_double
 
 
 class _Group(ctypes.Structure):
+    """A group of rows as C sees it, in the layout of `RowGroup` in native/interior.h."""
+
     _fields_ = (("functions", ElementGroup), ("elements", _P), ("bound", _P), ("cost_weight", _D))
 
 
 class _Program(ctypes.Structure):
+    """A program as C sees it, in the layout of `Program` in native/interior.h."""
+
     _fields_ = (
         *((name, _L) for name in ("kind", "coordinates", "elements", "blocks", "linear_rows")),
         *(
@@ -170,6 +174,8 @@ class _Program(ctypes.Structure):
 
 
 class _Options(ctypes.Structure):
+    """The options of a solve, in the layout of `Patience` in native/interior.h."""
+
     _fields_ = (
         ("iterations", _L),
         ("tolerance", _D),
@@ -180,6 +186,8 @@ class _Options(ctypes.Structure):
 
 
 class _State(ctypes.Structure):
+    """The final state of a solve, in the layout of `State` in native/interior.h."""
+
     _fields_ = (
         *(
             (name, _P)
@@ -242,12 +250,15 @@ class _NativeProgram:
             raise failure
 
     def _doubles(self, values: object) -> int:
+        """Return the address of an array of doubles."""
         return self._keep(values, float)
 
     def _longs(self, values: object) -> int:
+        """Return the address of an array of C longs."""
         return self._keep(values, np.dtype(ctypes.c_long))
 
     def _keep(self, values: object, dtype: object) -> int:
+        """Return the address of a contiguous array, and keep its memory."""
         array = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[call-overload]
         self._kept.append(array)
         return array.ctypes.data

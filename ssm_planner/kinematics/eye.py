@@ -99,12 +99,15 @@ def _lens_square(xp: Namespace, lens: Lens, tip: Any) -> Any:
 
 
 def _minus(tip: Any, centre: Any) -> list[Any]:
+    """Return the components of tip − centre."""
     return [tip[k] - centre[k] for k in range(3)]
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """Return the inner product of two vectors of three components."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _square(vector: Sequence[Any]) -> Any:
+    """Return the squared length of a vector of three components."""
     return _dot(vector, vector)

@@ -157,6 +157,7 @@ def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
 
 @lru_cache(maxsize=16)
 def _speed(limit_type: type[SpeedLimit], mechanism: Mechanism) -> casadi.Function:
+    """Build the function of q and qd that returns the limited speed."""
     import casadi
 
     q = casadi.SX.sym("q", 4)

@@ -114,6 +114,7 @@ def _solutions(
     limits: ArrayLike | None,
     reference: ArrayLike | None,
 ) -> Solutions:
+    """Return the joints (n, 2, 4) of both branches as solutions, in limits and in order."""
     reachable = (orientation_error <= TOLERANCE) & (tip_error <= TOLERANCE)
     shape = joints.shape[:2]
     result = Solutions(
@@ -155,6 +156,7 @@ def _pointing(
 
 
 def _refuse_parallel(mech: Mechanism) -> None:
+    """Raise GeometryError if two adjacent axes are parallel."""
     for name, angle, joints in (("alpha", mech.alpha, "1 and 2"), ("beta", mech.beta, "2 and 3")):
         if math.sin(angle) < PARALLEL:
             raise GeometryError(

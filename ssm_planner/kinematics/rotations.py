@@ -104,6 +104,7 @@ def finite(name: str, array: Array) -> None:
 
 
 def _floats(name: str, value: ArrayLike) -> Array:
+    """Return the argument as an array of floats. Raises GeometryError."""
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:

@@ -176,6 +176,7 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
 
 
 def _tilts(value: ArrayLike) -> Array:
+    """Return checked tilts, rad. Raises GeometryError if one is outside [−π, π]."""
     tilts = np.asarray(value, dtype=float)
     if not np.all(np.abs(tilts) <= math.pi + 1e-9):
         raise GeometryError(

@@ -298,6 +298,7 @@ class ControlledArm(ArmPlant):
 
     @cached_property
     def _chunk_in_halves(self) -> ca.Function:
+        """The function that simulates a chunk of periods with half steps."""
         return self.control_step_in_halves.mapaccum("halves", _CHUNK)
 
     def _period_function(self) -> ca.Function:

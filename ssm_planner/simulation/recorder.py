@@ -87,6 +87,7 @@ def write_recording(
 
 
 def _averaged(values: Array, indices: Indices) -> Array:
+    """Return the means (k,) of values (n,) over the sampling periods that begin at indices (k,)."""
     total = np.concatenate([[0.0], np.cumsum(values)])
     step = max(1, int(np.median(np.diff(indices)))) if len(indices) > 1 else 1
     end = np.minimum(indices + step, len(values))

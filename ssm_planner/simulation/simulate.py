@@ -271,6 +271,7 @@ class SimulationResult(ShortRepr):
 
     @property
     def _powered(self) -> int:
+        """Number of instants at which the drives have power, at least 1."""
         return max(int(np.sum(self.powered)), 1)
 
     def to_dict(self) -> dict[str, Any]:
@@ -579,6 +580,7 @@ class _Stage:
         return result
 
     def _notes(self) -> tuple[str, ...]:
+        """Return the assumptions of the simulation."""
         notes = ["spring, damper and backlash between motor and joint are assumed, not measured"]
         for joint in self.plan.robot.joints:
             motor = joint.motor

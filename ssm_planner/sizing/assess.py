@@ -223,6 +223,7 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
 
 
 def _same_rotor(motor: Motor, candidate: Motor) -> bool:
+    """Return True if two motors are the same, so that the rotor does not change."""
     return (motor.name, motor.rotor_inertia) == (candidate.name, candidate.rotor_inertia)
 
 
@@ -279,6 +280,7 @@ def _peak_limit(motor: Motor, conditions: Conditions) -> tuple[float | None, tup
 
 
 def _check(case: Case, name: str, limit: Limit) -> Check:
+    """Compare the demand of one limit with its bound."""
     demand, factor, bound, unit, needs = limit
     if bound is None:
         return unchecked(name, *needs)
@@ -326,6 +328,7 @@ def _joint_probability(demands: Demands, limits: dict[str, Limit]) -> float:
 
 
 def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
+    """Return remarks on assumptions and on extrapolated friction."""
     notes = []
     if motor.placeholder:
         notes.append(f"motor {motor.name}: placeholder figures ({', '.join(motor.placeholders)})")

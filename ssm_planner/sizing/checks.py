@@ -234,12 +234,14 @@ def buckling_load(length: float, diameter: float, ends: ScrewEnds) -> float:
 
 
 def _speed(load: JointLoad, ratings: Ratings) -> Check:
+    """Check the rated input speed of the gear."""
     if ratings.input_speed is None:
         return unchecked("gear_speed", "ratings.input_speed")
     return below("gear_speed", load.peak_speed, ratings.input_speed, "rad/s")
 
 
 def _output(case: Case, ratings: Ratings) -> Iterator[Check]:
+    """Yield the checks of the rated peak and continuous output."""
     unit = "N" if case.load.drive.slides else "N·m"
     pairs: tuple[tuple[str, DemandName, str], ...] = (
         ("gear_peak_output", "peak_effort", "peak_output"),
@@ -254,6 +256,7 @@ def _output(case: Case, ratings: Ratings) -> Iterator[Check]:
 
 
 def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
+    """Check the share of the time in which the gear moves."""
     if ratings.duty is None:
         return unchecked("gear_duty", "ratings.duty")
     share = load.moving_share * load.duration / (load.duration + conditions.pause)
@@ -294,6 +297,7 @@ def _locking(case: Case) -> Check:
 
 
 def _screw(case: Case, ratings: Ratings) -> list[Check]:
+    """Check the whirling speed and the buckling load of a screw."""
     length = ratings.free_length
     diameter = ratings.root_diameter
     ends = ratings.ends

@@ -271,6 +271,7 @@ def _turns(
 
 
 def _weights(t: Array) -> Array:
+    """Return the trapezoidal weights (n,) of instants t (n,), whose sum is 1."""
     step = np.diff(t)
     weight = np.zeros(len(t))
     weight[:-1] += step / 2

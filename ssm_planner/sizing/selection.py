@@ -251,6 +251,7 @@ def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
 
 
 def _balance(motor: Motor, hot: bool) -> tuple[float, float]:
+    """Return R/k in V/(N·m) and k in N·m/A of the cold or of the hot motor."""
     temperature = require_value(motor, "max_winding_temperature") if hot else REFERENCE_TEMPERATURE
     return resistance(motor, temperature) / torque_constant(motor, temperature), torque_constant(
         motor, temperature
@@ -491,6 +492,7 @@ def _heat(
 
 
 def _margin(demand: Array | float, limit: Array) -> Array:
+    """Return (limit − demand)/limit (m,). A limit of 0 permits nothing, so its margin is −1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(limit <= 0, -1.0, (limit - demand) / limit)
 

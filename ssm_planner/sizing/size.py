@@ -192,6 +192,7 @@ def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Siz
 def _joint(
     load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions
 ) -> JointSizing:
+    """Size one joint. Without candidates, the joint's own motor is assessed."""
     substitutes = load.alternatives if candidates is None else ()
     if candidates is None:
         candidates = [] if load.motor is None else [load.motor]
@@ -282,6 +283,8 @@ def shortest_duration(
 
 @frozen
 class _Judgement:
+    """Smallest margin over all checks, its joint and check, and the checks without a margin."""
+
     margin: float
     joint: str | None
     binds: str | None

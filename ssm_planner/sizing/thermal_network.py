@@ -408,6 +408,7 @@ def _later(
 
 
 def _crossing(t: Array, winding: Array, k: int, limit: float) -> float:
+    """Return the time at which the winding reaches the limit, interpolated up to instant k, s."""
     if k == 0 or winding[k] == winding[k - 1]:
         return float(t[k])
     share = (limit - winding[k - 1]) / (winding[k] - winding[k - 1])

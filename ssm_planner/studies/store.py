@@ -170,6 +170,7 @@ class Store(AbstractContextManager["Store"]):
         return [candidates[key] for key in keys if key in candidates]
 
     def _read(self, statement: str) -> list[tuple[Any, ...]]:
+        """Return all rows of a query."""
         with self._faults():
             return self._connection.execute(statement).fetchall()
 
