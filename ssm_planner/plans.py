@@ -455,15 +455,14 @@ class Plan(ShortRepr):
             notes += [*_motor_notes(requirement), *_extrapolation(self.robot, requirement)]
         notes += _excess_ranges(self.problem)
         stays = ", ".join(phase.name for phase in self.phases if not phase.duration)
-        notes += [f"skipped because the robot is already at the end: {stays}"] if stays else []
-        notes += _whole_turns(self.problem, self.trajectory)
-        notes += (
-            []
-            if self.trajectory is None
-            else _ways_round(self.problem, self.trajectory, self.phases)
-        )
+        if stays:
+            notes.append(f"skipped because the robot is already at the end: {stays}")
+        if self.trajectory is not None:
+            notes += _whole_turns(self.problem, self.trajectory)
+            notes += _ways_round(self.problem, self.trajectory, self.phases)
         notes += self._slow_phases()
-        notes += ["the search was stopped: other joints may be faster"] if self.stopped else []
+        if self.stopped:
+            notes.append("the search was stopped: other joints may be faster")
         if self.certificate is not None:
             notes += [f"not checked: {subject}" for subject in self.certificate.unchecked]
         return tuple(notes)

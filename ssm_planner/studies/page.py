@@ -68,11 +68,13 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     """Return the variables of the template."""
     states = sorted(Counter(row.state for row in rows).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
-    objectives = ", ".join(map(plain_words, study.minimise))
+    objectives = " and ".join(map(plain_words, study.minimise))
     return {
         "title": study.name,
         "file": study.file or "FILE",
-        "summary": f"{len(rows)} candidates: {counts_text}. Objectives: {objectives}.",
+        "headline": f"No candidate beats the {len(front)} on the front in {objectives}.",
+        "summary": f"{len(rows)} candidates: {counts_text}.",
+        "notes": study.notes,
         "fallen": _rejections(rows),
         "objectives": [title_of(name) for name in study.minimise],
         "sensitivity": sensitivity(study, rows),
@@ -108,25 +110,7 @@ def _front_table(study: Study, front: Sequence[Candidate]) -> JsonObject:
         ]
         for row in front[:MAX_ROWS]
     ]
-    return {
-        "title": study.name,
-        "file": study.file or "FILE",
-        "headline": f"No candidate beats the {len(front)} on the front in "
-        f"{' and '.join(map(named, study.minimise))}.",
-        "summary": f"{len(rows)} candidates: {counts_text}.",
-        "notes": study.notes,
-        "fallen": [
-            {
-                "stage": stage,
-                "count": len(rejected),
-                "example": re.sub(r"(?<!\w)-(?=\d)", "−", rejected[0].reason or ""),
-            }
-            for stage, rejected in sorted(stages.items(), key=lambda item: -len(item[1]))
-        ],
-        "objectives": [title_of(name) for name in study.minimise],
-        "sensitivity": sensitivity(study, rows),
-        "front": {"header": header, "rows": cells},
-    }
+    return {"header": ["number", *map(title_of, names), *study.paths, *selected], "rows": cells}
 
 
 def against_own(study: Study, reference: Candidate, front: Sequence[Candidate]) -> str:
