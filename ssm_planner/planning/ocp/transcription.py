@@ -75,7 +75,16 @@ class _Symbols:
         )
         cubic = Cubic(u, v, a0, a1, ca.repmat(h, m, 1))
         z = ca.vertcat(x, h)
-        return cls(x, times, cubic, z, element_parameters, own_parameters, layout=layout, p=p)
+        return cls(
+            x=x,
+            times=times,
+            cubic=cubic,
+            z=z,
+            element_parameters=element_parameters,
+            own_parameters=own_parameters,
+            layout=layout,
+            p=p,
+        )
 
 
 @frozen
