@@ -17,7 +17,6 @@ dynamics/transmission.py (the friction law).
 
 from __future__ import annotations
 
-from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -122,35 +121,19 @@ class LinearConstraints:
     def active(self, grid: Array, speed_squared: Array) -> Array:
         """Return the row that binds on each grid interval, or CEILING or NONE, (n − 1,)."""
 
-        every = slice(None)
-        value = self._middle(grid, speed_squared, every)
-        ceiling = (self.ceiling[1:] + self.ceiling[:-1]) / 2
-        row = np.argmax(value, axis=1)
-        maximum = value[np.arange(len(row)), row]
-        of_ceiling = (speed_squared[1:] + speed_squared[:-1]) / 2 / ceiling
-        row[of_ceiling > maximum] = CEILING
-        return np.where(np.maximum(maximum, of_ceiling) > ACTIVE, row, NONE)
-
-    def bind(self, rows: Indices, grid: Array, speed_squared: Array) -> bool:
-        """Return True if one of these rows binds on an interval of the grid (n,)."""
-        if not len(rows) or not (self._middle(grid, speed_squared, rows) > ACTIVE).any():
-            return False
-        # The last two entries stand for CEILING and NONE.
-        mine = np.zeros(self.a.shape[1] - NONE, dtype=bool)
-        mine[rows] = True
-        return bool(mine[self.active(grid, speed_squared)].any())
-
-    def _middle(self, grid: Array, speed_squared: Array, rows: Indices | slice) -> Array:
-        """Return the values of rows in the middle of each grid interval, (n − 1, rows)."""
-
         def middle(values: Array) -> Array:
-            selected = values[:, rows]
-            return (selected[1:] + selected[:-1]) / 2
+            return (values[1:] + values[:-1]) / 2
 
         acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
-        x = ((speed_squared[1:] + speed_squared[:-1]) / 2)[:, None]
+        x = middle(speed_squared)[:, None]
         value = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c)
-        return value + middle(self.k) * np.sqrt(x) if len(self.curved) else value
+        if len(self.curved):
+            value += middle(self.k) * np.sqrt(x)
+        row = np.argmax(value, axis=1)
+        maximum = value[np.arange(len(row)), row]
+        of_ceiling = x[:, 0] / middle(self.ceiling)
+        row[of_ceiling > maximum] = CEILING
+        return np.where(np.maximum(maximum, of_ceiling) > ACTIVE, row, NONE)
 
 
 @record
@@ -168,7 +151,6 @@ class _TorqueLaw:
     ṡ² is taken, with ṡ ≥ ṡ² / √ceiling.
     """
 
-    mu: Array
     slopes: tuple[Array, Array]
     effort: PathTerm
     """σF."""
@@ -180,48 +162,19 @@ class _TorqueLaw:
         """Terms that must stay below the limit in driving."""
         return [(slope * self.effort + self.motor).without_negative_k() for slope in self.slopes]
 
-    def first_is_larger(self, speed_squared: Array) -> Mask:
-        """Return where the first function is the larger one at ṡ² (n,)."""
-        first, second = self.slopes
+    def braking(self, speed_squared: Array, ceiling: Array) -> PathTerm:
+        """Return the braking term of the function that is larger at ṡ² (n,).
+
+        `ceiling` (n,) is the largest ṡ².
+        """
         _, b, c, _ = self.effort.values
         mesh = b * speed_squared + c
-        return np.asarray(first * mesh > second * mesh)
-
-    def braking(self, first: Mask, ceiling: Array) -> PathTerm:
-        """Return the braking term.
-
-        `first` (n,) selects the function. `ceiling` (n,) is the largest ṡ².
-        """
-        larger = np.where(first, *self.slopes)
+        first, second = self.slopes
+        larger = np.where(first * mesh > second * mesh, first, second)
         values = (larger * self.effort + self.motor).without_negative_k().values
         values[1] += values[3] / np.sqrt(ceiling)
         values[3] = 0.0
         return PathTerm(-values)
-
-
-@record
-class _Law:
-    """Data of the rows of one actuation."""
-
-    torque: _TorqueLaw
-    sides: tuple[int, ...]
-    first: Mask | None
-    """Result of `_TorqueLaw.first_is_larger`. None if braking does not count."""
-    limit: float
-
-    def rows(self, ceiling: Array) -> list[tuple[PathTerm, float]]:
-        """Return pairs (term, limit) with term ≤ limit."""
-        driving = self.torque.driving if 1 in self.sides else ()
-        braking = () if self.first is None else (self.torque.braking(self.first, ceiling),)
-        return [(term, self.limit) for term in (*driving, *braking)]
-
-    def same(self, other: _Law) -> bool:
-        """Return True if the rows equal those of another law of the same robot and actuation."""
-        if self.torque is not other.torque:
-            return False
-        if self.first is None or other.first is None:
-            return self.first is other.first
-        return np.array_equal(self.first, other.first)
 
 
 @record
@@ -240,13 +193,6 @@ class PathLimits:
     """True where joints start from rest, (n, 4)."""
     stops: Array | None
     """|J q'| / (2d), (n,), for a limit d on the distance to stop. None without such a limit."""
-    laws: dict[tuple[int, int, int, bool], _TorqueLaw] = field(default_factory=dict)
-    """Latest torque laws by joint, load, drive and static start.
-
-    Most friction coefficients do not change from pass to pass.
-    """
-    latest: list[tuple[list[_Law], LinearConstraints]] = field(default_factory=list, init=False)
-    """Latest laws, and the constraints built from them."""
 
     @classmethod
     def on_grid(
@@ -291,9 +237,6 @@ class PathLimits:
         static_start : bool
             Friction is static where joints start.
         """
-        laws = self._laws(speed_squared, static_start)
-        if self.latest and all(map(_Law.same, self.latest[0][0], laws)):
-            return self.latest[0][1]
         rows: list[tuple[PathTerm, float]] = []
         for i, joint in enumerate(self.robot.joints):
             acceleration = self._term(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
@@ -303,27 +246,15 @@ class PathLimits:
                 rows.append(
                     (braking + -np.sign(self.samples.dq[:, i]) * acceleration, joint.acceleration)
                 )
-        for law in laws:
-            rows += law.rows(self.ceiling)
-        result = LinearConstraints.from_rows(rows, self.ceiling)
-        self.latest[:] = [(laws, result)]
-        return result
-
-    def _laws(self, speed_squared: Array, static_start: bool) -> list[_Law]:
-        """Return the laws of all actuations at ṡ² (n,)."""
-        laws = []
-        actuations = ((i, *actuation) for i in range(4) for actuation in self.robot.actuations(i))
-        for i, load, drive, sides in actuations:
-            motor = self.robot.joints[i].motor
-            key = i, load, id(drive), static_start
-            law = self.laws.get(key)
-            if law is None or friction_of(drive).stribeck_speed is not None:
+        for i, joint in enumerate(self.robot.joints):
+            limit = np.inf if joint.motor is None else joint.motor.max_torque
+            for load, drive, sides in self.robot.actuations(i):
                 mu = self._friction_coefficient(drive, i, speed_squared, static_start)
-                if law is None or not np.array_equal(law.mu, mu):
-                    law = self.laws[key] = self._torque_law(drive, i, mu, self.loads[load])
-            larger = law.first_is_larger(speed_squared) if -1 in sides else None
-            laws.append(_Law(law, sides, larger, np.inf if motor is None else motor.max_torque))
-        return laws
+                law = self._torque_law(drive, i, mu, self.loads[load])
+                rows += [(term, limit) for term in law.driving] if 1 in sides else []
+                if -1 in sides:
+                    rows.append((law.braking(speed_squared, self.ceiling), limit))
+        return LinearConstraints.from_rows(rows, self.ceiling)
 
     def _friction_coefficient(
         self, drive: Drive, i: int, speed_squared: Array, static_start: bool
@@ -356,7 +287,6 @@ class PathLimits:
         first, second = (np.asarray(slope) for slope in rows.slope)
         effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
         return _TorqueLaw(
-            mu,
             (first, second),
             effort,
             sigma * rows.torque(self._term(), drive.ratio * qd, drive.ratio * qdd),

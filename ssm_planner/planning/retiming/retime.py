@@ -74,8 +74,6 @@ def retime(
     points: int = FEW,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     speeds: tuple[float, float] = (0.0, 0.0),
-    *,
-    list_active: bool = True,
 ) -> Retiming:
     """Return the time-optimal motion along a path.
 
@@ -91,17 +89,13 @@ def retime(
         Limits on task coordinates and on the tool.
     speeds : (float, float)
         ṡ at both ends, 1/s.
-    list_active : bool
-        Determine which rows bind.
 
     Returns
     -------
     Retiming
         The motion, or the status "infeasible".
     """
-    rough = (
-        retime(path, robot, COARSE, limits, speeds, list_active=False) if points > COARSE else None
-    )
+    rough = retime(path, robot, COARSE, limits, speeds) if points > COARSE else None
     grid = _grid(path.directions[0], points, rough)
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
     # The tangents of the rough motion have nearly converged, and its passes cost a fifth.
@@ -116,7 +110,6 @@ def retime(
         tangent,
         speeds,
         static=speeds[0] == 0.0,
-        list_active=list_active,
     )
 
 
@@ -188,7 +181,6 @@ def _retimed(
     speeds: tuple[float, float],
     *,
     static: bool,
-    list_active: bool = True,
 ) -> Retiming:
     """Return the motion of TOPP-RA on a grid, pass after pass until the tangents converge.
 
@@ -218,8 +210,10 @@ def _retimed(
             continue
         duration = float(_times(grid, squares)[-1])
         # Tangents only overestimate. If no row with a tangent binds, they do not change the motion.
-        converged = abs(solution.duration - duration) <= GAP * duration or not _bind(
-            linear, rows, grid, squares
+        active = linear.active(grid, squares)
+        converged = (
+            abs(solution.duration - duration) <= GAP * duration
+            or not np.isin(active, rows.curved).any()
         )
         solution = Retiming(
             "solved",
@@ -235,18 +229,9 @@ def _retimed(
         if converged:
             break
         tangent = squares
-    return (
-        replace(solution, active=latest_rows.active(grid, solution.speed_squared))
-        if latest_rows and list_active
-        else solution
-    )
-
-
-def _bind(
-    linear: LinearConstraints, rows: LinearConstraints, grid: Array, speed_squared: Array
-) -> bool:
-    """Return True if a row with a tangent binds."""
-    return linear.bind(rows.curved, grid, speed_squared)
+    if latest_rows is None:
+        return solution
+    return replace(solution, active=latest_rows.active(grid, solution.speed_squared))
 
 
 def _lifted(speed_squared: Array) -> Array:
