@@ -14,7 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, cast
+from typing import ClassVar, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
@@ -255,122 +255,32 @@ class ElementFunctions:
 
 @lru_cache(maxsize=24)
 def element_functions(element: ElementModel) -> ElementFunctions:
-    """Return exact derivatives of an element by the chain rule through the state at each point.
+    """Return rows and cost of an element with their exact derivatives by CasADi.
 
-    With X_c = ∂x_c/∂z (k, 4 m + 1), the unit vector e_h of h, and the Lagrangian φ_c(x) = λ_cᵀ g(x)
-    + κ w_c h ℓ(x) of the point c,
+    With λ_c (r,) the multipliers of the point c, and Simpson's weights w_c,
 
-        ∂G/∂z         = [∂g/∂x(x_c) X_c]_c
-        ∇L            = Σ_c w_c (h X_cᵀ ∇ℓ + ℓ e_h)
-        ∇²(λᵀG + κL)  = Σ_c X_cᵀ ∇²φ_c X_c + Σ_i (∂φ_c/∂x_i) ∇²x_c,i
-                        + κ w_c (e_h (X_cᵀ ∇ℓ)ᵀ + (X_cᵀ ∇ℓ) e_hᵀ).
-
-    The derivatives with respect to x are taken once, with few variables, and called at every point
-    (`_point_derivatives`). The code that is evaluated repeatedly thus stays in the processor's
-    cache. x_c(z) is a polynomial with cheap derivatives (`_chain_rule`).
+        G(z) = [g(x_c)]_c,   L(z) = h Σ_c w_c ℓ(x_c),   ∇²(Σ_c λ_cᵀ g(x_c) + κ L).
     """
-    by_x = _point_derivatives(element)
-    states, jacobian_by_z, gradient_by_z, hessian_by_z = _chain_rule(element, *by_x)
-    jacobian, gradient_by_x, hessian = by_x
-    z = ca.MX.sym("z", element.size)
-    p = element.parameter_symbols(ca.MX)
-    inputs = [z, *p]
-    points = [(x, *p) for x in states(z)]
-    r, h = element.point.size1_out(0), z[-1]
-    multipliers = ca.MX.sym("multipliers", r * len(points) + (element.cost is not None))
-    kappa = multipliers[-1] if element.cost is not None else ca.MX(0)
-
-    rows = [element.point(*point) for point in points]
-    jacobians = [jacobian(*point) for point in points]
-    curvatures: list[ca.MX] = []
-    for c, (point, w) in enumerate(zip(points, SIMPSON, strict=True)):
-        curvatures += hessian(*point, multipliers[c * r : (c + 1) * r], w * h * kappa)
+    z, *p = inputs = [ca.SX.sym("z", element.size), *element.parameter_symbols(ca.SX)]
+    states = element.collocation_states(z)
+    rows = ca.vertcat(*(element.point(x, *p) for x in states))
+    multipliers = ca.SX.sym("multipliers", rows.numel())
+    lagrangian = multipliers.T @ rows
     cost = gradient = None
     if element.cost is not None:
-        integral = ca.MX(0)
-        for point, w in zip(points, SIMPSON, strict=True):
-            integral += w * h * element.cost(*point)
-        slopes = [value for point in points for value in gradient_by_x(*point)]
+        weighted = (w * element.cost(x, *p) for x, w in zip(states, SIMPSON, strict=True))
+        integral = z[-1] * sum(weighted, start=ca.SX(0))
+        kappa = ca.SX.sym("kappa")
+        lagrangian += kappa * integral
+        multipliers = ca.vertcat(multipliers, kappa)
         cost = ca.Function("cost", inputs, [integral])
-        gradient = ca.Function("gradient", inputs, list(gradient_by_z(z, *slopes)))
+        slope = ca.densify(ca.gradient(integral, z))
+        gradient = ca.Function("gradient", inputs, [integral, slope])
+    hessian = ca.hessian(lagrangian, z)[0]
     return ElementFunctions(
-        ca.Function("rows", inputs, [ca.vertcat(*rows)]),
-        ca.Function("jacobian", inputs, [jacobian_by_z(z, *jacobians)]),
-        ca.Function("hessian", [*inputs, multipliers], [hessian_by_z(z, kappa, *curvatures)]),
+        ca.Function("rows", inputs, [rows]),
+        ca.Function("jacobian", inputs, [ca.jacobian(rows, z)]),
+        ca.Function("hessian", [*inputs, multipliers], [hessian]),
         cost,
         gradient,
     )
-
-
-def _point_derivatives(element: ElementModel) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """Return three Functions of (x, *p): ∂g/∂x (r, k); ℓ and ∇ℓ (k,); and second derivatives.
-
-    The last one also takes λ_c (r,) and a factor f, and returns ∇²φ (k, k) and ∇φ (k,) of φ = λ_cᵀ
-    g + f ℓ, then ℓ and ∇ℓ.
-    """
-    x = ca.SX.sym("x", element.state_size)
-    inputs = [x, *element.parameter_symbols(ca.SX)]
-    # The cost consists of the same torques as the rows, which should be differentiated once.
-    values: Any = [
-        element.point(*inputs),
-        ca.SX(0) if element.cost is None else element.cost(*inputs),
-    ]
-    g, cost = ca.cse(values)
-    lam, factor = ca.SX.sym("lam", g.numel()), ca.SX.sym("factor")
-    hessian, gradient = ca.hessian(ca.dot(lam, g) + factor * cost, x)
-    cost_and_gradient = [cost, ca.gradient(cost, x)]
-    return (
-        ca.Function("point_jacobian", inputs, [ca.jacobian(g, x)]),
-        ca.Function("point_gradient", inputs, cost_and_gradient),
-        ca.Function(
-            "point_hessian", [*inputs, lam, factor], [hessian, gradient, *cost_and_gradient]
-        ),
-    )
-
-
-def _chain_rule(
-    element: ElementModel, *point: ca.Function
-) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
-    """Return Functions that turn derivatives with respect to x_c into those with respect to z.
-
-    They give the states x_c of z, ∂G/∂z, (L, ∇L) and ∇²(λᵀG + κL). Their arguments are z, for the
-    last one also κ, and the results of `_point_derivatives` (point), point after point.
-    """
-    z, kappa = ca.SX.sym("z", element.size), ca.SX.sym("kappa")
-    h, e_h = z[-1], ca.gradient(z[-1], z)
-    states = element.collocation_states(z)
-    inputs: tuple[list[ca.SX], ...] = ([z], [z], [z, kappa])
-    jacobian, cost, gradient, hessian = (
-        [],
-        ca.SX(0),
-        ca.SX.zeros(z.numel()),
-        ca.SX(z.numel(), z.numel()),
-    )
-    for x, w in zip(states, SIMPSON, strict=True):
-        of_z = ca.jacobian(x, z)
-        (g_of_x,), (value, cost_of_x), (phi_of_xx, phi_of_x, *_) = symbols = [
-            *map(_result_symbols, point)
-        ]
-        jacobian.append(g_of_x @ of_z)
-        cost_of_z = of_z.T @ cost_of_x
-        cost += w * h * value
-        gradient += w * (h * cost_of_z + value * e_h)
-        through_length = w * kappa * (e_h @ cost_of_z.T)
-        through_state = ca.hessian(ca.dot(phi_of_x, x), z)[0]
-        hessian += of_z.T @ phi_of_xx @ of_z + through_state + through_length + through_length.T
-        symbols[2][2:] = symbols[1]
-        for collected, symbol_list in zip(inputs, symbols, strict=True):
-            collected += symbol_list
-    return (
-        ca.Function("states", [z], states),
-        ca.Function("jacobian_by_z", inputs[0], [ca.vertcat(*jacobian)]),
-        ca.Function("gradient_by_z", inputs[1], [cost, ca.densify(gradient)]),
-        ca.Function("hessian_by_z", inputs[2], [hessian]),
-    )
-
-
-def _result_symbols(function: ca.Function) -> list[ca.SX]:
-    """Return the results of a Function as symbols of the same sparsity."""
-    return [
-        ca.SX.sym(function.name_out(i), function.sparsity_out(i)) for i in range(function.n_out())
-    ]

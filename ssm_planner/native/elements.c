@@ -1,4 +1,4 @@
-/* Rows and costs of the elements of a mesh: the parts of kernels.h put together by the chain rule of elements/element.py.
+/* Rows and costs of the elements of a mesh: the parts of kernels.h put together by the chain rule.
 
 At every point of an element the rows g and the cost are functions of quantities (efforts of the joints, their rates, the
 tool's place), these of y, and y of z. y is, of a free motion, q, qd and qdd of all joints, of a straight one its x.

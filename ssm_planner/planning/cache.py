@@ -11,8 +11,6 @@ from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-MOST = 512
-"""Largest number of cached results. The oldest ones are dropped first."""
 A = TypeVar("A")
 
 
@@ -42,10 +40,7 @@ def cached(key: Hashable, compute: Callable[[], A]) -> A:
     if answers is None:
         return compute()
     if key not in answers:
-        result = compute()
-        if len(answers) >= MOST:
-            del answers[next(iter(answers))]
-        answers[key] = result
+        answers[key] = compute()
     value: A = answers[key]
     return value
 

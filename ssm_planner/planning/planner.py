@@ -186,7 +186,7 @@ def _estimated_duration(planner: PhasePlanner, cutoff: float) -> float:
     """
     phase = planner.phase
     problem = planner.problem
-    path = planner.phase.path
+    path = phase.path
     if phase.stands:
         return phase.motion.duration or 0.0
     by_ends = path is None or isinstance(path, StraightPath)
@@ -197,13 +197,13 @@ def _estimated_duration(planner: PhasePlanner, cutoff: float) -> float:
         *(problem.limits, problem.planner, phase.motion.duration, path is None),
         *(array.tobytes() for array in arrays),
     )
-    records: list[tuple[float, float]] = cached(key, list)
-    for limit, duration in records:
-        if duration < limit or cutoff <= limit:
-            return duration if duration < cutoff else np.inf
-    result, _ = plan_phase(planner, cutoff)
-    records.append((cutoff, np.inf if isinstance(result, Reason) else result.duration))
-    return records[-1][1] if records[-1][1] < cutoff else np.inf
+
+    def estimate() -> float:
+        result, _ = plan_phase(planner)
+        return np.inf if isinstance(result, Reason) else result.duration
+
+    duration: float = cached(key, estimate)
+    return duration if duration < cutoff else np.inf
 
 
 def _with_durations(

@@ -64,7 +64,7 @@ def find_fastest(
         limit = cutoff if solution is None else min(cutoff, (1 - gap) * solution.duration)
         if cost >= limit:
             continue
-        if limit < np.inf and EFFORT.beyond(begin, budget):
+        if limit < np.inf and EFFORT.spent - begin > budget:
             evaluation.result = Reason(message="not solved: the work budget is spent")
             continue
         spent = EFFORT.spent

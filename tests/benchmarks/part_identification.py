@@ -34,7 +34,8 @@ def run(quick: bool) -> Section:
     folder = Path(os.environ[RECORDINGS])
     section.say(
         "Public recordings of an EPOS4 drive on three one-joint rigs. *Error* is the NRMSD of the motor torque: over the "
-        "torque–velocity map that is fitted, and over the time of the start–stop recording. No peer identifies these laws; "
+        "torque–velocity map that is fitted, and over the time of the start–stop recording. BAM "
+        "(better-actuator-models) also fits load-dependent, directional and Stribeck friction, and is not measured here; "
         "the parameters that the rigs' authors published stand beside."
     )
     rows = []

@@ -1,4 +1,4 @@
-"""What an optimisation is told of one element: exact derivatives by the chain rule, and integrals of costs."""
+"""What an optimisation is told of one element: exact derivatives, and integrals of costs."""
 
 from __future__ import annotations
 

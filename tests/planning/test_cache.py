@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ssm_planner.planning.cache import MOST, IdentityKey, cache_scope, cached
+from ssm_planner.planning.cache import IdentityKey, cache_scope, cached
 
 
 def test_nothing_is_kept_beyond_a_plan() -> None:
@@ -23,16 +23,6 @@ def test_nothing_is_kept_beyond_a_plan() -> None:
     assert len(asked) == 4
     cached("key", answer)
     assert len(asked) == 5
-
-
-def test_the_oldest_answers_go_first() -> None:
-    asked: list[int] = []
-    with cache_scope():
-        for k in range(MOST + 1):
-            cached(k, lambda k=k: asked.append(k))  # type: ignore[misc]
-        cached(MOST, lambda: asked.append(MOST))
-        cached(0, lambda: asked.append(0))
-    assert asked == [*range(MOST + 1), 0]
 
 
 def test_objects_are_the_same_as_themselves_alone() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from ssm_planner.kinematics import (
 from ssm_planner.planning.ocp.free_problem import FreeProblem
 from ssm_planner.planning.ocp.mesh import (
     SegmentGuess,
-    retimed_guess,
 )
 from ssm_planner.planning.ocp.motion import PhaseSolution, Reversals
 from ssm_planner.planning.ocp.nlp import (
@@ -36,7 +34,6 @@ from ssm_planner.planning.ocp.segments import (
     segment_guess,
 )
 from ssm_planner.planning.ocp.turning import TurningGuess
-from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem import (
     Objective,
@@ -48,8 +45,6 @@ from ssm_planner.typing import Array, Mask, keyword_record
 ELEMENTS = 40
 """Number of elements of a motion. Some motions need FINER times as many."""
 FINER = 2
-FAR = 2.0
-"""Row value of the closed-form guess above which TOPP-RA makes the guess."""
 
 
 def solve_free(
@@ -196,11 +191,6 @@ class _FreeRequest:
         return not (self.ends[0].any() or self.ends[1].any())
 
     @property
-    def rests_at_points(self) -> bool:
-        """True if the guess rests at all points."""
-        return self.at_rest and self.reversals.via_velocity is None and self.reversals.guess is None
-
-    @property
     def is_structured(self) -> bool:
         """True if the structured solver is tried.
 
@@ -264,39 +254,12 @@ class _FreeRequest:
         ]
 
     def with_guess(self, count: int | None) -> FreeProblem:
-        """Return the problem with its guess, on `count` elements or on a suitable number.
+        """Build the problem on the mesh of its guess, with the guess's duration as the unit of time.
 
-        TOPP-RA makes the guess if the closed form is far from keeping the limits of torques, rates
-        and tip speed.
+        The mesh has about `count` elements, or a suitable number.
         """
-        per_segment = self.elements_per_segment(count or self.count)
-        segments = self.segments(per_segment)
-        ocp = self.on_mesh_of(segments)
-        largest_row = ocp.row_maxima(ocp.guess.elements).max(initial=0.0)
-        if not self.rests_at_points or largest_row < FAR:
-            return ocp
-        return self.on_mesh_of(segments, self._retimed_guesses(per_segment))
-
-    def _retimed_guesses(self, count: int) -> list[SegmentGuess | None]:
-        """Return TOPP-RA's motions from point to point, with `count` elements each."""
-        lines = (PolylinePath(self.mechanism, np.stack(ends)) for ends in pairwise(self.points))
-        limits = self.problem.task_limits
-        return [retimed_guess(self.problem.robot, limits, line, count) for line in lines]
-
-    def on_mesh_of(
-        self, segments: list[TurningGuess], replacements: list[SegmentGuess | None] | None = None
-    ) -> FreeProblem:
-        """Build the problem on the mesh of a guess, with the guess's duration as the unit of time.
-
-        `replacements` are guesses that replace those of the segments. None keeps a segment's own
-        guess.
-        """
+        segments = self.segments(self.elements_per_segment(count or self.count))
         guesses = [guess for segment in segments for guess in segment.guesses]
-        if replacements is not None:
-            guesses = [
-                replacement or guess
-                for replacement, guess in zip(replacements, guesses, strict=True)
-            ]
         chain = self._segment_chain(segments, guesses)
         few_times = self._has_few_times(segments)
         structure = chain.structure(few_times=few_times, smooth=self.jerk)

@@ -1,9 +1,8 @@
 """Meshes and guesses: where elements end, and the motion at which the optimisation begins.
 
 A straight phase begins at the motion of TOPP-RA along its path. Its elements end where the binding
-limit of that motion changes (`Mesh`). A free phase begins at a motion in closed form that keeps the limits of velocity,
-acceleration and jerk and rests at every point (`closed_form_guess`). If this motion is far from
-keeping the other limits, the guess is that of TOPP-RA (`retimed_guess`).
+limit of that motion changes (`Mesh`). A free phase begins at a motion in closed form that keeps the
+limits of velocity, acceleration and jerk and rests at every point (`closed_form_guess`).
 """
 
 from __future__ import annotations
@@ -15,10 +14,8 @@ from typing import Literal
 import numpy as np
 
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.retiming.paths import PolylinePath
-from ssm_planner.planning.retiming.retime import COARSE, Retiming, retime
+from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import ROUNDING, SAME
-from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import Cubic, Trajectory
 from ssm_planner.typing import Array, Indices, record
 
@@ -325,24 +322,3 @@ def sampled_guess(motion: Trajectory, start: float, end: float, count: int) -> S
         (left_state.q - left_state.q[0], left_state.qd, left_state.qdd, right_state.qdd),
         (count,),
     )
-
-
-def retimed_guess(
-    robot: Robot, limits: TaskLimits, path: PolylinePath, count: int
-) -> SegmentGuess | None:
-    """Return TOPP-RA's motion on a straight line in joint space. None if there is none.
-
-    It also keeps the limits of torques, rates and tip speed.
-    """
-    motion = retime(path, robot, COARSE, limits)
-    if not motion.solved:
-        return None
-    mesh = Mesh.from_retiming(motion, path.directions[0], count)
-    displacement = path.points[-1] - path.points[0]
-    orders = (0, 1, 2, 2)
-    position, velocity, start, end = (
-        (state / motion.duration**order)[:, None] * displacement
-        for state, order in zip(mesh.elements(motion).T, orders, strict=False)
-    )
-    states = position, velocity, start, end
-    return SegmentGuess(motion.duration, mesh.instants, states, (len(mesh.instants) - 1,))

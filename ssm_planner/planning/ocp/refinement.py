@@ -71,10 +71,6 @@ class Effort(threading.local):
 
     spent = 0.0
 
-    def beyond(self, start: float, budget: float) -> bool:
-        """Return True if more than `budget` has been spent since the value was `start`."""
-        return self.spent - start > budget
-
 
 EFFORT = Effort()
 """Work of this thread.

@@ -14,7 +14,7 @@ import numpy as np
 from ssm_planner.elements.compiled import native_elements
 from ssm_planner.elements.element import ElementModel
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import BARRIER, SUPERLINEAR, TOLERANCE, solve
+from ssm_planner.interior.solve import SUPERLINEAR, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.ocp.nlp import (
     InitialPoint,
@@ -53,7 +53,6 @@ def solve_structured(
     iterations: int = ITERATIONS,
     switching: bool = False,
     centred: bool = False,
-    tolerance: float = TOLERANCE,
 ) -> NlpSolution:
     """Solve a program by the structured solver.
 
@@ -71,8 +70,6 @@ def solve_structured(
         A row has a rounded edge, which needs the patient ways.
     centred : bool
         Stop close to the central path, so that Ipopt finds its multipliers from the slacks.
-    tolerance : float
-        Tolerance of the stopping test.
 
     Returns
     -------
@@ -95,9 +92,7 @@ def solve_structured(
             initial,
             warm=warm,
             iterations=iterations,
-            tolerance=tolerance,
             superlinear=superlinear,
-            barrier=BARRIER,
             off_centre=OFF_CENTRE if centred else np.inf,
         )
         used += outcome.iterations

@@ -126,7 +126,7 @@ def write_no_plan(plan: Plan, out: Path, changes: Sequence[tuple[str, float]] = 
         conclusion = f"The motion is not certified: {_certification(plan)[2]}."
     else:
         conclusion = f"No motion keeps every limit: {reason.message}."
-        if reason.relaxation and not changes:
+        if reason.relaxation:
             conclusion += f" A change that permits a motion: {reason.relaxation}."
     steps = [f"{text}: the motion takes {format_fixed(time, 4)} s" for text, time in changes]
     return write_outcome(
