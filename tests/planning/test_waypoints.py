@@ -146,7 +146,7 @@ def test_both_solvers_may_do_on_fewer_elements_where_one_of_them_fails(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On those that Ipopt alone would take, which takes much longer."""
-    problem = through(dataclasses.replace(tilt_insert, objective="time"), BETWEEN, LAST)
+    problem = through(dataclasses.replace(tilt_insert, objective="time"), LAST)
     asked: list[tuple[str, int | None]] = []
 
     def solve(
