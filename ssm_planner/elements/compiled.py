@@ -335,7 +335,7 @@ class _Evaluated(ca.Callback):
                 parameters.pop().reshape(elements.count, -1) if self._name == "hessian" else None
             )
             native = elements.with_parameters(parameters)
-            if len(results) > 1:
+            if len(results) > 1 and results[0]:
                 np.frombuffer(results[0])[:] = native.call("cost", z).ravel()
             values = native.call(self._name, z, multipliers).reshape(elements.count, -1)
             np.frombuffer(results[-1])[:] = values[:, self._places].ravel()

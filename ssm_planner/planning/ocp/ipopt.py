@@ -96,7 +96,7 @@ def build_solvers(
         ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S.
     """
     x, p, z = program.x, program.p, program.z
-    objective, constraints = program.objective, program.constraints
+    objective, constraints, weight = program.objective, program.constraints, program.cost_weight
     n, of_x = z.size2(), ca.jacobian(ca.vec(z), x)
     of_elements = partial(_of_elements, native, z, program.element_parameters)
     jacobians = _block_diagonal(
@@ -105,63 +105,56 @@ def build_solvers(
     g = ca.vertcat(constraints, ca.vec(of_elements(functions.rows)))
     jac_g = ca.vertcat(ca.jacobian(constraints, x), jacobians @ of_x)
 
-    f, same_f, grad_f = objective, objective, ca.gradient(objective, x)
-    weight = program.cost_weight
-    if functions.cost is not None and functions.gradient is not None:
-        f += weight * ca.sum2(of_elements(functions.cost))
-        costs, slopes = of_elements(functions.gradient)
-        same_f += weight * ca.sum2(costs)
-        grad_f += weight * (of_x.T @ ca.vec(slopes))
-
+    f, grad_f = objective, ca.gradient(objective, x)
     lam_f = ca.MX.sym("lam_f")
     lam_g = ca.MX.sym("lam_g", g.numel())
     lam_constraints, lam_rows = ca.vertsplit(lam_g, [0, constraints.numel(), g.numel()])
     multipliers = ca.reshape(lam_rows, -1, n)
-    if functions.cost is not None:
+    if functions.cost is not None and functions.gradient is not None:
+        f += weight * ca.sum2(of_elements(functions.cost))
+        _, slopes = of_elements(functions.gradient)
+        grad_f += weight * (of_x.T @ ca.vec(slopes))
         multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * weight, 1, n))
     hessians = _block_diagonal(
         of_elements(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n
     )
     hess = ca.hessian(lam_f * objective + ca.dot(lam_constraints, constraints), x)[0]
     hess += of_x.T @ hessians @ of_x
-
-    derivatives = {
-        "grad_f": ca.Function("grad_f", [x, p], [same_f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
-        "hess_lag": ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)]),
-    }
-    return _ipopt_by_start(program.structure, {"x": x, "p": p, "f": f, "g": g}, derivatives)
+    nlp = {"x": x, "p": p, "f": f, "g": g}
+    hess_lag = ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)])
+    return _ipopt_by_start(program.structure, nlp, grad_f, jac_g=jac_g, hess_lag=hess_lag)
 
 
 def _ipopt_by_start(
-    structure: NlpStructure, nlp: dict[str, ca.MX], derivatives: dict[str, ca.Function]
+    structure: NlpStructure,
+    nlp: dict[str, ca.MX],
+    grad_f: ca.MX,
+    *,
+    jac_g: ca.MX,
+    hess_lag: ca.Function,
 ) -> Callable[[Start], ca.Function]:
     """Return Ipopt for every kind of start, from a program and its derivatives."""
+    x, p, f, g = nlp.values()
     options: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,
         "no_nlp_grad": True,  # It would only serve multipliers of p, which are not needed.
         "calc_lam_p": False,
-        **derivatives,
+        "grad_f": ca.Function("grad_f", [x, p], [f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("jac_g", [x, p], [g, jac_g], ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": hess_lag,
     }
 
     def build(start: Start) -> ca.Function:
         iterations = max(ITERATIONS, 2 * structure.elements)
         ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS[start]}
-        if start == "cold":
-            ipopt_options |= _cold_options(structure)
+        # First multipliers mu_init / slack save a fifth of the iterations, except if jerk is
+        # limited in joints.
+        if start == "cold" and not (structure.joints and structure.smooth):
+            ipopt_options["bound_mult_init_method"] = "mu-based"
         return ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": ipopt_options})
 
     return cache(build)
-
-
-def _cold_options(structure: NlpStructure) -> dict[str, Any]:
-    """Return further options of a cold start: first multipliers mu_init / slack.
-
-    They save a fifth of the iterations, except if jerk is limited in joints.
-    """
-    jerky = structure.joints and structure.smooth
-    return {} if jerky else {"bound_mult_init_method": "mu-based"}
 
 
 def _of_elements(
