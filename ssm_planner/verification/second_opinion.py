@@ -73,7 +73,8 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[float | s
     Returns
     -------
     tuple of float or str
-        For each phase its duration in s, or the reason why toppra cannot judge it.
+        For each phase its duration in s, or the reason why toppra cannot judge it. A phase that
+        takes no time has the duration 0.
     """
     reason = _not_judged(problem)
     spans = trajectory.phases
@@ -81,7 +82,9 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[float | s
     if len(requests) != len(spans):  # scans and rounded corners
         requests = [next(filter(None, requests), "")] * len(spans)
     return tuple(
-        reason
+        0.0
+        if span.start == span.end
+        else reason
         or request
         or path_duration(trajectory, problem.robot, problem.task_limits, span.start, span.end)
         or "toppra does not converge"

@@ -82,7 +82,7 @@ def test_the_summary_ends_with_verdicts_and_names_placeholders(
 ) -> None:
     assert run_plan(files, "--verbose") == 0
     text = capsys.readouterr().out
-    assert "TOPP-RA" in text[: text.index("duration s")]
+    assert "by toppra" in text[: text.index("duration s")]
     motors = text[text.index("\nMotors: ") :]
     assert "Stand-in figures: roll nominal torque" in " ".join(motors.split())
     assert "PASSED" in motors

@@ -212,3 +212,10 @@ def test_nothing_of_the_planner_is_loaded_on_its_way() -> None:
     opinions, loaded = json.loads(result.stdout)
     assert not loaded
     assert all(isinstance(duration, float) for duration in opinions)
+
+
+def test_a_phase_that_takes_no_time_has_the_duration_0(tilt_insert: Problem) -> None:
+    made = plan(replace(tilt_insert, motion=(*tilt_insert.motion, tilt_insert.motion[-1])))
+    assert made.phases[-1].duration == 0.0
+    assert second_opinions(made.motion, made.problem)[-1] == 0.0
+    assert judged(made).passed
