@@ -312,10 +312,10 @@ def document(rows: dict[str, list[str]]) -> str:
     lines = [
         "# Constants of the planner",
         "",
-        "`python -m tests.benchmarks.constants` writes this table. Every numeric constant of planning, pipeline, elements and "
-        "interior is doubled, then halved. Numbers near 1 move by their difference from 1. The row names the first "
-        "problem whose duration changes by more than 1e-4, whose outcome changes, or whose work changes by more than "
-        "10 %. `none` marks constants that no problem of the benchmark needs.",
+        "`python -m tests.benchmarks.constants` writes this table. Every numeric constant of planning, pipeline, "
+        "elements and interior is doubled, then halved. Numbers near 1 move by their difference from 1. The row names "
+        "the first problem whose duration changes by more than 1e-4, whose outcome changes, or whose work changes by "
+        "more than 10 %. `none` marks constants that no problem of the benchmark needs.",
         "",
         f"{len(present)} constants.",
         "",
