@@ -15,6 +15,7 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.prechecks import feasible_phases
+from ssm_planner.planning.tolerances import GAP
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import (
     LensClearance,
@@ -263,7 +264,8 @@ def test_a_tool_is_drawn_back_over_a_lens_in_its_way(
     result = plan(problem)
     assert result.passed
     by_hand = Free(Task(roll=end, depth=depth), (Task(roll=0.0, depth=10e-3),))
-    assert result.duration <= plan(dataclasses.replace(problem, motion=(by_hand,))).duration
+    other = plan(dataclasses.replace(problem, motion=(by_hand,)))
+    assert result.duration <= (1 + GAP) * other.duration
     depths = -result.trajectory.uniform(500.0).q[:, 3]
     assert depths.min() < ball[0]
     assert result.lower_bound <= result.duration
