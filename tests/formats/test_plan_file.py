@@ -175,7 +175,7 @@ def test_a_saved_folder_is_the_command_s_and_the_same_every_time(tmp_path: Path)
 
 @pytest.mark.slow
 def test_a_loaded_plan_is_the_plan(tmp_path: Path) -> None:
-    made = plan_problem(load_problem(ROOT / "problems/tilt_insert.yaml"))
+    made = plan_problem(load_problem(ROOT / "problems/tilt_insert.yaml")).cross_checked()
     made.save(tmp_path)
     loaded = load_plan(tmp_path)
     assert loaded.to_json() == made.to_json()
