@@ -21,11 +21,10 @@ from ssm_planner.typing import Array, Indices, Mask, frozen, record
 
 Solver = Literal["structured", "Ipopt"]
 Method = Literal["Ipopt", "structured", "confirmed", "estimated"]
-"""How a problem is solved.
+"""How one attempt solves a problem. `phase_planner` chooses the next attempt if it fails.
 
-"Ipopt": by Ipopt. "structured": by the structured solver, or by Ipopt if that does not converge.
-"confirmed": by the structured solver, with Ipopt's confirmation of the optimum. "estimated": by the
-structured solver alone, in few rounds.
+"Ipopt": by Ipopt. "structured": by the structured solver. "confirmed": by the structured solver,
+with Ipopt's confirmation of the optimum. "estimated": by the structured solver, for an estimate.
 """
 LARGEST_BLOCK = 20
 """Largest number of elements of a block.
