@@ -210,7 +210,7 @@ class Kinds:
             Kind("study YAML", [study], load_study, loads=True),
             Kind("catalogue of a study", [catalogue], lambda _: load_study(study), loads=True),
             Kind("store of a study", [store], _read_store, loads=True),
-            Kind("recording", [recording], lambda path: ["predict", str(rig), str(path), "--json"]),
+            Kind("recording", [recording], lambda path: ["predict", str(drive), str(path), "--json"]),
             Kind("recording of a recorder", [recorder], lambda path: ["compare", str(plan), f"roll={path}", "--json"]),
         ]  # fmt: skip
 
