@@ -17,7 +17,7 @@ from importlib import metadata
 from types import FrameType
 from typing import Any
 
-from ssm_planner.errors import SsmPlannerError, suggestion
+from ssm_planner.errors import ProblemError, SsmPlannerError, suggestion
 
 BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 DEBUG = "SSM_PLANNER_DEBUG"
@@ -158,6 +158,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return status if signals.arrived is None else _report_interruption(signals)
     except SsmPlannerError as error:
+        if isinstance(error, ProblemError):
+            _name_option(error, words)
         return _report_error(error, "--json" in words)
     except BrokenPipeError:  # the reader has closed the pipe
         _discard_output()
@@ -197,6 +199,23 @@ def _fix_kernels() -> None:
     os.environ.update(choice)
     if is_changed and "numpy" in sys.modules:
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+
+
+def _name_option(error: ProblemError, words: Sequence[str]) -> None:
+    """Replace the name and the value of a Python argument in an error by those of its option.
+
+    `words` are the words of the command line. Errors of a file are not changed.
+    """
+    names = [] if error.key is None or error.file is not None else error.key.split(".")
+    for name in reversed(names):
+        option = "--" + re.sub(r"_|(?<=[a-z])(?=[A-Z])", "-", name).lower()
+        for word, value in zip(words, [*words[1:], ""], strict=True):
+            typed, is_joined, joined_value = word.partition("=")
+            if len(typed) > 2 and option.startswith(typed):
+                error.key = typed
+                if error.value is not None:
+                    error.value = joined_value if is_joined else value.strip()
+                return
 
 
 def _report_error(error: SsmPlannerError, as_json: bool = False) -> int:

@@ -20,6 +20,8 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Progress, Step
 
 OK, FAILED, UNJUDGED = 0, 1, 4
+LARGEST_RATE = 100_000.0
+"""Largest rate of written files, Hz. A file of a faster rate would not fit into memory."""
 
 
 def plan_argument(
@@ -90,9 +92,12 @@ def rate_argument(text: str) -> float:
         value = float(match.group(1)) if match else -1.0
     except ValueError:
         value = -1.0
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a rate such as 500 or 1kHz")
-    return value * (1000 if match is not None and (match.group(2) or "").lower() == "khz" else 1)
+    rate = value * (1000 if match is not None and (match.group(2) or "").lower() == "khz" else 1)
+    if not 0 < rate <= LARGEST_RATE:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a rate such as 500 or 1kHz, up to {LARGEST_RATE / 1000:g}kHz"
+        )
+    return rate
 
 
 def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:

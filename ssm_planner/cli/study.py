@@ -63,10 +63,6 @@ def run_study(options: argparse.Namespace) -> int:
     verb, numbers, file = _request(options.words)
     study = load_study(file)
     folder = options.output or Path("results") / study.name
-    if options.workers is not None and options.workers < 1:
-        raise ProblemError(
-            "invalid number of workers", key="--workers", value=options.workers, allowed="1 or more"
-        )
     if verb == "study":
         return _study(study, folder, options)
     from ssm_planner.studies.show import compare_candidates, write_candidate

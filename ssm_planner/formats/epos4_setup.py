@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.problem import Joint, Robot
+from ssm_planner.problem import JOINTS, Joint, Robot, check_mapping
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.units import rpm
@@ -76,6 +76,8 @@ def axes_of(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
     ExportError
         If no joint has a drive, or a drive lacks a motor or an encoder resolution.
     """
+    if isinstance(counts_per_turn, Mapping):
+        check_mapping(counts_per_turn, JOINTS, "counts_per_turn")
     axes = {}
     for joint in robot.joints:
         drive = joint.drive

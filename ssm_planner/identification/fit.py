@@ -148,7 +148,7 @@ def fit_map(
     fixed = {
         name: value for name, value in {"b_ov": 0.0, **(fixed or {})}.items() if name not in free
     }
-    _check_fixed(fixed)
+    _check_fixed(fixed, free)
     _check_directions(data)
     outliers = find_outliers(data.w, data.tau)
     weight = np.ones(len(data.w))
@@ -219,9 +219,12 @@ def _chosen(
     return determined[chosen], criterion
 
 
-def _check_fixed(fixed: Mapping[str, float]) -> None:
+def _check_fixed(fixed: Mapping[str, float], free: Sequence[str]) -> None:
     """Raise RecordingError for an unknown parameter or an invalid value."""
     names = (*ALL, LOAD_OFFSET)
+    for name in free:
+        if name not in names:
+            raise RecordingError(f"cannot free {name!r}; parameters: {', '.join(names)}")
     for name, value in fixed.items():
         allowed = name in names and math.isfinite(value)
         if not allowed or (value < 0.0 and name != LOAD_OFFSET):

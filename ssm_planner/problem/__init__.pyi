@@ -127,6 +127,7 @@ from .value import (
     Value as Value,
     attributes as attributes,
     built as built,
+    check_mapping as check_mapping,
     descriptions as descriptions,
     hints as hints,
     quantities as quantities,

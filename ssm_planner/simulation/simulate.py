@@ -139,6 +139,8 @@ class Scenario:
             ("draws", 0 <= self.draws <= 100_000, "0 to 100 000"),
             ("spread", 0 <= spread < 1, "at least 0 and below 1"),
             ("friction", 0 < self.friction <= 10, "above 0 and up to 10"),
+            ("tip_error", self.tip_error >= 0, "at least 0"),
+            ("travel", self.travel is None or self.travel >= 0, "at least 0"),
         )
         for key, is_valid, allowed in ranges:
             if not is_valid:

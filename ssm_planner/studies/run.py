@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.arguments import checked
-from ssm_planner.errors import SsmPlannerError
+from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.representation import ShortRepr
 from ssm_planner.studies.evaluation import Evaluation, evaluate_batch
 from ssm_planner.studies.figures import write_study_figures
@@ -47,6 +47,7 @@ BATCH_SECONDS = 0.25
 """Target duration of a batch, s. An executor has a fixed cost for each batch."""
 LARGEST_BATCH = 64
 """Largest number of candidates in a batch."""
+MOST_WORKERS = 256
 
 Task = tuple[str, int, Design]
 """Key, number and design of a candidate that workers evaluate."""
@@ -118,7 +119,7 @@ def study(
     folder
         Folder of the results.
     workers
-        Number of worker processes. The default is the number of processors.
+        Number of worker processes, 1 to 256. The default is the number of processors.
     executor
         Any `concurrent.futures.Executor`, such as that of Dask, which replaces the worker
         processes. It is not shut down.
@@ -140,6 +141,13 @@ def study(
         If the executor loses its workers.
     """
     of = of if isinstance(of, Study) else load_study(of)
+    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+        raise ProblemError(
+            "invalid number of workers",
+            key="workers",
+            value=workers,
+            allowed=f"1 to {MOST_WORKERS}",
+        )
     folder = Path(folder)
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:

@@ -192,9 +192,12 @@ def robot_content(robot: Section) -> JsonObject:
             for key in ("drive", "motor")
             if key in joint
         }
-        tree["joints"][name] = {
-            key: value for key, value in {**joint, **references}.items() if key != "alternatives"
-        }
+        if "alternatives" in joint:
+            references["alternatives"] = [
+                follow(robot, "joints", name, "alternatives", i, file_kind="motor").value
+                for i in range(len(joint["alternatives"]))
+            ]
+        tree["joints"][name] = {**joint, **references}
     return tree
 
 

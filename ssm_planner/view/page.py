@@ -115,7 +115,8 @@ class Study:
         It thus means the same elsewhere. Raises ProblemError if the problem has no file.
         """
         file = read(self._file)
-        return file.value | {"robot": robot_content(follow(file, "robot"))}
+        name = {} if self.problem is None else {"name": self.problem.name}
+        return name | file.value | {"robot": robot_content(follow(file, "robot"))}
 
     @property
     def _file(self) -> Path:

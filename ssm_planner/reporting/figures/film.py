@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ssm_planner.arguments import checked
-from ssm_planner.errors import ExportError
+from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.kinematics import Mechanism, fk, rotation
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import Eye, Robot
@@ -71,12 +71,16 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     ------
     ExportError
         If the files cannot be written, or if an MP4 is requested without ffmpeg.
+    ProblemError
+        If the speed is not above 0.
 
     Examples
     --------
     >>> from ssm_planner import film
     >>> files = film("results/eye_approach", "film")  # doctest: +SKIP
     """
+    if speed <= 0.0:
+        raise ProblemError("no playback", key="speed", value=speed, allowed="above 0")
     plan, path = as_plan(plan), Path(path)
     pictures = list(_pictures(plan, max(speed, plan.motion.duration / LONGEST)))
     with BytesIO() as file:

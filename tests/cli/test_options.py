@@ -1,0 +1,66 @@
+"""An error about the value of an option names the option and the text that the user typed."""
+
+from __future__ import annotations
+
+import pytest
+
+from ssm_planner.cli import main
+from tests.support.paths import ROOT
+
+PLAN = str(ROOT / "results/tilt_insert")
+RIG = str(ROOT / "problems/drives/rig1_lead_screw.yaml")
+CASES = [
+    (["view", "--port", "70000"], "--port = 70000"),
+    (["view", "--port=-1"], "--port = -1"),
+    (["check", PLAN, "--speed", "0"], "--speed = 0:"),
+    (["check", PLAN, "--speed", "200%"], "--speed = 200%"),
+    (["check", PLAN, "--tip-speed", "-5mm/s"], "--tip-speed = -5mm/s"),
+    (["check", PLAN, "--tip-speed=-5mm/s"], "--tip-speed = -5mm/s"),
+    (["film", PLAN, "--speed", "0", "-o", "film"], "--speed = 0:"),
+    (["plan", "tilt_insert", "--from", PLAN, "--at", "100s"], "--at = 100s"),
+    (["plan", "tilt_insert", "--rate", "1e9"], "argument --rate"),
+    (["retime", "path.csv", "--robot", "vitreoretinal", "--rate", "1GHz"], "argument --rate"),
+    (["size", PLAN, "--ambient", "500degC"], "--ambient = 500degC"),
+    (["size", PLAN, "--supply", "-5V"], "--supply = -5V"),
+    (["size", PLAN, "--current-limit", "-5A"], "--current-limit = -5A"),
+    (["size", PLAN, "--pause", "-5s"], "--pause = -5s"),
+    (["size", PLAN, "--payload", "-5g"], "--payload = -5g"),
+    (["size", PLAN, "--confidence", "2"], "--confidence = 2"),
+    (["size", PLAN, "--conf", "2"], "--conf = 2"),
+    (["size", PLAN, "--draws", "10000000"], "--draws = 10000000"),
+    (["simulate", PLAN, "--power-loss", "300s"], "--power-loss = 300s"),
+    (["simulate", PLAN, "--stall", "roll@-1s"], "--stall = roll@-1s"),
+    (["simulate", PLAN, "--supply", "-3V"], "--supply = -3V"),
+    (["simulate", PLAN, "--friction", "0"], "--friction = 0"),
+    (["simulate", PLAN, "--wrong-direction", "lift"], "--wrong-direction = lift"),
+    (["simulate", PLAN, "--tip-error", "-1mm"], "--tip-error = -1mm"),
+    (["simulate", PLAN, "--travel", "-1mm"], "--travel = -1mm"),
+    (["export", PLAN, "--to", "epos4", "--counts-per-turn", "lift=3"], "--counts-per-turn"),
+    (["export", PLAN, "--to", "csv", "--speed", "0"], "--speed = 0"),
+    (["study", "vitreoretinal", "--workers", "0"], "--workers = 0"),
+    (["study", "vitreoretinal", "--workers", "100000"], "--workers = 100000"),
+    (["identify", RIG, "--free", "lift"], "cannot free 'lift'"),
+]
+
+
+@pytest.mark.parametrize(("words", "part"), CASES, ids=lambda value: " ".join(value[:4:3]))
+def test_an_error_names_the_option(
+    words: list[str],
+    part: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    assert part in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_of_a_file_keeps_its_key(capsys: pytest.CaptureFixture[str], tmp_path) -> None:
+    robot = tmp_path / "robot.yaml"
+    robot.write_text("speed: 3\n", encoding="utf-8")
+    assert main(["check", PLAN, "--robot", str(robot), "--speed", "50%"]) == 2
+    message = capsys.readouterr().err
+    assert "robot.yaml:1: speed" in message
+    assert "--speed" not in message
