@@ -10,7 +10,6 @@ import math
 import re
 import tempfile
 import warnings
-from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -416,13 +415,21 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> _Rows:
         raise TrajectoryError(f"{path}: a number is too large for a float") from error
     if not rows.count:
         raise TrajectoryError(f"{path}: no row follows the header")
+    _check_widths(path, layout)
+    return rows
+
+
+def _check_widths(path: Path, layout: Layout) -> None:
+    """Raise TrajectoryError for a row with surplus columns, or an incomplete last row."""
     width = len(layout.names)
-    (_, last_line), *_ = deque(_data_lines(path, layout), 1)
-    if len(last_line.split(layout.separator)) < width:
+    for k, line in _data_lines(path, layout):
+        count = len(line.rstrip(layout.separator).split(layout.separator))
+        if count > width:
+            raise TrajectoryError(_column_fault(path, k, count, width))
+    if len(line.split(layout.separator)) < width:
         raise TrajectoryError(
             f"{path}: the last row has fewer than {width} columns: the file is incomplete"
         )
-    return rows
 
 
 def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
@@ -431,11 +438,16 @@ def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
     for k, line in islice(_data_lines(path, layout), start, None):
         fields = [field.strip() for field in line.split(layout.separator)]
         if len(fields) != width:
-            return f"{path}:{k + 1}: the row has {len(fields)} columns, but the header has {width}"
+            return _column_fault(path, k, len(fields), width)
         for name, field in zip(layout.names, fields, strict=True):
             if not _number(field):
                 return f"{path}:{k + 1}: {name}: {field[:40]!r} is not a number"
     return f"{path}: {message}"
+
+
+def _column_fault(path: Path, k: int, count: int, width: int) -> str:
+    """Return the message for a row with the index `k` that has a wrong number of columns."""
+    return f"{path}:{k + 1}: the row has {count} columns, but the header has {width}"
 
 
 def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:

@@ -5,7 +5,6 @@ The maps of the three rigs ship as a table of figures.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from ssm_planner.dynamics import STANDSTILL
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.harmonics import ripple_rms, travelled
 from ssm_planner.identification.recordings import Recording
+from ssm_planner.loading.tables import table_rows
 from ssm_planner.problem import Ripple
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Mask, frozen, record
@@ -206,26 +206,20 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     Raises
     ------
     RecordingError
-        If the table is invalid or does not contain the rig. The message has file, line and fault.
+        If the table does not contain the rig or has other columns or invalid figures. The message
+        has file, line and fault.
+    ProblemError
+        If the file is not a table.
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: the table of figures cannot be read ({error})") from error
-    numbered = [
-        (f"{path}:{k}", next(csv.reader([line])))
-        for k, line in enumerate(lines, 1)
-        if line.strip() and not line.startswith("#")
-    ]
-    if not numbered or tuple(numbered[0][1]) != FIGURES_HEADER:
+    lines = table_rows(path)
+    if tuple(next(lines)[1]) != FIGURES_HEADER:
         raise RecordingError(f"{path}: the first line must be {','.join(FIGURES_HEADER)}")
     tables: dict[str, list[tuple[str, list[float]]]] = {}
-    for location, fields in numbered[1:]:
+    for line, fields in lines:
         rows = tables.setdefault(fields[0], [])
         if fields[0] == rig:
-            figures_of_row = _figures(fields[2:], location)
-            rows.append((fields[1], figures_of_row))
+            rows.append((fields[1], _figures(fields[2:], f"{path}:{line}")))
     if rig not in tables:
         raise RecordingError(
             f"{path}: no figures of {rig!r}; rigs in the table: "
@@ -242,7 +236,7 @@ def _figures(fields: list[str], location: str) -> list[float]:
     except ValueError as error:
         raise RecordingError(f"{location}: {error}") from error
     # The fifth figure is the ripple, which needs two turns of the motor.
-    if len(row) != len(FIGURES_HEADER) - 2 or not np.all(np.isfinite([*row[:4], *row[5:]])):
+    if not np.all(np.isfinite([*row[:4], *row[5:]])):
         raise RecordingError(f"{location}: {len(FIGURES_HEADER)} finite columns are needed")
     return row
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +13,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import read, shipped_folder
 from ssm_planner.loading.motors import MotorModel, motor_from
+from ssm_planner.loading.tables import table_rows
 from ssm_planner.loading.yaml_nodes import Section, plain_node
 from ssm_planner.problem import TRANSMISSIONS, Drive, Motor, Transmission
 from ssm_planner.typing import JsonObject, frozen
@@ -166,36 +165,26 @@ def rows_of(file: Path) -> list[Row]:
 
     Raises ProblemError if the table is invalid.
     """
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ProblemError(f"cannot be read: {error}", file=file) from None
-    reader = csv.reader(io.StringIO(text))
-    headings = [_heading(cell) for cell in next(_cells(reader, file), [])]
+    table = table_rows(file)
+    line, cells = next(table)
+    headings = [_heading(cell) for cell in cells]
     names = [name for name, _ in headings]
     if not NAMES & set(names):
-        raise ProblemError("no column name or order_number", file=file, line=1)
+        raise ProblemError("no column name or order_number", file=file, line=line)
     if len(set(names)) < len(names):
-        raise ProblemError("two columns have the same name", file=file, line=1)
+        raise ProblemError("two columns have the same name", file=file, line=line)
     rows: dict[str, Row] = {}
-    for cells in _cells(reader, file):
-        if not cells:
-            continue
-        if len(cells) != len(headings):
-            raise ProblemError(
-                f"{len(cells)} cells", file=file, line=reader.line_num, allowed=f"{len(headings)}"
-            )
-        pairs = zip(headings, (cell.strip() for cell in cells), strict=True)
+    for line, cells in table:
         row: JsonObject = {
             name: cell if name in NAMES else _value(f"{cell} {unit}".rstrip())
-            for (name, unit), cell in pairs
+            for (name, unit), cell in zip(headings, cells, strict=True)
             if cell
         }
         label = str(row.pop("order_number", None) or row.get("name", ""))
         if label in rows or not label:
             reason = f"{label!r} occurs twice" if label else "no name"
-            raise ProblemError(reason, file=file, line=reader.line_num)
-        rows[label] = Row(label, row, reader.line_num)
+            raise ProblemError(reason, file=file, line=line)
+        rows[label] = Row(label, row, line)
     return list(_check_count(file, rows).values())
 
 
@@ -213,13 +202,6 @@ def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
             f"{len(named_entries)} entries", file=file, allowed=f"1 to {LARGEST_CATALOGUE}"
         )
     return named_entries
-
-
-def _cells(reader: Any, file: Path) -> Iterator[list[str]]:
-    try:
-        yield from reader
-    except csv.Error as error:
-        raise ProblemError(f"invalid table: {error}", file=file, line=reader.line_num) from None
 
 
 def _value(text: str) -> str | float:

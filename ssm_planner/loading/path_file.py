@@ -4,8 +4,6 @@ headings.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -13,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.files import text_of
+from ssm_planner.loading.tables import table_rows
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import TASK, Follow, Joints, Motion, Point, Task, Tip
 from ssm_planner.units import ANGLES, LENGTHS, of_heading
@@ -54,21 +52,13 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
         raise section.error(
             f"the file {file} {reason}", allowed="a CSV file, named relative to this one"
         )
-    rows = csv.reader(io.StringIO(text_of(file)))
-    columns = _columns(next(rows, []), file)
+    rows = table_rows(file)
+    columns = _columns(*next(rows), file)
     points: list[Point] = []
-    try:
-        for cells in rows:
-            if cells:
-                points.append(
-                    _point(_numbers(cells, columns, (file, rows.line_num)), rows.line_num)
-                )
-            if len(points) > MOST:
-                raise ProblemError(
-                    "too many points", file=file, line=rows.line_num, allowed=f"at most {MOST}"
-                )
-    except csv.Error as error:
-        raise ProblemError(f"invalid table: {error}", file=file, line=rows.line_num) from None
+    for row, cells in rows:
+        points.append(_point(_numbers(cells, columns, (file, row)), row))
+        if len(points) > MOST:
+            raise ProblemError("too many points", file=file, line=row, allowed=f"at most {MOST}")
     if len(points) < 2:
         raise ProblemError(
             "a path needs more than one point" if points else "no point",
@@ -78,14 +68,14 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
     return Follow(points[-1], tuple(points[:-1]), name, curve="samples", file=str(file), line=line)
 
 
-def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
+def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
     """Return the index of the column and the factor to SI units for every coordinate.
 
     The coordinates are those of one form (joints, task coordinates, or tip and spin), in its order.
     """
 
     def refused(reason: str, key: str | None = None, allowed: str = FORMS) -> ProblemError:
-        return ProblemError(reason, file=file, line=1, key=key, allowed=allowed)
+        return ProblemError(reason, file=file, line=line, key=key, allowed=allowed)
 
     columns: dict[str, tuple[int, float]] = {}
     for column, name in enumerate(names):
@@ -99,14 +89,12 @@ def _columns(names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
         if BESIDE.fullmatch(label):
             continue
         if label not in KNOWN:
-            raise refused("unknown coordinate", name.strip())
+            raise refused("unknown coordinate", name)
         units = LENGTHS if label in ("depth", "q4", *OF_TIP) else ANGLES
         if unit not in units:
-            raise refused(
-                f"unknown unit {unit!r}" if unit else "no unit", name.strip(), ", ".join(units)
-            )
+            raise refused(f"unknown unit {unit!r}" if unit else "no unit", name, ", ".join(units))
         if label in columns:
-            raise refused(f"{label} occurs twice", name.strip())
+            raise refused(f"{label} occurs twice", name)
         columns[label] = column, units[unit]
     names_found = set(columns)
     if names_found & set(OF_JOINTS):
@@ -130,19 +118,18 @@ def _numbers(
     """Convert one row to values in SI units."""
     values: dict[str, float] = {}
     for name, (column, factor) in columns.items():
-        cell = cells[column] if column < len(cells) else ""
+        cell = cells[column]
         try:
             values[name] = float(cell) * factor
         except ValueError:
             values[name] = math.nan
         if not math.isfinite(values[name]):
-            reason = "not a finite number" if cell.strip() else "no value"
             raise ProblemError(
-                reason,
+                "not a finite number" if cell else "no value",
                 file=location[0],
                 line=location[1],
                 key=f"column {name}",
-                value=cell.strip() or None,
+                value=cell or None,
             )
     return values
 

@@ -291,7 +291,7 @@ def _without_selected_motors(study: Study, problem: Problem) -> Problem:
     """Remove the motors of all joints whose motor or gear is selected."""
     selected_joints = {choice.path.split(".")[1] for choice in study.selected}
     joints = tuple(
-        replace(joint, motor=None) if joint.name in selected_joints else joint
+        replace(joint, motor=None, alternatives=()) if joint.name in selected_joints else joint
         for joint in problem.robot.joints
     )
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))

@@ -77,9 +77,9 @@ def test_options_combine(capsys):
     ("words", "parts"),
     [
         (["--stall", "tilt"], ["--stall", "JOINT@TIME"]),
-        (["--stall", "spin@1s"], ["stall", "spin", "roll, tilt, insertion"]),
+        (["--stall", "spin@1s"], ["--stall", "spin", "roll, tilt, insertion"]),
         (["--power-loss", "5 m"], ["--power-loss", "a time"]),
-        (["--power-loss", "9 s"], ["power_loss", "0 s to 3.349 s"]),
+        (["--power-loss", "9 s"], ["--power-loss", "0 s to 3.349 s"]),
         (["--speed", "fast"], ["--speed", "10%"]),
         (["--speed", "0%"], ["speed", "above 0"]),
         (["--payload", "3"], ["--payload", "without a unit"]),

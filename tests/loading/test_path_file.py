@@ -55,7 +55,9 @@ def test_forms_of_a_table(tmp_path: Path) -> None:
         ),
         ("time_s\n0\n1\n", ":1: ", "no coordinates"),
         ("tilt [deg]\n-95\nfast\n", ":3: column tilt = fast: ", "not a finite number"),
-        ("tilt [deg],depth_mm\n-95,5\n-96\n", ":3: column depth: ", "no value"),
+        ("tilt [deg],depth_mm\n-95,5\n-96\n", ":3: ", "1 cells (allowed: 2 as in the headings"),
+        ("tilt [deg],depth_mm\n-95,5\n-96,\n", ":3: column depth: ", "no value"),
+        ("tilt [deg],depth_mm\n-95,5,5\n-96,0,5\n", ":2: ", "commas separate the columns"),
         ("tilt [deg]\n-95\n-96\n-150\n", ":4: column tilt = ", "outside the limits of tilt"),
         ("tilt [deg]\n-95\n-150\n-96\n", ":3: column tilt = ", "outside the limits of tilt"),
         (

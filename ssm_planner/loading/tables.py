@@ -1,0 +1,63 @@
+"""Read tables of cells from text files, with commas, semicolons or tabs between the columns."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading.files import text_of
+
+SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?(\s*[^\d\s]\S*)?")
+"""Number with a decimal comma and possibly a unit."""
+
+
+def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
+    """Yield line and cells of each row of a table, first those of the headings.
+
+    The separator is the one that occurs most often in the headings. Rows of empty cells and lines
+    that begin with # are skipped. Cells may be quoted, and have no spaces at their ends.
+
+    Raises
+    ------
+    ProblemError
+        If the file is not a table, if a row has another number of cells than the headings, or if a
+        cell is a number with a decimal comma.
+    """
+    text = text_of(file)
+    first = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
+    separator = max(SEPARATORS, key=first.count)
+    reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
+    headings: list[str] = []
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if not any(cells) or cells[0].startswith("#"):
+                continue
+            headings = headings or cells
+            _check_row(cells, headings, separator)
+            yield reader.line_num, cells
+    except (csv.Error, ProblemError) as error:
+        fault = (
+            error if isinstance(error, ProblemError) else ProblemError(f"invalid table: {error}")
+        )
+        if fault.file is None:
+            fault.file, fault.line = str(file), reader.line_num
+        raise fault from None
+
+
+def _check_row(cells: list[str], headings: list[str], separator: str) -> None:
+    """Raise ProblemError for a wrong number of cells, or a decimal comma."""
+    words = f"a decimal point, because {SEPARATORS[separator]} separate the columns"
+    if len(cells) != len(headings):
+        allowed = f"{len(headings)} as in the headings; numbers have {words}"
+        raise ProblemError(f"{len(cells)} cells", allowed=allowed)
+    for name, cell in zip(headings, cells, strict=True):
+        if DECIMAL_COMMA.fullmatch(cell):
+            raise ProblemError(
+                "a number with a decimal comma", key=f"column {name}", value=cell, allowed=words
+            )
