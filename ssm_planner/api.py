@@ -102,6 +102,13 @@ def check_speeds(
     Raises
     ------
     TrajectoryError or ProblemError
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> speeds = ssm.check_speeds("results/tilt_insert", slowest=0.1)
+    >>> speeds.passed
+    True
     """
     return check_every_speed(*_smooth(motion, robot, limits), slowest)
 
@@ -129,6 +136,13 @@ def controlled_stops(
     Raises
     ------
     TrajectoryError or ProblemError
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> stops = ssm.controlled_stops("results/tilt_insert", instants=100)
+    >>> stops.passed, stops.duration.shape
+    (True, (100,))
     """
     if instants < 1:
         raise ProblemError("no instants", key="instants", value=instants, allowed="at least 1")
@@ -217,6 +231,12 @@ def compare(
     Raises
     ------
     RecordingError, TrajectoryError or ProblemError
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> comparison = ssm.compare("results/tilt_insert", {"roll": "roll.csv"})  # doctest: +SKIP
+    >>> comparison.verdict  # doctest: +SKIP
     """
     plan = as_plan(plan)
     assignments = assign([f"{joint}={path}" for joint, path in recordings.items()], plan.robot)
@@ -249,6 +269,13 @@ def report(
     Raises
     ------
     ExportError, TrajectoryError or ProblemError
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> from tempfile import mkdtemp
+    >>> ssm.report("results/tilt_insert", mkdtemp() + "/report.html").name
+    'report.html'
     """
     from ssm_planner.reporting.html.compare import write_comparison
     from ssm_planner.reporting.html.report import write_report

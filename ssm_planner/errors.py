@@ -18,6 +18,15 @@ class SsmPlannerError(Exception):
     """Base of all errors that the user can correct.
 
     The command line prints them and exits with status 2.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> try:
+    ...     ssm.load_robot("no_such_robot")
+    ... except ssm.SsmPlannerError as error:
+    ...     print(type(error).__name__)
+    ProblemError
     """
 
 
@@ -25,6 +34,15 @@ class ProblemError(SsmPlannerError):
     """Invalid user input.
 
     The message states file, line, key, value and allowed values if they are available.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> try:
+    ...     ssm.Dwell(-1.0)
+    ... except ssm.ProblemError as error:
+    ...     print(error)
+    Dwell.duration = -1.0: not greater than zero (allowed: above 0)
     """
 
     def __init__(
@@ -79,19 +97,59 @@ def within(prefix: str) -> Iterator[None]:
 
 
 class GeometryError(SsmPlannerError, ValueError):
-    """Invalid array argument. The message has its name, shape and fault."""
+    """Invalid array argument. The message has its name, shape and fault.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> try:
+    ...     ssm.fk(ssm.load_robot("vitreoretinal"), [0.0, 0.0])
+    ... except ssm.GeometryError as error:
+    ...     print(error)
+    q has shape (1, 2): must be (n, 4)
+    """
 
 
 class RecordingError(SsmPlannerError):
-    """Recording that cannot be read or lacks data that the identification needs."""
+    """Recording that cannot be read or lacks data that the identification needs.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> try:
+    ...     ssm.predict("rig1_lead_screw", ["no_such_file.csv"])
+    ... except ssm.RecordingError as error:
+    ...     print(error)
+    no_such_file.csv: cannot be read (No such file or directory)
+    """
 
 
 class TrajectoryError(SsmPlannerError):
-    """Trajectory file that cannot be read or does not describe a trajectory."""
+    """Trajectory file that cannot be read or does not describe a trajectory.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> try:
+    ...     ssm.load_plan("no_such_folder")
+    ... except ssm.TrajectoryError as error:
+    ...     print(error)
+    no_such_folder: cannot be read: No such file or directory
+    """
 
 
 class ExportError(SsmPlannerError):
-    """Plan that cannot be written in the requested format."""
+    """Plan that cannot be written in the requested format.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> try:
+    ...     ssm.export("results/tilt_insert", "csv", "out", columns=["colour"])
+    ... except ssm.ExportError as error:
+    ...     print(error)
+    unknown columns colour (allowed: q, qd, qdd, qddd, angle, speed, torque, task, counts)
+    """
 
 
 def _shorten(value: object) -> str:

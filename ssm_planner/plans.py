@@ -95,7 +95,14 @@ def _version(package: str) -> str:
 
 @frozen
 class PhaseSummary(ShortRepr):
-    """Phase of a plan with its motion, duration and reference durations, in s, rad and m."""
+    """Phase of a plan with its motion, duration and reference durations, in s, rad and m.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> [phase.name for phase in ssm.load_plan("results/tilt_insert").phases]
+    ['tilt', 'insert']
+    """
 
     name: str
     duration: float
@@ -216,6 +223,13 @@ class Plan(ShortRepr):
 
     Further properties follow from the trajectory, the robot and the certificate, and are computed
     on first use.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> plan = ssm.load_plan("results/tilt_insert")
+    >>> plan.passed, plan.motion.sample(0.1).q.shape
+    (True, (1, 4))
     """
 
     problem: Problem
@@ -640,6 +654,13 @@ def load_plan(path: str | Path) -> Plan:
 
     Raises TrajectoryError (unknown version, no trajectory, or files of several plans in its folder)
     or ProblemError.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> plan = ssm.load_plan("results/tilt_insert")
+    >>> plan.status, round(plan.duration, 4)
+    ('solved', 3.3493)
     """
     path = Path(path)
     try:

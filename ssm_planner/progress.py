@@ -22,6 +22,7 @@ class Step:
 
     Examples
     --------
+    >>> from ssm_planner import Step
     >>> print(Step("insert", done=1, total=3))
     insert (2 of 3)
     """

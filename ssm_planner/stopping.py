@@ -16,7 +16,15 @@ from ssm_planner.verification.stops import StopMotions, quickest_stops
 
 @record
 class Stops(ShortRepr):
-    """The quickest controlled stops from n instants of a motion."""
+    """The quickest controlled stops from n instants of a motion.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> stops = ssm.controlled_stops("results/tilt_insert", instants=10)
+    >>> stops.time.shape, bool(stops.duration.max() < 1.0)
+    ((10,), True)
+    """
 
     time: Array
     """Instants (n,) in s from the start of the motion."""

@@ -30,7 +30,14 @@ Side = Literal["left", "right"]
 
 @frozen
 class Span:
-    """A named part of a trajectory between two times in s."""
+    """A named part of a trajectory between two times in s.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.load_plan("results/tilt_insert").motion.phases[0].name
+    'tilt'
+    """
 
     name: str
     start: float
@@ -39,7 +46,15 @@ class Span:
 
 @record
 class Samples(ShortRepr):
-    """A motion sampled at n times: t (n,), q, qd, qdd and qddd (n, 4) in rad, m and s."""
+    """A motion sampled at n times: t (n,), q, qd, qdd and qddd (n, 4) in rad, m and s.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> samples = ssm.load_plan("results/tilt_insert").motion.sample([0.1, 0.2, 0.3])
+    >>> samples.q.shape, samples.qd.shape
+    ((3, 4), (3, 4))
+    """
 
     t: Array
     q: Array

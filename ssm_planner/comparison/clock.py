@@ -32,7 +32,14 @@ CERTAIN = 5.0
 
 @frozen
 class Alignment(ShortRepr):
-    """The position of a planned motion in the recording of one axis."""
+    """The position of a planned motion in the recording of one axis.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Alignment(delay=0.02, correlation=0.98, reversed_correlation=-0.3).rate
+    1.0
+    """
 
     delay: float
     """Time of the recording at which the motion starts, s."""
@@ -60,7 +67,14 @@ class Alignment(ShortRepr):
 
 @frozen
 class Clock(ShortRepr):
-    """Common clock of all recordings: planned time = rate · (time of the recordings − delay)."""
+    """Common clock of all recordings: planned time = rate · (time of the recordings − delay).
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Clock(delay=0.0, rate=1.0, estimated_rate=1.0001, rate_error=1e-4, slower=False).rate
+    1.0
+    """
 
     delay: float
     """Time of the recordings at which the motion starts, s."""

@@ -42,7 +42,14 @@ LAG = 10e-3
 
 @frozen
 class Difference:
-    """Statistics of the differences between planned and measured values of one quantity."""
+    """Statistics of the differences between planned and measured values of one quantity.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Difference(rms=1e-3, largest=4e-3, nrmsd=0.02).nrmsd
+    0.02
+    """
 
     rms: float
     largest: float
@@ -62,7 +69,14 @@ class Difference:
 
 @record
 class AxisComparison(ShortRepr):
-    """The comparison of one axis with its plan."""
+    """The comparison of one axis with its plan.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> comparison = ssm.compare("results/tilt_insert", {"roll": "roll.csv"})  # doctest: +SKIP
+    >>> comparison.axes[0].differences["torque"].nrmsd  # doctest: +SKIP
+    """
 
     joint: str
     recording: str
@@ -111,7 +125,14 @@ class AxisComparison(ShortRepr):
 
 @record
 class Comparison(ShortRepr):
-    """The comparison of a plan with recordings of its axes. Iteration yields the axes."""
+    """The comparison of a plan with recordings of its axes. Iteration yields the axes.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> comparison = ssm.compare("results/tilt_insert", {"roll": "roll.csv"})  # doctest: +SKIP
+    >>> comparison.verdict  # doctest: +SKIP
+    """
 
     axes: tuple[AxisComparison, ...]
     clock: Clock

@@ -73,7 +73,14 @@ def worst_of(verdicts: Iterable[Verdict]) -> Verdict:
 
 @frozen
 class Finding(ShortRepr):
-    """A fault of the execution, or a remark if the verdict is "held"."""
+    """A fault of the execution, or a remark if the verdict is "held".
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Finding("limit", "exceeded", "the roll was too fast", value=1.2, allowed=1.1).kind
+    'limit'
+    """
 
     kind: str
     """tracking, out of step, stall, saturation, torque, gap, missing samples, coverage or clock."""
@@ -87,7 +94,14 @@ class Finding(ShortRepr):
 
 @frozen
 class Kept:
-    """The measured margin of one limit, and the margin in the plan."""
+    """The measured margin of one limit, and the margin in the plan.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> comparison = ssm.compare("results/tilt_insert", {"roll": "roll.csv"})  # doctest: +SKIP
+    >>> [(limit.name, limit.held) for limit in comparison.axes[0].limits]  # doctest: +SKIP
+    """
 
     name: str
     limit: float

@@ -28,7 +28,15 @@ QUADRATURE = 4
 
 @frozen
 class Axis(ShortRepr):
-    """A driven joint and the units of its drive."""
+    """A driven joint and the units of its drive.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> from ssm_planner.formats.epos4_setup import axes_of
+    >>> axes_of(ssm.load_robot("vitreoretinal"), 4096)["roll"].counts_per_turn
+    4096
+    """
 
     name: str
     joint: Joint

@@ -83,6 +83,14 @@ def export(
         If the plan does not pass, or an option is invalid for the format.
     ProblemError
         If the speed is out of range.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> from tempfile import mkdtemp
+    >>> files, manifest = ssm.export("results/tilt_insert", "csv", mkdtemp() + "/csv")
+    >>> sorted(files), manifest["verified"]
+    (['manifest', 'trajectory.csv'], True)
     """
     if to not in FORMATS:
         raise ExportError(f"unknown export format {to!r} (allowed: {', '.join(FORMATS)})")

@@ -18,7 +18,15 @@ _COUNTS = "increments per motor turn (4 × encoder counts) if the motor file has
 
 @record
 class Format(ShortRepr):
-    """Export format. Its functions are loaded on first use."""
+    """Export format. Its functions are loaded on first use.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> from ssm_planner.formats.format import FORMATS
+    >>> FORMATS["csv"].name
+    'csv'
+    """
 
     name: str
     """Name in commands."""

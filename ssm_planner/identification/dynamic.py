@@ -33,7 +33,14 @@ _SUBSETS: tuple[tuple[int, ...], ...] = ((), (0,), (2,), (0, 2), (0, 1), (0, 1, 
 
 @record
 class DynamicFit(ShortRepr):
-    """Result of `fit_dynamic`."""
+    """Result of `fit_dynamic`.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> result = ssm.identify("drive.yaml", ["start_stop.csv"])  # doctest: +SKIP
+    >>> result.dynamic.estimates["dwell_constant"].value  # doctest: +SKIP
+    """
 
     drive: Drive
     estimates: dict[str, Estimate]

@@ -59,7 +59,14 @@ _QUIET = 0.1
 
 @frozen
 class Estimate:
-    """One parameter with its 95 % interval; low = high = value if it was given, not fitted."""
+    """One parameter with its 95 % interval; low = high = value if it was given, not fitted.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Estimate(value=0.13, low=0.11, high=0.15).separable
+    True
+    """
 
     value: float
     low: float
@@ -73,7 +80,14 @@ class Estimate:
 
 @record
 class MapFit(ShortRepr):
-    """Result of `fit_map`: the chosen law on one map."""
+    """Result of `fit_map`: the chosen law on one map.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> fit = ssm.identify("rig3_worm").fit  # doctest: +SKIP
+    >>> fit.law, fit.nrmsd  # doctest: +SKIP
+    """
 
     law: str
     drive: Drive

@@ -33,7 +33,14 @@ from ssm_planner.typing import record
 
 @record
 class Identification(ShortRepr):
-    """Friction of a drive as identified from recordings."""
+    """Friction of a drive as identified from recordings.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> result = ssm.identify("rig3_worm")  # doctest: +SKIP
+    >>> result.drive.friction.mu  # doctest: +SKIP
+    """
 
     fit: MapFit
     """Fit of the torque–velocity map."""
@@ -151,6 +158,12 @@ def identify(
         If a recording cannot be used, or if the recordings do not determine the parameters.
     ProblemError
         If the drive file is invalid.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> result = ssm.identify("rig3_worm")  # doctest: +SKIP
+    >>> result.save("identified.yaml")  # doctest: +SKIP
     """
     template = load_drive(drive)
     recorded, repeated = distinct(_read(template, recordings))
@@ -228,6 +241,12 @@ def predict(
         If a recording cannot be used.
     ProblemError
         If the drive file is invalid.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> (result,) = ssm.predict("identified.yaml", ["recording.csv"])  # doctest: +SKIP
+    >>> result.nrmsd  # doctest: +SKIP
     """
     predicting = load_drive(drive)
     if not recordings:

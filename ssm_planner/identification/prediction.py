@@ -49,7 +49,15 @@ LONG_REST = 10.0
 
 @record
 class PredictionBand(ShortRepr):
-    """95 % band of the motor torque of a recording, N·m, arrays (samples,)."""
+    """95 % band of the motor torque of a recording, N·m, arrays (samples,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> ssm.PredictionBand((0.9, 1.1), low=np.zeros(3), high=np.ones(3), peak=1.4).mean
+    (0.9, 1.1)
+    """
 
     mean: tuple[float, float]
     """Band of the mean, from uncertain parameters and from the scatter between recordings."""
@@ -63,7 +71,14 @@ class PredictionBand(ShortRepr):
 
 @record
 class Prediction(ShortRepr):
-    """Predicted and measured motor torque of one recording, N·m, arrays (samples,)."""
+    """Predicted and measured motor torque of one recording, N·m, arrays (samples,).
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> (result,) = ssm.predict("identified.yaml", ["recording.csv"])  # doctest: +SKIP
+    >>> result.nrmsd, result.mean_inside  # doctest: +SKIP
+    """
 
     recording: Recording
     tau: Array

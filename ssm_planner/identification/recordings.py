@@ -54,6 +54,14 @@ class Recording(ShortRepr):
     """Speed and torque of one motor over time in the drive's positive direction.
 
     Arrays have the shape (samples,) and SI units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> time = np.arange(4) * 1e-3
+    >>> ssm.Recording("run 1", time, w=np.full(4, 100.0), tau=np.full(4, 2e-3)).tau.tolist()
+    [0.002, 0.002, 0.002, 0.002]
     """
 
     name: str

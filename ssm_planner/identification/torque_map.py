@@ -62,7 +62,19 @@ TABLE = "rig_figures.csv"
 
 @record
 class TorqueMap(ShortRepr):
-    """Points of a map, sorted by speed. Arrays (points,), SI, at the motor."""
+    """Points of a map, sorted by speed. Arrays (points,), SI, at the motor.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> w = np.array([-100.0, 100.0])
+    >>> data = ssm.TorqueMap(
+    ...     ("a", "b"), w, 1e-5 * w, np.full(2, 0.1), np.full(2, 1e-4), samples=np.full(2, 500)
+    ... )
+    >>> data.tau.tolist()
+    [-0.001, 0.001]
+    """
 
     names: tuple[str, ...]
     w: Array

@@ -22,7 +22,15 @@ SAME = 1e-7
 
 @record
 class ToolPose(ShortRepr):
-    """Pose of the tool in the base frame, rad and m, in one or in n configurations."""
+    """Pose of the tool in the base frame, rad and m, in one or in n configurations.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> pose = ssm.fk(ssm.load_robot("vitreoretinal"), [[0.0, 0.0, 0.0, -0.01]] * 5)
+    >>> pose.position.shape, pose.rotation.shape
+    ((5, 3), (5, 3, 3))
+    """
 
     rotation: Array
     """Rotation base ← tool, (3, 3) or (n, 3, 3)."""
@@ -37,6 +45,14 @@ class JointSolutions(ShortRepr):
     """All joint solutions for one point in task coordinates, or for n points, rad and m.
 
     Solutions within the joint ranges come first. Results for n points have n as the first length.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> solutions = ssm.ik(ssm.load_robot("vitreoretinal"), tilt=np.radians(-110))
+    >>> solutions.joints.shape, solutions.reachable
+    ((2, 4), True)
     """
 
     joints: Array
@@ -65,7 +81,16 @@ class JointSolutions(ShortRepr):
 
 @record
 class Workspace(ShortRepr):
-    """The tilts that a robot's tool reaches, rad."""
+    """The tilts that a robot's tool reaches, rad.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> space = ssm.workspace(ssm.load_robot("vitreoretinal"))
+    >>> np.degrees([space.alpha, space.beta]).round(2).tolist()
+    [30.0, 109.78]
+    """
 
     alpha: float
     """Angle between the axes of joints 1 and 2."""

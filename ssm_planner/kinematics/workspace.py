@@ -31,7 +31,16 @@ GRID = 20001
 
 @record
 class Extreme(ShortRepr):
-    """A configuration of extreme tilt (paper, eqs. 6–9)."""
+    """A configuration of extreme tilt (paper, eqs. 6–9).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> extremes = ssm.workspace(ssm.load_robot("vitreoretinal")).extremes
+    >>> np.degrees([extreme.tilt for extreme in extremes]).round(2).tolist()
+    [79.78, 139.78]
+    """
 
     theta2: float
     """Angle θ_r in (−π, π]."""
@@ -237,7 +246,16 @@ ROUNDING = 1e-12
 
 @record
 class DesignRegion(ShortRepr):
-    """All angles (α, β), rad, whose workspace contains a tilt range with a margin."""
+    """All angles (α, β), rad, whose workspace contains a tilt range with a margin.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> region = ssm.design_region(*np.radians([-140.0, -80.0]))
+    >>> region.empty
+    False
+    """
 
     tilt_range: tuple[float, float]
     margin: float

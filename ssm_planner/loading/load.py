@@ -50,6 +50,13 @@ def load_problem(name: str | Path) -> Problem:
 
     The points of the motion are checked against the limits. Raises ProblemError, which names the
     file, the line and the key, if a value is invalid.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> problem = ssm.load_problem("tilt_insert")
+    >>> [motion.kind for motion in problem.motion]
+    ['straight', 'straight']
     """
     return problem_from(read(find(name, "problems")))
 
@@ -75,6 +82,12 @@ def load_robot(name: str | Path) -> Robot:
     """Load a robot with its drives and motors from a YAML file or by its shipped name.
 
     Raises ProblemError, which names the file, the line and the key, if a value is invalid.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> [joint.name for joint in ssm.load_robot("vitreoretinal").joints]
+    ['roll', 'tilt', 'spin', 'insertion']
     """
     return robot_from(read(find(name, "robots")))
 
@@ -85,6 +98,13 @@ def load_drive(name: str | Path) -> Drive:
 
     The friction is None if the file does not contain it, because it is still to be identified.
     Raises ProblemError if a value is invalid.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> drive = ssm.load_drive("rig1_lead_screw")
+    >>> drive.kind, round(drive.ratio, 3)
+    ('lead_screw', 3141.593)
     """
     return drive_from(read(find(name, "drives")))
 
@@ -94,6 +114,12 @@ def load_motor(name: str | Path) -> Motor:
     """Load a motor from a YAML file or by its shipped name.
 
     Raises ProblemError if a value is invalid.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.load_motor("maxon_ec_13_6w").nominal_voltage
+    24.0
     """
     return motor_from(read(find(name, "motors")))
 
@@ -121,6 +147,12 @@ def load_controller(name: str | Path) -> Controller:
     """Load a motor controller from a YAML file or by its shipped name.
 
     Raises ProblemError if a value is invalid.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.load_controller("epos4").loop_period
+    0.0004
     """
     section = read(find(name, "controllers"))
     fields = dict(validated(section, ControllerModel))

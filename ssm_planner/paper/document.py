@@ -63,6 +63,11 @@ class Reproduction(ShortRepr):
         True if every motion was planned and passed the independent check.
     left_out : tuple of str
         Descriptions of the parts that are missing because their recordings are missing.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.reproduce("results/paper").left_out  # doctest: +SKIP
     """
 
     files: Mapping[str, Path]
@@ -97,6 +102,11 @@ def reproduce(
     Raises
     ------
     ProblemError, RecordingError or ExportError
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.reproduce("results/paper").passed  # doctest: +SKIP
     """
     progress(Step("reading the problem files"))
     document = compute(read_inputs(Path(problems), Path(recordings)), progress)

@@ -122,6 +122,13 @@ def plan(
     -------
     Plan
         The plan, or the reason of the failure.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> plan = ssm.plan("tilt_insert")
+    >>> plan.passed, round(plan.duration, 3)
+    (True, 3.349)
     """
     if not isinstance(problem, Problem):
         problem = load_problem(problem)
@@ -203,6 +210,13 @@ class Replanner(ShortRepr):
     Programs and compiled functions are built once and cached for the last dozen structures of
     motions, so memory does not grow. A plan does not depend on earlier plans, to the last bit.
     Threads may share a replanner.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> replanner = ssm.Replanner(ssm.load_problem("tilt_insert"))
+    >>> replanner.problem.name
+    'tilt_insert'
     """
 
     problem: Problem

@@ -15,7 +15,15 @@ from ssm_planner.typing import frozen
 
 @frozen
 class Reason(ShortRepr):
-    """The limit that prevents a motion, with the required and the available value in SI units."""
+    """The limit that prevents a motion, with the required and the available value in SI units.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> reason = ssm.Reason(ssm.TipSpeed(25 * ssm.mm), required=0.03, available=0.025)
+    >>> reason.constraint
+    'tip speed'
+    """
 
     limit: Limit | None = None
     """None if no single limit is to blame: the solver found no motion."""

@@ -16,6 +16,12 @@ class AxisController(Value):
     """Position loop of one drive.
 
     A value of None is derived from the data of motor and drive (simulation/cascade.py).
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.AxisController(bandwidth=200.0, max_current=1.5).bandwidth
+    200.0
     """
 
     bandwidth: Annotated[Positive, Quantity("rate")] | None = None
@@ -47,6 +53,12 @@ class JointCompliance(Value):
     """Spring, damper and backlash between a drive and its joint.
 
     All defaults are assumptions, not measurements.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.JointCompliance(frequency=80.0).damping_ratio
+    0.3
     """
 
     frequency: Annotated[Positive, Quantity("rate")] | None = None
@@ -64,7 +76,15 @@ class JointCompliance(Value):
 
 @record
 class Controller(Value):
-    """Cascade of an EPOS4: a position PID with feed-forward around a current loop."""
+    """Cascade of an EPOS4: a position PID with feed-forward around a current loop.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> controller = ssm.Controller(joints={"roll": ssm.AxisController(bandwidth=200.0)})
+    >>> controller.joints["roll"].bandwidth
+    200.0
+    """
 
     name: str = "EPOS4, tuned from the plant"
     """Name of the controller and its tuning."""

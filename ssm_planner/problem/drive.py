@@ -30,7 +30,14 @@ PARAMETERS = (
 
 @record
 class Rig(Value):
-    """Payload of a test rig and meaning of its recorded channels, in SI units."""
+    """Payload of a test rig and meaning of its recorded channels, in SI units.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.load_drive("rig1_lead_screw").rig.direction
+    -1
+    """
 
     payload_mass: Annotated[NotNegative, Quantity("mass")]
     """Mass that the output moves, kg. 0 without payload."""
@@ -91,6 +98,12 @@ class Friction(Value):
 
     μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed), where s = 0, exp(−2x) or exp(−x²) depends on
     the law. At rest, μ is mu_static.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Friction(mu=0.13, mu_static=0.15, b_c=5e-4, b_v=1e-5).law
+    'coulomb'
     """
 
     mu: Annotated[NotNegative, Quantity("number")]
@@ -166,7 +179,14 @@ ScrewEnds = Literal["fixed-free", "supported-supported", "fixed-supported", "fix
 
 @record
 class Ratings(Value):
-    """Manufacturer's ratings of a gear or screw. A value is None if the file does not state it."""
+    """Manufacturer's ratings of a gear or screw. A value is None if the file does not state it.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Ratings(continuous_output=1.5, input_speed=4000 * ssm.rpm).duty is None
+    True
+    """
 
     continuous_output: Annotated[Positive, Quantity("torque", "force")] | None = None
     """Largest continuous output effort, N·m (worm) or N (screws)."""
@@ -204,7 +224,15 @@ class Ratings(Value):
 
 @record
 class Drive(Value):
-    """Transmission with resolved geometry: w = ratio · qd."""
+    """Transmission with resolved geometry: w = ratio · qd.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> drive = ssm.load_robot("vitreoretinal").joints[0].drive
+    >>> drive.kind, drive.slides
+    ('worm', False)
+    """
 
     name: str
     """Name such as the manufacturer's designation."""

@@ -48,6 +48,13 @@ class Limit(Value, ABC):
        values that the limit allows.
     4. Reject invalid fields in `_check` with a ProblemError that states field, value and allowed
        values.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> limit = ssm.TipSpeed(25 * ssm.mm)
+    >>> limit.name, limit.unit, limit.contains(0.02)
+    ('tip speed', 'm/s', True)
     """
 
     order: ClassVar[int] = 0

@@ -214,7 +214,14 @@ class SelfLocking(Limit):
 
 @frozen
 class TaskRange(Between):
-    """Range of one task coordinate, rad or m."""
+    """Range of one task coordinate, rad or m.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.TaskRange("depth", 0.0, 30 * ssm.mm).name
+    'depth range'
+    """
 
     coordinate: str
     """One of TASK."""
@@ -290,6 +297,12 @@ class ToolLimit(Symmetric):
     """Limit |value| ≤ largest of the tool.
 
     A subclass defines `name` and `field`, and `unit` if it is not m.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.StopTravel in ssm.ToolLimit.kinds(), ssm.StopTravel.field
+    (True, 'stop_travel')
     """
 
     name: ClassVar[str]
@@ -315,6 +328,12 @@ class SpeedLimit(ToolLimit):
 
     kinematics/forward.py has the Jacobian. A subclass defines `name` and `field`, and `unit` if it
     is not m/s.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> issubclass(ssm.TipSpeed, ssm.SpeedLimit)
+    True
     """
 
     order = 1
@@ -323,7 +342,15 @@ class SpeedLimit(ToolLimit):
 
 @frozen
 class TaskRate(Symmetric):
-    """Largest |rate| of one task coordinate, rad/s or m/s."""
+    """Largest |rate| of one task coordinate, rad/s or m/s.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> limit = ssm.TaskRate("depth", 20 * ssm.mm)
+    >>> limit.name, limit.unit
+    ('insertion speed', 'm/s')
+    """
 
     order = 1
     coordinate: str
@@ -358,7 +385,15 @@ class TaskRate(Symmetric):
 
 
 class TipSpeed(SpeedLimit):
-    """Largest speed of the tool tip in space, m/s."""
+    """Largest speed of the tool tip in space, m/s.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> limit = ssm.TipSpeed(25 * ssm.mm)
+    >>> limit.contains(0.02), limit.contains(0.03)
+    (True, False)
+    """
 
     name = "tip speed"
     field = "tip_speed"
@@ -368,6 +403,13 @@ class StopTravel(ToolLimit):
     """Largest distance of the tip from its position at the beginning of a stop, m.
 
     The stop is the quickest controlled stop along the path, and may begin at any instant.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> limit = ssm.StopTravel(0.5 * ssm.mm)
+    >>> limit.contains(0.4 * ssm.mm)
+    True
     """
 
     name = "stop travel"

@@ -35,7 +35,15 @@ With smaller ones the robot almost stops in the corner, and planning takes minut
 
 @record
 class Task(Value):
-    """Point in task coordinates, rad and m. A coordinate that is None keeps its value."""
+    """Point in task coordinates, rad and m. A coordinate that is None keeps its value.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> point = ssm.Task(tilt=-95 * ssm.deg, depth=5 * ssm.mm)
+    >>> sorted(point.set_coordinates)
+    ['depth', 'tilt']
+    """
 
     roll: Annotated[float, Quantity("angle")] | None = None
     """Rotation of the tilt plane about joint 1, rad."""
@@ -58,7 +66,14 @@ class Task(Value):
 
 @record
 class Joints(Value):
-    """Point given by joint positions in rad, rad, rad and m."""
+    """Point given by joint positions in rad, rad, rad and m.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Joints((0.0, 0.3, 0.0, -5 * ssm.mm)).values
+    (0.0, 0.3, 0.0, -0.005)
+    """
 
     values: tuple[float, float, float, float]
     line: Line | None = field(default=None, compare=False)
@@ -66,7 +81,14 @@ class Joints(Value):
 
 @record
 class Tip(Value):
-    """Point given by the position of the tool tip in the base frame, m, and the spin, rad."""
+    """Point given by the position of the tool tip in the base frame, m, and the spin, rad.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Tip((0.0, 0.0, -5 * ssm.mm), spin=0.0).position
+    (0.0, 0.0, -0.005)
+    """
 
     position: tuple[float, float, float]
     spin: float
@@ -85,7 +107,15 @@ Point = Task | Joints | Tip
 
 @record
 class Straight(Value):
-    """Straight motion in task coordinates, rad and m. A coordinate that is None keeps its value."""
+    """Straight motion in task coordinates, rad and m. A coordinate that is None keeps its value.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> motion = ssm.Straight(depth=20 * ssm.mm, duration=1.5)
+    >>> motion.depth, motion.duration
+    (0.02, 1.5)
+    """
 
     kind: ClassVar[str] = "straight"
     roll: float | None = None
@@ -123,7 +153,15 @@ class Straight(Value):
 
 @record
 class Free(Value):
-    """Motion to a point along the fastest path that the planner finds."""
+    """Motion to a point along the fastest path that the planner finds.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> motion = ssm.Free(ssm.Task(tilt=-110 * ssm.deg, depth=5 * ssm.mm), spin_free=True)
+    >>> motion.to.set_coordinates["depth"]
+    0.005
+    """
 
     kind: ClassVar[str] = "free"
     to: Task | Joints | Tip
@@ -146,7 +184,15 @@ class Free(Value):
 
 @record
 class Follow(Value):
-    """Motion along a prescribed curve from the current point to another one."""
+    """Motion along a prescribed curve from the current point to another one.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> path = ssm.Follow(ssm.Task(tilt=-95 * ssm.deg), through=[ssm.Task(tilt=-90 * ssm.deg)])
+    >>> path.curve
+    'spline'
+    """
 
     kind: ClassVar[str] = "path"
     to: Task | Joints | Tip
@@ -242,7 +288,15 @@ def _check_given(motion: Free | Follow) -> None:
 
 @record
 class Dwell(Value):
-    """Pause at rest."""
+    """Pause at rest.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> dwell = ssm.Dwell(0.2)
+    >>> dwell.duration
+    0.2
+    """
 
     kind: ClassVar[str] = "dwell"
     duration: Annotated[Positive, Quantity("time")]
@@ -256,6 +310,13 @@ class Scan(Value):
     """Spots on the retina in a raster or in concentric rings.
 
     The tool axis at `at` meets the retina in the centre of the pattern.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> grid = ssm.Scan(ssm.Task(tilt=-110 * ssm.deg), 2 * ssm.mm, rows=3, columns=4)
+    >>> grid.rows * grid.columns
+    12
     """
 
     kind: ClassVar[str] = "scan"

@@ -15,7 +15,15 @@ LARGEST_DRIFT = -0.01
 
 @record
 class Motor(Value):
-    """Datasheet figures of a motor. A value is None if the file does not state it."""
+    """Datasheet figures of a motor. A value is None if the file does not state it.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> motor = ssm.Motor("M1", nominal_torque=2e-3, max_torque=5e-3, max_speed=5000 * ssm.rpm)
+    >>> round(motor.max_speed, 1)
+    523.6
+    """
 
     name: str
     """Name such as the manufacturer's designation."""

@@ -49,6 +49,15 @@ class Ripple(Value):
     """Deviation of the torque from its mean in steady motion in one direction, N·m.
 
     Each tuple has one entry per recording.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ripple = ssm.Ripple(
+    ...     torque=(0.01, 0.02), ripple=(1e-3, 2e-3), noise=(1e-4, 1e-4), peak=(2e-3, 3e-3)
+    ... )
+    >>> ripple.torque
+    (0.01, 0.02)
     """
 
     torque: tuple[Positive, ...]
@@ -98,6 +107,13 @@ class Harmonics(Value):
     """Torque deviation from its mean in one direction as a Fourier series in the motor angle θ.
 
     The series is Σ_k cosine_k cos(order_k θ) + sine_k sin(order_k θ).
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> series = ssm.Harmonics((1.0, 2.0), cosine=(3e-4, 0.0), sine=(4e-4, 1e-4), phased=True)
+    >>> series.amplitudes.tolist()
+    [0.0005, 0.0001]
     """
 
     orders: tuple[Positive, ...]
@@ -156,7 +172,16 @@ class Harmonics(Value):
 
 @record
 class Posterior(Value):
-    """Equally likely sets of friction parameters after identification, in SI units."""
+    """Equally likely sets of friction parameters after identification, in SI units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> posterior = ssm.Posterior(("mu",), np.array([[0.12], [0.13], [0.14]]))
+    >>> posterior.column("mu").tolist()
+    [0.12, 0.13, 0.14]
+    """
 
     names: tuple[str, ...]
     """Names of the columns: parameters of Friction, `preload` and LOAD_OFFSET.

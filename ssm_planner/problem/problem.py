@@ -57,7 +57,15 @@ SLACK = 1e-9
 
 @record
 class Lens(Value):
-    """Ellipsoid that the shaft must not touch, in the base frame, m."""
+    """Ellipsoid that the shaft must not touch, in the base frame, m.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> ssm.Lens([0.0, 0.0, -5 * ssm.mm], [4.5e-3, 4.5e-3, 2e-3], np.eye(3)).semi_axes.tolist()
+    [0.0045, 0.0045, 0.002]
+    """
 
     centre: Annotated[Vector, Quantity("length")]
     """Base frame, m, (3,)."""
@@ -75,7 +83,14 @@ class Lens(Value):
 
 @record
 class Eye(Value):
-    """Eye around the remote centre: a spherical retina and an optional lens. Base frame, m."""
+    """Eye around the remote centre: a spherical retina and an optional lens. Base frame, m.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Eye(centre=[0.0, 0.0, -0.012], radius=0.012, clearance=1e-3).lens is None
+    True
+    """
 
     centre: Annotated[Vector, Quantity("length")]
     """Base frame, m, (3,)."""
@@ -167,7 +182,15 @@ def _range(name: str, ends: Range) -> str:
 
 @record
 class TaskLimits(Limited, ShortRepr):
-    """Limits on the pose and speed of the tool in addition to those of the joints."""
+    """Limits on the pose and speed of the tool in addition to those of the joints.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> limits = ssm.TaskLimits((ssm.TipSpeed(25 * ssm.mm),))
+    >>> ssm.check("results/tilt_insert/plan.json", limits=limits).verdict
+    'kept'
+    """
 
     limits: tuple[Limit, ...] = ()
     eye: Eye | None = None
@@ -254,6 +277,18 @@ class Problem(Value, Limited):
     """Robot, start, motions and limits of one planning task.
 
     Raises ProblemError if the fields contradict each other.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> problem = ssm.Problem(
+    ...     ssm.load_robot("vitreoretinal"),
+    ...     start=ssm.Task(tilt=-85 * ssm.deg),
+    ...     motion=[ssm.Straight(tilt=-110 * ssm.deg), ssm.Dwell(0.2)],
+    ...     limits=[ssm.TipSpeed(25 * ssm.mm)],
+    ... )
+    >>> problem.tip_speed
+    0.025
     """
 
     robot: Robot

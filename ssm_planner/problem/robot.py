@@ -63,6 +63,14 @@ class Geometry(Value):
     """Axes of the mechanism in the base frame at q = 0 (paper, eq. 1).
 
     Unit vectors of shape (3,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> geometry = ssm.load_robot("vitreoretinal").geometry
+    >>> np.round(geometry.omega2, 3).tolist()
+    [0.866, 0.5, 0.0]
     """
 
     omega1: Vector
@@ -104,7 +112,15 @@ class Geometry(Value):
 
 @record
 class Body(Value):
-    """Inertial data of one moving body in its own frame at the RCM."""
+    """Inertial data of one moving body in its own frame at the RCM.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> ssm.Body("tool", 0.02, np.zeros(3), 1e-6 * np.eye(3), np.eye(3)).mass
+    0.02
+    """
 
     name: str
     """Name such as that of the CAD part."""
@@ -149,7 +165,15 @@ def _cached_limit(limit_type: Callable[..., Limit], *values: Any) -> Limit:
 
 @record
 class Joint(Value):
-    """Limits and actuation of one joint, in rad or m and their time derivatives."""
+    """Limits and actuation of one joint, in rad or m and their time derivatives.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> joint = ssm.Joint("roll", "revolute", (-1.0, 1.0), velocity=1.0, acceleration=3.0)
+    >>> joint.slides, joint.unit
+    (False, 'rad')
+    """
 
     name: str
     kind: Literal["revolute", "prismatic"]
@@ -255,7 +279,15 @@ class Joint(Value):
 
 @record
 class Robot(Value, Limited):
-    """Serial spherical mechanism with geometry, bodies, joints, drives and motors, in SI units."""
+    """Serial spherical mechanism with geometry, bodies, joints, drives and motors, in SI units.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> robot = ssm.load_robot("vitreoretinal")
+    >>> robot.name, len(robot.bodies)
+    ('vitreoretinal', 4)
+    """
 
     name: str
     """Name of the robot in results."""

@@ -35,6 +35,13 @@ class Transmission:
     The fields of a subclass are the keys of `geometry` in drive files. Their annotations state the
     units, and their docstrings describe the keys. The default of an optional key is None. Unless
     `threaded` is set, the drive is not self-locking, and it has efficiencies if it has dimensions.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> from ssm_planner.problem import TRANSMISSIONS
+    >>> TRANSMISSIONS["worm"].threaded
+    True
     """
 
     name: ClassVar[str]

@@ -25,7 +25,24 @@ PROGRESS_INTERVAL = 1000
 
 @record
 class Draws(ShortRepr):
-    """Results of n playbacks with random friction, in SI units."""
+    """Results of n playbacks with random friction, in SI units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> draws = ssm.Draws(
+    ...     friction=np.ones((3, 6)),
+    ...     tip_error=np.array([1e-5, 2e-5, 4e-4]),
+    ...     peak_torque=np.ones((3, 4)),
+    ...     following_error=np.ones((3, 4)),
+    ...     saturated=np.zeros((3, 4), dtype=bool),
+    ...     tripped=np.zeros((3, 4), dtype=bool),
+    ...     tip_limit=1e-4,
+    ... )
+    >>> draws.to_dict()["passed"]
+    2
+    """
 
     friction: Array
     """Friction parameters (n, 28) in the layout of `ArmPlant.friction`."""

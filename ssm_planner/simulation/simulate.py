@@ -62,7 +62,15 @@ EVERYWHERE: Literal["everywhere"] = "everywhere"
 
 @frozen
 class Scenario:
-    """Conditions and disturbances of a playback. Any of them can be combined."""
+    """Conditions and disturbances of a playback. Any of them can be combined.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> scenario = ssm.Scenario(power_loss=0.5, payload=1e-3)
+    >>> ssm.simulate("results/tilt_insert", scenario).holds
+    True
+    """
 
     speed: float = 1.0
     """Speed of the playback as a share of the planned speed."""
@@ -158,6 +166,12 @@ class Tracking(ShortRepr):
     """Tracking error of one joint while the drives have power, rad or m.
 
     The error is the simulated minus the planned position.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Tracking("roll", worst=1.2e-3, rms=4e-4).worst
+    0.0012
     """
 
     joint: str
@@ -168,7 +182,24 @@ class Tracking(ShortRepr):
 
 @frozen
 class MotorUse(ShortRepr):
-    """Load of one motor and its drive in the simulation."""
+    """Load of one motor and its drive in the simulation.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> use = ssm.MotorUse(
+    ...     "roll",
+    ...     peak_torque=0.04,
+    ...     limit=0.05,
+    ...     saturated=False,
+    ...     tripped=False,
+    ...     following_error=12.0,
+    ...     window=800,
+    ...     placeholder=False,
+    ... )
+    >>> use.peak_torque < use.limit
+    True
+    """
 
     joint: str
     peak_torque: float
@@ -189,7 +220,16 @@ class MotorUse(ShortRepr):
 
 @record
 class PowerLosses(ShortRepr):
-    """Motion of the arm after all drives have lost their power, for n instants of the loss."""
+    """Motion of the arm after all drives have lost their power, for n instants of the loss.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> losses = ssm.PowerLosses(np.array([0.1, 0.2]), np.array([0.0, 1e-6]), np.zeros(2))
+    >>> losses.holds, losses.worst
+    (True, 1)
+    """
 
     time: Array
     """Instants of the loss, measured from the start of the motion, (n,), s."""
@@ -214,6 +254,13 @@ class SimulationResult(ShortRepr):
     """A simulated playback at n instants, the planned motion, and the verdict.
 
     Arrays are (n, 4) unless stated otherwise, in SI units.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> result = ssm.simulate("results/tilt_insert")
+    >>> result.q.shape == result.planned.shape, result.tip_error < 1e-4
+    (True, True)
     """
 
     time: Array
@@ -330,6 +377,13 @@ def simulate(
     ------
     ProblemError, TrajectoryError, ExportError
         If the plan cannot be played in this scenario.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> result = ssm.simulate("results/tilt_insert")
+    >>> result.passed, [use.saturated for use in result.motors]
+    (True, [False, False, False])
     """
     plan = as_plan(plan, robot)
     scenario, controller = scenario or Scenario(), controller or Controller()

@@ -53,7 +53,15 @@ CONFIDENCE = "confidence"
 
 @record
 class MotorVerdict(ShortRepr):
-    """The assessment of one motor on one joint, in SI units."""
+    """The assessment of one motor on one joint, in SI units.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> verdict = ssm.size("results/tilt_insert").verdicts[0]
+    >>> verdict.joint, verdict.adequate, verdict.binds
+    ('roll', None, 'continuous_torque')
+    """
 
     load: JointLoad
     """Load of the joint. The input inertia of its drive includes the rotor of this motor."""

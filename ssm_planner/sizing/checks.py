@@ -31,6 +31,12 @@ class Check(ShortRepr):
     The margin is (limit − worst)/limit, where `worst` is the demand at the required confidence. For
     a lower limit, it is (worst − limit)/limit. The margin is None if data are missing. In this
     case, or if the check is undecided, `needs` names the data that would decide it.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Check("torque", margin=0.2, worst=0.04, limit=0.05, unit="N·m").passed
+    True
     """
 
     name: str

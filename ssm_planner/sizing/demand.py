@@ -47,7 +47,15 @@ BLOCK = 120_000
 
 @record
 class Demands(ShortRepr):
-    """Demands of one motion without its pause: scalars or arrays (draws,), in SI units."""
+    """Demands of one motion without its pause: scalars or arrays (draws,), in SI units.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> demands = ssm.size("results/tilt_insert").joints[0].band.nominal
+    >>> demands.peak_torque.round(4).tolist()
+    [0.0303]
+    """
 
     peak_torque: Array
     rms_torque: Array
@@ -76,6 +84,13 @@ class Band(ShortRepr):
 
     `worst` and `best` contain one entry per draw of the friction. Parameters with a stated range
     have their least or most favourable value.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> band = ssm.size("results/tilt_insert").joints[0].band
+    >>> band.known
+    False
     """
 
     nominal: Demands

@@ -32,7 +32,16 @@ CLOSE = 1e-3
 
 @record
 class Heat(ShortRepr):
-    """Thermal steady state of the repeated motion, in K, N·m and s."""
+    """Thermal steady state of the repeated motion, in K, N·m and s.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> motor = ssm.load_motor("maxon_ecx_speed_13_m")
+    >>> sizing = ssm.size("results/tilt_insert", {"insertion": [motor]})
+    >>> [verdict.heat is None for verdict in sizing.verdicts]
+    [True, True, False]
+    """
 
     capacity: float
     """RMS torque over motion and pause with which the winding just reaches its limit."""

@@ -38,6 +38,13 @@ class JointLoad(ShortRepr):
 
     The motion is divided wherever a joint reverses, and both ends of each part are instants. A
     start from rest with static friction is an additional instant of zero duration.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> load = ssm.size("results/tilt_insert").joints[0].load
+    >>> load.joint, load.t.shape == load.inertia.shape
+    ('roll', True)
     """
 
     joint: str

@@ -33,6 +33,13 @@ class Conditions(Value):
     """Operating conditions of the motors, and the required confidence of the answer.
 
     Raises ProblemError if a value is not in its range.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> conditions = ssm.Conditions(supply_voltage=24.0, pause=1.0)
+    >>> ssm.size("results/tilt_insert", supply_voltage=24.0, pause=1.0).conditions == conditions
+    True
     """
 
     ambient: Annotated[float, Bound(at_least=200.0, at_most=400.0)] = REFERENCE_TEMPERATURE

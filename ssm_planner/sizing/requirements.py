@@ -25,7 +25,15 @@ from ssm_planner.typing import Array, JsonObject, record
 
 @record
 class MotorRequirement(ShortRepr):
-    """Requirements of one motion on the motor of one joint. Arrays are (n,), in SI units."""
+    """Requirements of one motion on the motor of one joint. Arrays are (n,), in SI units.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> requirement = ssm.load_plan("results/tilt_insert").requirements[0]
+    >>> requirement.joint, round(requirement.peak_torque, 4)
+    ('roll', 0.0303)
+    """
 
     joint: str
     motor: Motor | None
@@ -118,7 +126,15 @@ def joule_power(motor: Motor | None, rms_torque: float) -> float | None:
 
 @record
 class TorqueBreakdown(ShortRepr):
-    """Components of the motor torque (n,), N·m. Their sum is the torque."""
+    """Components of the motor torque (n,), N·m. Their sum is the torque.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> split = ssm.load_plan("results/tilt_insert").requirements[0].split
+    >>> max(split.rms, key=split.rms.get)
+    'mesh_friction'
+    """
 
     input_inertia: Array
     """Torque that accelerates the motor shaft and all parts that turn with it."""

@@ -31,6 +31,12 @@ class JointSizing(ShortRepr):
     """The requirements on one joint, the checks of its gear, and its assessed candidates.
 
     The candidates are sorted by nominal torque.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> [joint.adequate for joint in ssm.size("results/tilt_insert").joints]
+    [None, None, None]
     """
 
     load: JointLoad
@@ -86,7 +92,15 @@ class JointSizing(ShortRepr):
 
 @record
 class Sizing(ShortRepr):
-    """The sizing result of a motion, with one entry for each driven joint that moves in it."""
+    """The sizing result of a motion, with one entry for each driven joint that moves in it.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> sizing = ssm.size("results/tilt_insert")
+    >>> [verdict.joint for verdict in sizing.verdicts]
+    ['roll', 'tilt', 'insertion']
+    """
 
     joints: tuple[JointSizing, ...]
     conditions: Conditions

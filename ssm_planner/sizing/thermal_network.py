@@ -147,7 +147,23 @@ STEP = 2.0
 
 @frozen
 class ThermalModel(ShortRepr):
-    """Constants of the two bodies and of the loss, in SI units. Temperatures are in K."""
+    """Constants of the two bodies and of the loss, in SI units. Temperatures are in K.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> model = ssm.ThermalModel(
+    ...     r_winding_housing=2.5,
+    ...     r_housing_ambient=20.0,
+    ...     c_winding=1.0,
+    ...     c_housing=20.0,
+    ...     ambient=298.15,
+    ...     loss=100.0,
+    ... )
+    >>> model.copper > 0
+    True
+    """
 
     r_winding_housing: float
     r_housing_ambient: float
@@ -202,6 +218,14 @@ class Cycle(ShortRepr):
     """Motor torque over one repetition.
 
     `t` (n,) starts at 0, in s. `square` (n,) is tau², linear between the instants.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ssm_planner as ssm
+    >>> cycle = ssm.Cycle(t=np.linspace(0.0, 1.0, 5), square=np.ones(5))
+    >>> float(cycle.square.mean())
+    1.0
     """
 
     t: Array

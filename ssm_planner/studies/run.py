@@ -63,7 +63,14 @@ StudyProgress = Callable[[int, int, dict[str, int]], None]
 
 @frozen
 class StudyResult(ShortRepr):
-    """The results of a study, and the folder that contains them."""
+    """The results of a study, and the folder that contains them.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> result = ssm.study("vitreoretinal", "results/study")  # doctest: +SKIP
+    >>> result.finished, len(result.front)  # doctest: +SKIP
+    """
 
     study: Study
     rows: tuple[Candidate, ...]
@@ -139,6 +146,12 @@ def study(
         If a file cannot be written.
     StudyError
         If the executor loses its workers.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> result = ssm.study("vitreoretinal", "results/study")  # doctest: +SKIP
+    >>> [candidate.number for candidate in result.front]  # doctest: +SKIP
     """
     of = of if isinstance(of, Study) else load_study(of)
     if workers is not None and not 1 <= workers <= MOST_WORKERS:

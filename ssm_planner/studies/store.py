@@ -50,7 +50,14 @@ PRAGMA user_version = {FORMAT};
 
 @frozen
 class Candidate(ShortRepr):
-    """A candidate and its results."""
+    """A candidate and its results.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Candidate(3, "screened", {"geometry.alpha": "30 deg"}, stage="reach").state
+    'screened'
+    """
 
     number: int
     state: State

@@ -30,7 +30,14 @@ PACE = "pace"
 
 @frozen
 class Varied:
-    """A quantity that varies between two values, in the unit of the file."""
+    """A quantity that varies between two values, in the unit of the file.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Varied("geometry.alpha", 26.0, 34.0, "deg").value_at(0.5)
+    '30 deg'
+    """
 
     path: str
     low: float
@@ -50,7 +57,15 @@ class Varied:
 
 @frozen
 class Choice(ShortRepr):
-    """A choice among several entries, such as the motors of a catalogue."""
+    """A choice among several entries, such as the motors of a catalogue.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> choice = ssm.Choice("joints.roll.motor", {"small": {}, "large": {}})
+    >>> choice.value_at(0.9)
+    'large'
+    """
 
     path: str
     contents: Mapping[str, Any]
@@ -77,7 +92,14 @@ Variable = Varied | Choice
 
 @record
 class Requirements(Value):
-    """Conditions that a candidate must meet."""
+    """Conditions that a candidate must meet.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Requirements(reach=(-135 * ssm.deg, -85 * ssm.deg), motor_margin=0.2).self_locking
+    False
+    """
 
     reach: Range | None = None
     """Range of signed tilts that the workspace must contain, rad."""
@@ -91,7 +113,14 @@ class Requirements(Value):
 
 @frozen
 class Search:
-    """The method that generates the candidates."""
+    """The method that generates the candidates.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Search("grid", points=5).adaptive
+    False
+    """
 
     method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
     points: int = 256
@@ -107,7 +136,15 @@ class Search:
 
 @record
 class Study(ShortRepr):
-    """A comparison of many variants of a robot, the candidates, over a set of motions."""
+    """A comparison of many variants of a robot, the candidates, over a set of motions.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> study = ssm.load_study("vitreoretinal")
+    >>> study.paths[0], study.minimise
+    ('geometry.alpha', ('duration', 'motor_mass'))
+    """
 
     name: str
     robot: Mapping[str, Any]

@@ -42,6 +42,13 @@ class LimitCheck(ShortRepr):
 
     The margin is (limit − worst)/limit. For a range it is the distance to the nearer end divided by
     half the width. A negative margin means that the limit is violated.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> limit = ssm.LimitCheck("velocity", "roll", 0.9, 1.0, margin=0.1, time=0.5, unit="rad/s")
+    >>> limit.passed
+    True
     """
 
     name: str
@@ -97,7 +104,14 @@ class LimitCheck(ShortRepr):
 
 @frozen
 class Unjudged(ShortRepr):
-    """A limit that the motion may violate, although no violation was found."""
+    """A limit that the motion may violate, although no violation was found.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Unjudged("motor torque", "roll", "the joint has no drive").reason
+    'the joint has no drive'
+    """
 
     name: str
     joint: str | None
@@ -110,6 +124,13 @@ class Certificate(ShortRepr):
 
     `unchecked` lists quantities that this motion does not limit, and limits that the caller
     allowed to remain unjudged, with reasons.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> certificate = ssm.load_plan("results/tilt_insert").certificate
+    >>> certificate.verdict, certificate["velocity", "tilt"].unit
+    ('kept', 'rad/s')
     """
 
     limits: tuple[LimitCheck, ...]

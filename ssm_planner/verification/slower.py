@@ -31,7 +31,15 @@ REFINED = 3
 
 @frozen
 class WorstSpeed(ShortRepr):
-    """The speed at which a limit has its smallest margin, and the result of the check there."""
+    """The speed at which a limit has its smallest margin, and the result of the check there.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> worst = ssm.check_speeds("results/tilt_insert", slowest=0.5).worst[0]
+    >>> worst.speed, worst.found.name
+    (1.0, 'motor torque')
+    """
 
     speed: float
     found: LimitCheck
@@ -39,7 +47,14 @@ class WorstSpeed(ShortRepr):
 
 @record
 class SpeedRange(ShortRepr):
-    """The result of checking all speeds from `slowest` to 1."""
+    """The result of checking all speeds from `slowest` to 1.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.check_speeds("results/tilt_insert", slowest=0.5).slowest
+    0.5
+    """
 
     slowest: float
     worst: tuple[WorstSpeed, ...]

@@ -36,7 +36,15 @@ Answer = Callable[[Mapping[str, Any]], dict[str, Any]]
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Server of the view of a study on the loopback interface; port 0: any free port."""
+    """Server of the view of a study on the loopback interface; port 0: any free port.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> with ssm.serve_view() as server:
+    ...     print(server.server_address[0])
+    127.0.0.1
+    """
 
     daemon_threads = True
 
@@ -92,6 +100,13 @@ def serve_view(problem: Problem | str | Path | None = None, port: int = 0) -> Vi
     ------
     ProblemError
         If the problem is invalid or the port cannot be used.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> with ssm.serve_view() as server:
+    ...     print(server.url.rpartition(":")[0])
+    http://127.0.0.1
     """
     if not 0 <= port <= 65535:
         raise ProblemError("invalid port", key="port", value=port, allowed="0 to 65535")
