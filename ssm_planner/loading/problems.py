@@ -114,7 +114,8 @@ EyeModel = model_of(Eye, {"lens": optional(nested(LensModel))})
 
 _SHARE = Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
 _OF_TOOL = {
-    kind.field: optional(_bound_field(kind), kind.__doc__ or "") for kind in ToolLimit.kinds()
+    kind.field: optional(_bound_field(kind), str(kind.__doc__).partition("\n\n    Examples")[0])
+    for kind in ToolLimit.kinds()
 }
 _RATES = {
     TaskRate.field_of(name): optional(_rate(name, POSITIVE), "Largest, by magnitude.")
