@@ -166,7 +166,7 @@ class PhaseSummary(ShortRepr):
         """Relative difference of the duration to that by toppra, or 0 if there is none."""
         return self.duration / self.toppra_duration - 1 if self.toppra_duration else 0.0
 
-    def judged(self, opinion: float | str) -> PhaseSummary:
+    def with_opinion(self, opinion: float | str) -> PhaseSummary:
         """Return the phase with toppra's duration, s, or with the reason why it has none.
 
         A duration below the proven lower bound is an error of toppra's, not of the plan.
@@ -374,7 +374,7 @@ class Plan(ShortRepr):
             return self
         results = {"sizing": self.sizing, "stops": self.stops}  # The second process works, too.
         opinions = ask() or second_opinions(self.motion, self.problem)
-        phases = map(PhaseSummary.judged, self.phases, opinions)
+        phases = map(PhaseSummary.with_opinion, self.phases, opinions)
         versions = {**self.software, "toppra": _version("toppra")}
         judged = replace(self, phases=tuple(phases), software=versions)
         if judged.disagreements:

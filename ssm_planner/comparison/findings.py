@@ -445,7 +445,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     below = lowest - position.low
     end, extreme = (position.high, highest) if above <= below else (position.low, lowest)
     margin = min(above, below) / position.half_width
-    limits = [_kept(position, end, extreme, margin, noise=position_noise(axis))]
+    limits = [_limit_result(position, end, extreme, margin, noise=position_noise(axis))]
     speed_error = measured.w - axis.speed
     speed = measured.w, speed_error, measured.speed_resolution
     channels: list[tuple[type[JointLimit], tuple[Array, Array, float], float]] = [
@@ -466,7 +466,9 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
             resolution / ratio,
         )
         margin = 1 - excess / limit.largest
-        limits.append(_kept(limit, limit.largest, excess, margin, noise=noise, window=window))
+        limits.append(
+            _limit_result(limit, limit.largest, excess, margin, noise=noise, window=window)
+        )
     if certificate is None:
         return tuple(limits)
     planned = {
@@ -475,7 +477,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     return tuple(replace(limit, planned_margin=planned.get(limit.name)) for limit in limits)
 
 
-def _kept(
+def _limit_result(
     limit: Limit,
     bound: float,
     value: float,

@@ -185,7 +185,7 @@ def fit_map(
     for k, model in enumerate(models):
         progress(Step(f"fitting the {model.law.replace('_', ' ')} law", k, len(models) + 1))
         fitted.append((model, most_likely(model)))
-    (model, z), criterion = _chosen(_determined(fitted))
+    (model, z), criterion = _choose_model(_determined(fitted))
     progress(Step("computing the confidence intervals", len(models), len(models) + 1))
     fit = _report(model, z, data, _possible(fitted, model.law))
     rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
@@ -215,7 +215,7 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     return models
 
 
-def _chosen(
+def _choose_model(
     determined: list[tuple[MapModel, Array]],
 ) -> tuple[tuple[MapModel, Array], dict[str, float]]:
     """Return the simplest model that predicts well, with its z (k,), and the criterion of all laws.

@@ -231,7 +231,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     for line, fields in lines:
         rows = tables.setdefault(fields[0], [])
         if fields[0] == rig:
-            rows.append((fields[1], _figures(fields[2:], f"{path}:{line}")))
+            rows.append((fields[1], _parse_figures(fields[2:], f"{path}:{line}")))
     if rig not in tables:
         raise RecordingError(
             f"{path}: no figures of {rig!r}; rigs in the table: "
@@ -241,7 +241,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     return _from_rows(list(names), list(figures))
 
 
-def _figures(fields: list[str], location: str) -> list[float]:
+def _parse_figures(fields: list[str], location: str) -> list[float]:
     """Convert the figures of one row. The ripple may be NaN. Raises RecordingError."""
     try:
         row = [float(field) for field in fields]

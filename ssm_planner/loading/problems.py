@@ -114,7 +114,9 @@ EyeModel = model_of(Eye, {"lens": optional(nested(LensModel))})
 
 _SHARE = Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
 _OF_TOOL = {
-    kind.field: optional(_bound_field(kind), str(kind.__doc__).partition("\n\n    Examples")[0])
+    kind.field: optional(
+        _bound_field(kind), " ".join(str(kind.__doc__).partition("Examples")[0].split())
+    )
     for kind in ToolLimit.kinds()
 }
 _RATES = {

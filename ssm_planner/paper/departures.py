@@ -191,10 +191,10 @@ def largest_change(
     Joints without a load have 0.
     """
     pairs = zip(first_loads, second_loads, strict=True)
-    return _largest((a.joint, b.torque() - a.torque()) for a, b in pairs)
+    return _largest_magnitudes((a.joint, b.torque() - a.torque()) for a, b in pairs)
 
 
-def _largest(values: Iterable[tuple[str, Array]]) -> dict[str, float]:
+def _largest_magnitudes(values: Iterable[tuple[str, Array]]) -> dict[str, float]:
     """Return the largest magnitude of the values (n,) of each driven joint.
 
     values: pairs of joint and values; a joint may occur several times.
@@ -288,7 +288,7 @@ def subtracted(load: JointLoad) -> JointLoad:
 def velocity_sign(loads: Sequence[JointLoad]) -> VelocitySign:
     """Compute the influence of the sign of the velocity product over a motion."""
     return VelocitySign(
-        _largest((load.joint, load.velocity) for load in loads),
-        _largest((load.joint, load.gravity) for load in loads),
+        _largest_magnitudes((load.joint, load.velocity) for load in loads),
+        _largest_magnitudes((load.joint, load.gravity) for load in loads),
         largest_change(loads, [subtracted(load) for load in loads]),
     )

@@ -311,7 +311,7 @@ class _Trials:
         share, cure = self._bisected(relaxation, shares, lower, self.feasible, stop_if)
         if not cure.works or self.plan is self.feasible:
             return cure
-        planned = _tried(relaxation, cure.value, self.plan)
+        planned = _try_cure(relaxation, cure.value, self.plan)
         larger = [item for item in shares if item > share]
         if planned.works or not larger:
             return planned
@@ -332,7 +332,7 @@ class _Trials:
 
         def cure(share: float) -> Cure:
             EFFORT.spent += TRIAL
-            return _tried(relaxation, relaxation.value(share), plan)
+            return _try_cure(relaxation, relaxation.value(share), plan)
 
         for upper in shares:
             result = cure(upper)
@@ -388,7 +388,7 @@ class _Trials:
         return None
 
 
-def _tried(relaxation: Relaxation, value: float, plan: Planner) -> Cure:
+def _try_cure(relaxation: Relaxation, value: float, plan: Planner) -> Cure:
     """Return a cure with the outcome of the changed problem.
 
     The problem may forbid the change. TOPP-RA, for example, supports no duration.

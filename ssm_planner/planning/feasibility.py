@@ -66,7 +66,7 @@ class _Places:
             return f"{name}, at point {k} on its way"
         return f"{name}, {100 * s:.0f} % of the way"
 
-    def about(self, k: int) -> _Places:
+    def refined(self, k: int) -> _Places:
         """Return samples between the neighbours of sample k of a path."""
         if self.phase.path is None:
             return self
@@ -108,10 +108,10 @@ def infeasible_place(
         yield _past_boundary(problem, mechanism, phase)
         yield blocked_by_eye(problem, mechanism, phase)
 
-    return _first(chain.from_iterable(map(reasons, phases)))
+    return _first_reason(chain.from_iterable(map(reasons, phases)))
 
 
-def _first(reasons: Iterable[Reason | None]) -> Reason | None:
+def _first_reason(reasons: Iterable[Reason | None]) -> Reason | None:
     """Return the first reason that is not None, if there is one."""
     return next(filter(None, reasons), None)
 
@@ -193,7 +193,7 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reas
             reason = _excess(places, limit, values, ROUNDING, words)
             if reason is not None:
                 return reason
-            places = places.about(int(np.argmin(values)))
+            places = places.refined(int(np.argmin(values)))
     return None
 
 
@@ -248,7 +248,7 @@ def with_boundary_rates(
     result[moving[0]] = replace(result[moving[0]], qdd_start=acceleration)
     too_fast = (_too_fast(problem, mechanism, (result[k], side), key) for k, side, key in ends)
     too_near = (_too_near(problem, mechanism, result[k]) for k, *_ in ends)
-    return tuple(result), _first(chain(too_fast, too_near))
+    return tuple(result), _first_reason(chain(too_fast, too_near))
 
 
 def _end_velocity(

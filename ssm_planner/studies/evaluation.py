@@ -78,7 +78,7 @@ class Evaluation:
     def __call__(self, number: int, design: Design) -> Candidate:
         """Return the results of a candidate. A fault of this program gives the state "failed"."""
         try:
-            return Candidate(number, "done", design, figures=self._figures(design))
+            return Candidate(number, "done", design, figures=self._evaluate(design))
         except Rejected as error:
             return Candidate(
                 number, "infeasible", design, error.stage, str(error), figures=error.figures
@@ -88,7 +88,7 @@ class Evaluation:
         except Exception as error:  # noqa: BLE001 the fault of one candidate must not end the study
             return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
 
-    def _figures(self, design: Design) -> JsonObject:
+    def _evaluate(self, design: Design) -> JsonObject:
         """Plan, select, check and size a candidate, and return its results.
 
         Raises Rejected for an infeasible candidate, and ProblemError for invalid values.

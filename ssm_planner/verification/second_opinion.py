@@ -115,7 +115,7 @@ def path_duration(
     """
     coarse = np.inf
     for refinement in REFINEMENTS:
-        path = _Path.between(trajectory, robot, start, end, refinement)
+        path = _Path.from_trajectory(trajectory, robot, start, end, refinement)
         duration = path.duration(path.ceiling(limits))
         if duration is None:
             return None
@@ -165,7 +165,7 @@ class _Path:
     """q̇, q̈ and joint efforts at the PROBES, (4, 2n, 4)."""
 
     @classmethod
-    def between(
+    def from_trajectory(
         cls, trajectory: Trajectory, robot: Robot, start: float, end: float, refinement: int
     ) -> _Path:
         """Return the path between two times."""
@@ -207,7 +207,7 @@ class _Path:
         duration = self.width.sum()
         for _ in range(PASSES):
             previous, rows = duration, self._rows(squares)
-            result = _fastest(self.width, rows, ceiling)
+            result = _largest_speeds(self.width, rows, ceiling)
             if result is None:
                 return None
             squares, root = result, np.sqrt(result)
@@ -274,7 +274,7 @@ def _coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
     )
 
 
-def _fastest(width: Array, rows: tuple[Array, Array, Array], ceiling: Array) -> Array | None:
+def _largest_speeds(width: Array, rows: tuple[Array, Array, Array], ceiling: Array) -> Array | None:
     """Return the largest ṡ² (n + 1,) by the package toppra, or None if it finds no motion.
 
     No other function of the program calls this package.

@@ -73,7 +73,7 @@ def view_page(study: Study, token: str) -> str:
         "view.html",
         {"start": start, "token": token, "colours": list(COLOURS)},
         title=f"{start['name']} – mechanism" if start["name"] else "Mechanism",
-        parts=study.parts if start["can_plan"] else (),
+        parts=study.variables if start["can_plan"] else (),
         joints=JOINTS,
     )
 
@@ -129,7 +129,7 @@ class Study:
         return Path(file)
 
     @cached_property
-    def parts(self) -> tuple[Variable, ...]:
+    def variables(self) -> tuple[Variable, ...]:
         """Variables of a study that the page offers: motors, gear ratios, leads and friction."""
         folder = shipped_folder()
         motors = entries(folder / "motors") | entries(folder / "catalogues" / "motors_24v.csv")
@@ -150,7 +150,7 @@ class Study:
     def changed_robot(self, request: Mapping[str, Any]) -> JsonObject:
         """Return the content of the robot file with the angles and the design of a request.
 
-        The design gives values to variables in `parts`, by path. Static friction keeps its ratio to
+        The design gives values to variables in `variables`, by path. Static friction keeps its ratio to
         kinetic friction. The roll at q = 0 stays 0, so that the tilt at q = 0 follows from
         cos β = cos α cos φ. Links keep their masses and shapes; their frames follow the angles.
         Raises ProblemError.
@@ -176,7 +176,7 @@ class Study:
                 design[f"geometry.{name}"] = _in_units(name, getattr(mechanism, name))
             angles = math.degrees(mechanism.alpha), math.degrees(mechanism.beta)
             changes.insert(0, "α {:.6g}°, β {:.6g}°".format(*angles))
-        contents = {part.path: part.contents for part in self.parts if isinstance(part, Choice)}
+        contents = {part.path: part.contents for part in self.variables if isinstance(part, Choice)}
         content = changed_robot(content, contents, design)
         if not own:
             content["geometry"].pop("beta", None)
@@ -185,7 +185,7 @@ class Study:
     def _design(self, request: Mapping[str, Any]) -> dict[str, str]:
         """Return the design of a request. Raises ProblemError for a bad value or unknown path."""
         given = request.get("design") or {}
-        paths = {part.path: part for part in self.parts}
+        paths = {part.path: part for part in self.variables}
         if not isinstance(given, dict) or given.keys() - paths.keys():
             raise ProblemError("not a design", key="design", allowed=", ".join(paths))
         design = {}
@@ -215,7 +215,7 @@ class Study:
         values |= {"low": ends[0], "high": ends[1], **dict(zip(TASK, pose, strict=True))}
         if self.problem is not None:
             values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
-            for part in self.parts:
+            for part in self.variables:
                 values[part.path] = part.low * SPAN if isinstance(part, Varied) else ""
         return {
             "values": values,
