@@ -105,16 +105,16 @@ class _Search:
     best: Outcome
     best_problem: Problem
     hint: str = ""
-    described: dict[int, list[dict[str, str | float | None]]] = field(default_factory=dict)
-    """Alternatives by the index of their phase, as `Evaluation.described` returns them."""
+    entries: dict[int, list[dict[str, str | float | None]]] = field(default_factory=dict)
+    """Alternatives by the index of their phase, as `Evaluation.to_dict` returns them."""
 
     @property
     def outcome(self) -> Outcome:
         """The best motion with all alternatives among its candidates."""
         planned = self.best.planned
         candidates = list(planned.candidates)
-        candidates += [()] * (max(self.described, default=-1) + 1 - len(candidates))
-        for k, alternatives in self.described.items():
+        candidates += [()] * (max(self.entries, default=-1) + 1 - len(candidates))
+        for k, alternatives in self.entries.items():
             candidates[k] += tuple(alternatives)
         return replace(self.best, planned=replace(planned, candidates=tuple(candidates)))
 
@@ -163,8 +163,8 @@ class _Search:
             gap=1.0 if self.any_suffices else GAP,
             budget=SEARCH + begin - EFFORT.spent,
         )
-        self.described.setdefault(phases.index(planner.phase), []).extend(
-            item.described(solution) for item in evaluations
+        self.entries.setdefault(phases.index(planner.phase), []).extend(
+            item.to_dict(solution) for item in evaluations
         )
 
 

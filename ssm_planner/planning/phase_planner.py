@@ -15,8 +15,8 @@ import numpy as np
 from ssm_planner.elements.compiled import compiled
 from ssm_planner.elements.rows import limits_jerk, with_margin
 from ssm_planner.planning.motor_strength import motor_too_weak, no_motion
-from ssm_planner.planning.ocp.free import ELEMENTS, finish_free, solve_free
-from ssm_planner.planning.ocp.motion import PhaseSolution, Reversals
+from ssm_planner.planning.ocp.free import ELEMENTS, find_best_free, solve_free
+from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
@@ -61,7 +61,7 @@ class PhasePlanner(PhaseTask):
 
     def free(
         self,
-        reversals: Reversals | None = None,
+        borders: Borders | None = None,
         *,
         cutoff: float = np.inf,
         count: int | None = None,
@@ -71,14 +71,14 @@ class PhasePlanner(PhaseTask):
 
         Parameters
         ----------
-        reversals : Reversals or None
+        reversals : Borders or None
             Where joints reverse, and a guess. None: only where they must.
         cutoff : float
             Duration in s beyond which a motion is not refined any further.
         count : int or None
             Number of elements. None: chosen by the kind of motion.
         fastest_only : bool
-            Return the fastest motion as the first solver finds it. `finished` makes it final.
+            Return the fastest motion as the first solver finds it. `best_free` makes it final.
         """
         phase = self.phase
         direct = PolylinePath(self.mechanism, phase.points)
@@ -97,20 +97,22 @@ class PhasePlanner(PhaseTask):
             duration=phase.motion.duration,
             speeds=(phase.qd_start, phase.qd_end),
             start_acceleration=phase.qdd_start,
-            reversals=reversals,
+            borders=borders,
             cutoff=cutoff,
             count=count,
             fastest_only=fastest_only,
         )
         fewer = ELEMENTS if count is None and len(phase.points) == 2 else None
-        by_ipopt = reversals is None or reversals.guess is None
+        by_ipopt = borders is None or borders.guess is None
         motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
         return self.phase_result(direct, slowed_to_stop(self, motion))
 
-    def finished(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
+    def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
         """Return the motion for the objective from a free motion with `fastest_only`."""
         phase = self.phase
-        motion = finish_free(fastest.motion, self.problem.objective, phase.motion.duration, cutoff)
+        motion = find_best_free(
+            fastest.motion, self.problem.objective, phase.motion.duration, cutoff
+        )
         direct = PolylinePath(self.mechanism, phase.points)
         return self.phase_result(direct, slowed_to_stop(self, motion))
 

@@ -33,7 +33,7 @@ class PlannedPhase:
         return (
             phase.path is None
             and phase.begins_and_ends_at_rest
-            and len(self.motion.borders) > len(phase.points)
+            and len(self.motion.border_instants) > len(phase.points)
         )
 
 
@@ -62,6 +62,6 @@ class PhaseTask:
         return least_duration(self.problem, self.mechanism, self.phase)
 
     @property
-    def trades_time_only(self) -> bool:
+    def minimises_time_only(self) -> bool:
         """True if the fastest motion is sought: no duration and no heat weights are given."""
         return self.phase.motion.duration is None and self.cooling is None

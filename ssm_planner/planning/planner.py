@@ -45,7 +45,7 @@ class PlannerResult:
     phases: tuple[PlannedPhase, ...]
     reason: Reason | None
     candidates: tuple[tuple[dict[str, str | float | None], ...], ...] = ()
-    """Candidates of every phase as `Evaluation.described` returns them."""
+    """Candidates of every phase as `Evaluation.to_dict` returns them."""
 
 
 def plan_motion(
@@ -103,16 +103,16 @@ def plan_motion(
     if reason is not None:
         return PlannerResult("infeasible", None, (), reason)
     solutions: list[PlannedPhase] = []
-    described = []
+    entries = []
     for k, phase in enumerate(phases):
         progress(Step(phase.motion.name, k, len(phases) if len(phases) > 1 else 0))
         solution, evaluations = plan_phase(planner(phase))
-        described.append(tuple(item.described(solution) for item in evaluations))
+        entries.append(tuple(item.to_dict(solution) for item in evaluations))
         if isinstance(solution, Reason):
             status = ("infeasible", "not converged")[solution.limit is None]
-            return PlannerResult(status, None, tuple(solutions), solution, tuple(described))
+            return PlannerResult(status, None, tuple(solutions), solution, tuple(entries))
         solutions.append(solution)
-    return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(described))
+    return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(entries))
 
 
 def plan_phase(

@@ -50,7 +50,7 @@ def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
     if limit is None or not motion.solved:
         return motion
     trajectory = Trajectory(motion.breaks, motion.coefficients, ())
-    knots = motion.borders / trajectory.duration
+    knots = motion.border_instants / trajectory.duration
     path = MotionPath(task.mechanism, trajectory, knots, motion.directions)
     samples = path.trajectory.sample(np.linspace(0.0, motion.duration, FEW))
     travel = braking_travel(task.mechanism, task.problem.robot, samples.q, samples.qd)
@@ -70,9 +70,12 @@ def _with_toppra_timing(task: PhaseTask, motion: PhaseSolution, path: MotionPath
     duration = task.phase.motion.duration
     if duration is not None:
         trajectory = trajectory.slower(min(trajectory.duration / duration, 1.0))
-    borders = (
+    border_instants = (
         np.interp(path.knots, retiming.s, retiming.times) * trajectory.duration / retiming.duration
     )
     return replace(
-        motion, breaks=trajectory.breaks, coefficients=trajectory.coefficients, borders=borders
+        motion,
+        breaks=trajectory.breaks,
+        coefficients=trajectory.coefficients,
+        border_instants=border_instants,
     )

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.planning.ocp.motion import DirectionMultipliers, PhaseSolution, Reversals
+from ssm_planner.planning.ocp.motion import Borders, DirectionMultipliers, PhaseSolution
 from ssm_planner.planning.ocp.turning import LEAST_SEGMENT
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import GAP
@@ -28,14 +28,14 @@ MULTIPLIER = 1e-3
 """
 THRESHOLD = 0.2
 """Share of the largest sum above which stretches are opened together."""
-ROUNDING = 1e-3
+NEGLIGIBLE = 1e-3
 """Share of the largest multiplier, or of a joint's largest velocity, that counts as 0."""
 
 
 def refine_directions(
     phase: Phase,
     motion: PhaseSolution,
-    solve: Callable[[Reversals, float], PhaseSolution | None],
+    solve: Callable[[Borders, float], PhaseSolution | None],
 ) -> PhaseSolution | None:
     """Return the fastest motion found with reversals, or None if none saves time.
 
@@ -55,16 +55,16 @@ def refine_directions(
         The motion.
     """
     incumbent = motion
-    while (reversals := suggest_reversals(phase, incumbent)) is not None:
+    while (borders := suggest_reversals(phase, incumbent)) is not None:
         cutoff = (1 - GAP) * incumbent.duration
-        faster = solve(reversals, cutoff)
+        faster = solve(borders, cutoff)
         if faster is None or faster.duration >= cutoff:
             break
         incumbent = faster
     return None if incumbent is motion else incumbent
 
 
-def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Reversals | None:
+def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     """Return the reversals that the multipliers of a free motion suggest.
 
     None if no multiplier exceeds the tolerance.
@@ -75,13 +75,13 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Reversals | None:
     guess = Trajectory(motion.breaks, motion.coefficients, ())
     middles = (multipliers.instants[1:] + multipliers.instants[:-1]) / 2
     speed = np.abs(guess.sample(middles).qd)
-    directions = _opened(multipliers, speed <= ROUNDING * speed.max(axis=0))
+    directions = _opened(multipliers, speed <= NEGLIGIBLE * speed.max(axis=0))
     if np.array_equal(directions, multipliers.directions):
         return None
     return _reversals(phase, multipliers, directions, guess)
 
 
-def current_reversals(phase: Phase, motion: PhaseSolution) -> Reversals:
+def current_reversals(phase: Phase, motion: PhaseSolution) -> Borders:
     """Return the reversals of a motion, to solve it again on a mesh made for it."""
     multipliers = motion.direction_multipliers
     assert multipliers is not None
@@ -91,7 +91,7 @@ def current_reversals(phase: Phase, motion: PhaseSolution) -> Reversals:
 
 def _reversals(
     phase: Phase, multipliers: DirectionMultipliers, directions: Array, guess: Trajectory
-) -> Reversals:
+) -> Borders:
     """Return reversals with borders where `directions` (n, 4) change. The guess is a motion."""
     instants = _borders(multipliers, directions)
     is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
@@ -99,7 +99,7 @@ def _reversals(
     points = guess.sample(instants).q
     points[is_point] = phase.points
     free = tuple(np.flatnonzero(~is_point).tolist())
-    return Reversals(points, free, directions[middles], guess=(guess, instants))
+    return Borders(points, free, directions[middles], guess=(guess, instants))
 
 
 def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
@@ -110,7 +110,9 @@ def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
     directions = multipliers.directions.copy()
     signs = np.sign(
         np.where(
-            np.abs(multipliers.values) > ROUNDING * multipliers.largest_sum, multipliers.values, 0.0
+            np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_sum,
+            multipliers.values,
+            0.0,
         )
     )
     stretches = [

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ssm_planner.planning.lower_bound import minimum_times
-from ssm_planner.planning.ocp.motion import Reversals
+from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem import Problem
@@ -25,7 +25,7 @@ IDLE = 5e-4
 """Relative saving below which a velocity is dropped."""
 
 
-def passing_turns(problem: Problem, phase: Phase) -> Reversals | None:
+def passing_turns(problem: Problem, phase: Phase) -> Borders | None:
     """Return the reversals of joints that pass beyond a via point or take a run-up to it.
 
     With the displacements d_jk of the joints j in the segments k and free velocities v_jk at the
@@ -47,7 +47,7 @@ def passing_turns(problem: Problem, phase: Phase) -> Reversals | None:
     free = alone.minimise(fixed_speeds, may_reverse=True)
     if alone.duration(free) > (1 - PAYS) * alone.duration(fixed_speeds):
         return None
-    return Reversals(phase.points, via_velocity=alone.without_idle(free))
+    return Borders(phase.points, via_velocity=alone.without_idle(free))
 
 
 @record

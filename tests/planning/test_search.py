@@ -13,7 +13,7 @@ import numpy as np
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.candidates import listed
 from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
-from ssm_planner.planning.ocp.motion import Reversals
+from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
@@ -39,7 +39,7 @@ class Halfway(PhaseCandidate):
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion."""
         first, last = self.planner.phase.points
-        middle = Reversals(np.stack([first, (first + last) / 2, last]), (1,))
+        middle = Borders(np.stack([first, (first + last) / 2, last]), (1,))
         return self.planner.free(middle, cutoff=cutoff)
 
 

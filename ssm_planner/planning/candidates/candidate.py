@@ -122,7 +122,7 @@ class Evaluation(Generic[P, R]):
         else:
             self.estimate = estimate
 
-    def described(self, solution: R | Reason) -> dict[str, str | float | None]:
+    def to_dict(self, solution: R | Reason) -> dict[str, str | float | None]:
         """Return the entry of `candidates` in plan.json.
 
         `solution` is the result of the whole search.

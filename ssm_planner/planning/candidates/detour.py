@@ -9,7 +9,7 @@ import numpy as np
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.feasibility import nearest_to_eye
-from ssm_planner.planning.ocp.motion import Reversals
+from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
@@ -64,5 +64,5 @@ class Detour(PhaseCandidate):
         line = PolylinePath(planner.mechanism, planner.phase.points)
         over = nearest_to_eye(planner.problem, line)
         depth = DEPTHS[self.share] * min(start[3], end[3], key=abs)
-        over_eye = Reversals(np.stack([start, np.append(over[:3], depth), end]), (1,))
+        over_eye = Borders(np.stack([start, np.append(over[:3], depth), end]), (1,))
         return planner.free(over_eye)

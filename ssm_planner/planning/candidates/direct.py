@@ -32,7 +32,9 @@ class Direct(PhaseCandidate):
         Ipopt thus confirms only the motion that is taken, and heat is reduced only in that one.
         """
         planner = self.planner
-        has_rivals = planner.may_reverse and planner.phase.path is None and planner.trades_time_only
+        has_rivals = (
+            planner.may_reverse and planner.phase.path is None and planner.minimises_time_only
+        )
         return planner.free(cutoff=cutoff, fastest_only=True) if has_rivals else None
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
@@ -42,5 +44,5 @@ class Direct(PhaseCandidate):
             return planner.along_path(planner.phase.path)
         if estimate is None:
             return planner.free(cutoff=cutoff)
-        result = planner.finished(estimate, cutoff)
+        result = planner.best_free(estimate, cutoff)
         return planner.free(cutoff=cutoff) if isinstance(result, Reason) else result

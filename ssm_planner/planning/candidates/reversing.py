@@ -9,7 +9,7 @@ import numpy as np
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.ocp.free import ELEMENTS
-from ssm_planner.planning.ocp.motion import PhaseSolution, Reversals
+from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
@@ -26,7 +26,7 @@ NONE_PAYS = Reason(message="no reversal saves time")
 class Reversing(PhaseCandidate):
     """A motion with reversals, found from the motion without them."""
 
-    without: PhaseSolution | None
+    unreversed: PhaseSolution | None
     """The fastest motion without reversals. None if it is longer than the requested duration."""
 
     kind: ClassVar[str] = "reversing"
@@ -52,7 +52,7 @@ class Reversing(PhaseCandidate):
         turns = passing_turns(self.planner.problem, self.planner.phase)
         if turns is None:
             return NONE_PAYS
-        cutoff = np.inf if self.without is None else (1 - PAYS) * self.without.duration
+        cutoff = np.inf if self.unreversed is None else (1 - PAYS) * self.unreversed.duration
         result = self.planner.free(turns, cutoff=cutoff)
         return result if isinstance(result, Reason) or result.duration < cutoff else NONE_PAYS
 
@@ -66,11 +66,11 @@ class Reversing(PhaseCandidate):
             return None
         quick = planner.for_time.unconfirmed
 
-        def solve(reversals: Reversals, limit: float) -> PhaseSolution | None:
-            result = quick.free(reversals, cutoff=limit, count=ELEMENTS)
+        def solve(borders: Borders, limit: float) -> PhaseSolution | None:
+            result = quick.free(borders, cutoff=limit, count=ELEMENTS)
             return None if isinstance(result, Reason) else result.motion
 
-        initial = self.without or solve(Reversals(planner.phase.points), np.inf)
+        initial = self.unreversed or solve(Borders(planner.phase.points), np.inf)
         faster = initial and refine_directions(planner.phase, initial, solve)
         if faster is None:
             return NONE_PAYS
@@ -80,10 +80,14 @@ class Reversing(PhaseCandidate):
         """Return the motion with the reversals that save most."""
         if estimate is None:
             return self._beside_points()
-        reversals = current_reversals(self.planner.phase, estimate.motion)
-        solution = self.planner.free(reversals, count=2 * ELEMENTS)
+        borders = current_reversals(self.planner.phase, estimate.motion)
+        solution = self.planner.free(borders, count=2 * ELEMENTS)
         fast = self.planner.problem.planner == "fast" and self.planner.problem.objective == "time"
-        if fast and self.without and (isinstance(solution, Reason) or solution.duration > cutoff):
+        if (
+            fast
+            and self.unreversed
+            and (isinstance(solution, Reason) or solution.duration > cutoff)
+        ):
             return estimate
         return solution
 

@@ -65,7 +65,9 @@ class StopFirst(PhaseCandidate):
             resumed,
             breaks=trajectory.breaks,
             coefficients=trajectory.coefficients,
-            borders=np.append(stopped.borders, stopped.duration + resumed.borders[1:]),
+            border_instants=np.append(
+                stopped.border_instants, stopped.duration + resumed.border_instants[1:]
+            ),
             directions=np.vstack([stopped.directions, resumed.directions]),
         )
         name = f"{phase.motion.name}, stops first"

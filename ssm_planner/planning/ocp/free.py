@@ -21,11 +21,11 @@ from ssm_planner.planning.ocp.free_problem import FreeProblem
 from ssm_planner.planning.ocp.mesh import (
     SegmentGuess,
 )
-from ssm_planner.planning.ocp.motion import PhaseSolution, Reversals
+from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import (
     Method,
 )
-from ssm_planner.planning.ocp.objectives import find_fastest_motion, finish
+from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
 from ssm_planner.planning.ocp.segments import (
     KINEMATIC,
     SegmentChain,
@@ -33,7 +33,7 @@ from ssm_planner.planning.ocp.segments import (
     sampled_segments,
     segment_guess,
 )
-from ssm_planner.planning.ocp.turning import TurningGuess
+from ssm_planner.planning.ocp.turning import SegmentGuesses
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem import (
     Objective,
@@ -59,7 +59,7 @@ def solve_free(
     count: int | None = None,
     method: Method = "Ipopt",
     start_acceleration: Array | None = None,
-    reversals: Reversals | None = None,
+    borders: Borders | None = None,
     cutoff: float = np.inf,
     fastest_only: bool = False,
 ) -> PhaseSolution:
@@ -87,26 +87,25 @@ def solve_free(
         Solution method, see `nlp.Method`.
     start_acceleration : (4,) array or None
         q̈ at the start if jerk is limited. None: 0.
-    reversals : Reversals or None
+    borders : Borders or None
         Borders at which joints reverse. They replace the points.
     cutoff : float
         Duration in s beyond which a motion is not refined any further.
     fastest_only : bool
-        Return the fastest motion as the first solver finds it. `finish_free` makes it final.
+        Return the fastest motion as the first solver finds it. `find_best_free` makes it final.
 
     Returns
     -------
     PhaseSolution
         Joint polynomials, or the status of the failure.
     """
-    reversals = reversals or Reversals(points)
-    displacements = np.diff(reversals.points, axis=0)
+    borders = borders or Borders(points)
+    displacements = np.diff(borders.points, axis=0)
     displacements[np.abs(displacements) <= ROUNDING] = 0.0
     ends = speeds or (np.zeros(4), np.zeros(4))
-    request = _FreeRequest(
+    builder = _FreeProblemBuilder(
         problem=problem,
         mechanism=mechanism,
-        points=reversals.points,
         displacements=displacements,
         limits=_limits(
             problem, joint_limits(strict or problem.robot, cooling), displacements, ends
@@ -114,16 +113,16 @@ def solve_free(
         ends=ends,
         start_acceleration=np.zeros(4) if start_acceleration is None else start_acceleration,
         method=method,
-        reversals=reversals,
+        borders=borders,
     )
-    ocp = request.with_guess(count)
+    ocp = builder.build(count)
     takes = None if duration is None else duration / ocp.time_scale
     fastest = find_fastest_motion(ocp, ocp.guess, takes, cutoff=cutoff / ocp.time_scale)
     motion = replace(ocp.result(fastest.solution), refined=fastest)
-    return motion if fastest_only else finish_free(motion, problem.objective, duration, cutoff)
+    return motion if fastest_only else find_best_free(motion, problem.objective, duration, cutoff)
 
 
-def finish_free(
+def find_best_free(
     motion: PhaseSolution,
     objective: Objective,
     duration: float | None = None,
@@ -146,7 +145,9 @@ def finish_free(
     ocp = motion.refined.state.problem
     assert isinstance(ocp, FreeProblem)
     takes = None if duration is None else duration / ocp.time_scale
-    return ocp.result(finish(motion.refined, objective, takes, cutoff=cutoff / ocp.time_scale))
+    return ocp.result(
+        find_best_motion(motion.refined, objective, takes, cutoff=cutoff / ocp.time_scale)
+    )
 
 
 def _limits(
@@ -165,12 +166,11 @@ def _limits(
 
 
 @keyword_record
-class _FreeRequest:
-    """Request for a free motion, as in `solve_free`, and the meshes for it."""
+class _FreeProblemBuilder:
+    """Builder of the problem of a free motion on its mesh. The fields are those of `solve_free`."""
 
     problem: Problem
     mechanism: Mechanism
-    points: Array
     displacements: Array
     """Displacements from point to point, (k, 4)."""
     limits: dict[str, Array]
@@ -178,7 +178,7 @@ class _FreeRequest:
     ends: tuple[Array, Array]
     start_acceleration: Array
     method: Method
-    reversals: Reversals
+    borders: Borders
 
     @property
     def jerk(self) -> bool:
@@ -206,13 +206,13 @@ class _FreeRequest:
         return 2 if len(self.displacements) < 16 else 1
 
     @property
-    def count(self) -> int:
+    def default_count(self) -> int:
         """Number of elements.
 
         A mesh is finer between two points if Ipopt confirms the motion. It is also finer for
         jerk-limited motions at speed, because the initial acceleration must end within one element.
         """
-        confirmed = self.method == "confirmed" and self.at_rest and not self.reversals.free
+        confirmed = self.method == "confirmed" and self.at_rest and not self.borders.free
         between_two_points = len(self.displacements) == 1
         at_speed = self.jerk and not self.at_rest
         return FINER * ELEMENTS if at_speed or (confirmed and between_two_points) else ELEMENTS
@@ -223,19 +223,19 @@ class _FreeRequest:
             max(2 * count // len(self.displacements), 8) if len(self.displacements) > 1 else count
         )
 
-    def segments(self, per_segment: int) -> list[TurningGuess]:
+    def segments(self, per_segment: int) -> list[SegmentGuesses]:
         """Return the guesses from point to point, with about `per_segment` elements each."""
         displacements, jerk = self.displacements, self.jerk
-        if self.reversals.guess is not None and self.reversals.directions is not None:
+        if self.borders.guess is not None and self.borders.directions is not None:
             return sampled_segments(
-                *self.reversals.guess,
+                *self.borders.guess,
                 displacements,
-                self.reversals.directions,
+                self.borders.directions,
                 count=per_segment * len(displacements),
                 least_count=self.least_count,
             )
         table = np.stack([self.limits[name] for name in KINEMATIC])
-        within = self.reversals.via_velocity
+        within = self.borders.via_velocity
         if within is None:
             within = np.zeros((len(displacements) - 1, 4))
         speeds = np.vstack([self.ends[0], within, self.ends[1]])
@@ -253,16 +253,16 @@ class _FreeRequest:
             for k in range(len(displacements))
         ]
 
-    def with_guess(self, count: int | None) -> FreeProblem:
+    def build(self, count: int | None) -> FreeProblem:
         """Build the problem on the mesh of its guess, with the guess's duration as the unit of time.
 
         The mesh has about `count` elements, or a suitable number.
         """
-        segments = self.segments(self.elements_per_segment(count or self.count))
+        segments = self.segments(self.elements_per_segment(count or self.default_count))
         guesses = [guess for segment in segments for guess in segment.guesses]
         chain = self._segment_chain(segments, guesses)
-        few_times = self._has_few_times(segments)
-        structure = chain.structure(few_times=few_times, smooth=self.jerk)
+        one_time_per_segment = self._one_time_per_segment(segments)
+        structure = chain.structure(one_time_per_segment=one_time_per_segment, smooth=self.jerk)
         lengths = np.concatenate([np.diff(guess.instants) for guess in chain.guesses])
         times = np.bincount(structure.block, lengths)
         return FreeProblem(
@@ -281,33 +281,31 @@ class _FreeRequest:
             starting=self.ends[0] == 0.0,
         )
 
-    def _fixed_positions(self, segments: list[TurningGuess]) -> Mask:
+    def _fixed_positions(self, segments: list[SegmentGuesses]) -> Mask:
         """Return which positions at borders are fixed, (k + 1, 4)."""
         fixed = np.concatenate(
             [segments[0].fixed[:1], *(segment.fixed[1:] for segment in segments)]
         )
         # A joint that rests on one side of a border stays where it is.
-        for k in self.reversals.free:
+        for k in self.borders.free:
             signs = (
-                self.displacements
-                if self.reversals.directions is None
-                else self.reversals.directions
+                self.displacements if self.borders.directions is None else self.borders.directions
             )
             fixed[k] = (signs[k - 1] == 0) | (signs[k] == 0)
         return fixed
 
     def _segment_chain(
-        self, segments: list[TurningGuess], guesses: list[SegmentGuess]
+        self, segments: list[SegmentGuesses], guesses: list[SegmentGuess]
     ) -> SegmentChain:
         """Return the segments with their borders, also where the tip passes an eye's port."""
         borders = [
             start + segment.positions[1:]
-            for start, segment in zip(self.points, segments, strict=False)
+            for start, segment in zip(self.borders.points, segments, strict=False)
         ]
         fixed = self._fixed_positions(segments)
         directions = np.concatenate([segment.directions for segment in segments])
         chain = SegmentChain(
-            np.concatenate([self.points[:1], *borders]), fixed, directions, tuple(guesses)
+            np.concatenate([self.borders.points[:1], *borders]), fixed, directions, tuple(guesses)
         )
         if self.problem.eye is None:
             return chain
@@ -317,12 +315,12 @@ class _FreeRequest:
             self.least_count,
         )
 
-    def _has_few_times(self, segments: list[TurningGuess]) -> bool:
+    def _one_time_per_segment(self, segments: list[SegmentGuesses]) -> bool:
         """Return True if each segment, instead of each arc, has one time.
 
         Joints that reverse then switch where the guess does.
         """
-        if not self.is_structured or self.method == "estimated" or self.reversals.guess is not None:
+        if not self.is_structured or self.method == "estimated" or self.borders.guess is not None:
             return self.is_structured
         # With one time for each segment, jerk-limited motions are up to 0.13 % longer.
         return bool(self._fixed_positions(segments).all()) and not (

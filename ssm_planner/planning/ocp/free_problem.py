@@ -314,7 +314,7 @@ class FreeProblem(OcpProblem):
             breaks,
             coefficients,
             solver=solution.solver,
-            borders=borders,
+            border_instants=borders,
             directions=directions,
             direction_multipliers=self.direction_multipliers(solution),
             confirmation=solution.confirmation,

@@ -35,7 +35,7 @@ class DirectionMultipliers:
 
 
 @record
-class Reversals:
+class Borders:
     """Borders at which joints may reverse on a free motion."""
 
     points: Array
@@ -65,7 +65,7 @@ class PhaseSolution:
     """Coefficients of the quintic pieces, (n, 6, 4)."""
     solver: str = ""
     """Name of the solver that found the motion. Empty if none was needed."""
-    borders: Array = field(default_factory=lambda: np.zeros(0))
+    border_instants: Array = field(default_factory=lambda: np.zeros(0))
     """Instants between which no joint reverses, (k + 1,), s. They include those of the points."""
     directions: Array = field(default_factory=lambda: np.zeros((0, 4)))
     """Directions of the joints between the borders of a free motion, (k, 4)."""
@@ -89,7 +89,7 @@ class PhaseSolution:
         """Return the same motion from rest to rest with its duration multiplied by `factor`."""
         coefficients = self.coefficients / factor ** np.arange(6.0)[:, None]
         breaks = self.breaks * factor
-        borders = self.borders * factor
+        borders = self.border_instants * factor
         multipliers = self.direction_multipliers
         if multipliers is not None:
             instants = multipliers.instants * factor
@@ -99,7 +99,7 @@ class PhaseSolution:
             self,
             breaks=breaks,
             coefficients=coefficients,
-            borders=borders,
+            border_instants=borders,
             direction_multipliers=multipliers,
         )
 

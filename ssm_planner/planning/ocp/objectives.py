@@ -36,7 +36,7 @@ LONGER = 1e-3
 def find_fastest_motion(
     problem: OcpProblem, guess: Guess, duration: float | None = None, *, cutoff: float = np.inf
 ) -> RefinedMotion:
-    """Return the fastest motion as the first solver finds it. `finish` makes it final.
+    """Return the fastest motion as the first solver finds it. `find_best_motion` makes it final.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def find_fastest_motion(
     return solve_to_tolerance(RefinementState.from_guess(problem, guess), "time", cutoff=cutoff)
 
 
-def finish(
+def find_best_motion(
     fastest: RefinedMotion,
     objective: Objective,
     duration: float | None = None,

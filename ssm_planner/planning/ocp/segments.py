@@ -23,7 +23,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpStructure,
     blocks_of,
 )
-from ssm_planner.planning.ocp.turning import TurningGuess, braking, turning_guess
+from ssm_planner.planning.ocp.turning import SegmentGuesses, braking, guess_with_reversals
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask, record
@@ -47,7 +47,7 @@ def segment_guess(
     least_count: int,
     jerk: bool,
     start_acceleration: Array,
-) -> TurningGuess:
+) -> SegmentGuesses:
     """Return the guess over a displacement (4,) between velocities (2, 4).
 
     `start_acceleration` (4,) is q̈ at its start.
@@ -56,7 +56,7 @@ def segment_guess(
     if not speeds.any():
         guess = closed_form_guess(displacement, table, jerk, per_segment, least_count)
         positions = np.stack([np.zeros(4), displacement])
-        return TurningGuess(
+        return SegmentGuesses(
             (guess,), positions, np.ones((2, 4), dtype=bool), np.sign(displacement[None])
         )
     brake = table[1]
@@ -65,7 +65,7 @@ def segment_guess(
             braking(start, start_acceleration, table), braking(end, np.zeros(4), table)
         )
     limits = np.stack([table[0], table[1], brake])
-    return turning_guess(
+    return guess_with_reversals(
         displacement, (start, end), limits, count=per_segment, least_count=least_count
     )
 
@@ -78,7 +78,7 @@ def sampled_segments(
     *,
     count: int,
     least_count: int,
-) -> list[TurningGuess]:
+) -> list[SegmentGuesses]:
     """Return guesses for displacements (k, 4) by about `count` elements, sampled from a motion.
 
     `instants` (k + 1,) are the borders of the motion, s.
@@ -92,7 +92,9 @@ def sampled_segments(
         speed = np.where(guess.states[1] * signs > 0, guess.states[1], 0.0)
         guess = replace(guess, states=(guess.states[0], speed, *guess.states[2:]))
         positions = np.stack([np.zeros(4), displacement])
-        segments.append(TurningGuess((guess,), positions, np.ones((2, 4), dtype=bool), signs[None]))
+        segments.append(
+            SegmentGuesses((guess,), positions, np.ones((2, 4), dtype=bool), signs[None])
+        )
     return segments
 
 
@@ -125,15 +127,15 @@ class SegmentChain:
     ports: tuple[int, ...] = ()
     """Borders at which the tip passes the port of an eye. Joint 4 alone is fixed there."""
 
-    def structure(self, *, few_times: bool, smooth: bool) -> NlpStructure:
-        """Return the structure of the program. With `few_times`, each segment has one time."""
+    def structure(self, *, one_time_per_segment: bool, smooth: bool) -> NlpStructure:
+        """Return the structure of the program. With `one_time_per_segment`, each segment has one time."""
         sizes = tuple(sum(guess.arcs) for guess in self.guesses)
         arcs = [n for guess in self.guesses for n in guess.arcs]
         moves = self.directions[:, np.any(self.directions != 0, axis=0)] != 0
         return NlpStructure(
             moves=tuple(map(tuple, moves.tolist())),
             segment_sizes=sizes,
-            block_sizes=sizes if few_times else blocks_of(arcs),
+            block_sizes=sizes if one_time_per_segment else blocks_of(arcs),
             smooth=smooth,
             velocity_limits=True,
             joints=True,

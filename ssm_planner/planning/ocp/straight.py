@@ -36,7 +36,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpStructure,
     cubics,
 )
-from ssm_planner.planning.ocp.objectives import find_fastest_motion, finish
+from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
 from ssm_planner.planning.ocp.path_fit import fit, fits_hold
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
@@ -145,7 +145,7 @@ def solve_straight(
     initial = Guess(mesh.elements(guess), mesh.times)
     takes = None if duration is None else duration / scale
     fastest = find_fastest_motion(problem, initial, takes)
-    return problem.result(finish(fastest, objective, takes), speeds[1])
+    return problem.result(find_best_motion(fastest, objective, takes), speeds[1])
 
 
 def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
@@ -204,7 +204,7 @@ class _StraightProblem(OcpProblem):
             breaks,
             coefficients,
             solver=solution.solver,
-            borders=borders,
+            border_instants=borders,
             confirmation=solution.confirmation,
         )
 

@@ -28,7 +28,7 @@ ROUNDS = 60
 
 
 @record
-class TurningGuess:
+class SegmentGuesses:
     """The segments of a motion between two points."""
 
     guesses: tuple[SegmentGuess, ...]
@@ -156,9 +156,9 @@ def braking(speed: Array, acceleration: Array, limits: Array) -> Array:
     )
 
 
-def turning_guess(
+def guess_with_reversals(
     displacement: Array, speeds: tuple[Array, Array], limits: Array, *, count: int, least_count: int
-) -> TurningGuess:
+) -> SegmentGuesses:
     """Return the guess for joints that move by `displacement` (m,) between two q̇ (m,).
 
     Parameters
@@ -176,7 +176,7 @@ def turning_guess(
 
     Returns
     -------
-    TurningGuess
+    SegmentGuesses
         Segments between the reversals of all joints.
     """
     profiles = [
@@ -204,7 +204,7 @@ def turning_guess(
     positions[-1] = displacement
     fixed = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
     fixed[[0, -1]] = True
-    return TurningGuess(tuple(guesses), positions, fixed, directions)
+    return SegmentGuesses(tuple(guesses), positions, fixed, directions)
 
 
 def _reversals_in_order(profiles: list[_Profile], duration: float) -> tuple[list[float], Array]:

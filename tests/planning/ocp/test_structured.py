@@ -15,7 +15,7 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp import refinement, straight
-from ssm_planner.planning.ocp.free import finish_free, solve_free
+from ssm_planner.planning.ocp.free import find_best_free, solve_free
 from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
@@ -259,7 +259,7 @@ def test_the_fastest_motion_is_confirmed_later_to_the_same_result(
     whole = solve_free(problem, mechanism, points, method="confirmed")
     fastest = solve_free(problem, mechanism, points, method="confirmed", fastest_only=True)
     assert fastest.confirmation is None
-    confirmed = finish_free(fastest, "time")
+    confirmed = find_best_free(fastest, "time")
     assert confirmed.confirmation == whole.confirmation
     assert confirmed.coefficients.tobytes() == whole.coefficients.tobytes()
     assert fastest.duration == pytest.approx(whole.duration, rel=1e-6)

@@ -22,7 +22,7 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import Replanner, plan, starting_from
 from ssm_planner.planning import phase_planner, planner
 from ssm_planner.planning.ocp.motion import PhaseSolution
-from ssm_planner.planning.ocp.turning import turning_guess
+from ssm_planner.planning.ocp.turning import guess_with_reversals
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
@@ -201,7 +201,7 @@ def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) 
     rng = np.random.default_rng(seed)
     way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4, [3.0] * 4])
     speeds = rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)
-    found = turning_guess(way, speeds, limits, count=40, least_count=2)
+    found = guess_with_reversals(way, speeds, limits, count=40, least_count=2)
     assert found.positions[-1] == pytest.approx(way)
     for guess, sign in zip(found.guesses, found.directions, strict=True):
         _, velocity, start, end = guess.states
