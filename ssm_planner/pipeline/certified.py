@@ -9,6 +9,7 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import (
     JUMPS,
     ContinuousTorque,
@@ -89,6 +90,7 @@ def plan_and_check(
     *,
     may_overheat: bool = True,
     may_reverse: bool = True,
+    work: Work | None = None,
 ) -> Outcome:
     """Plan a problem and check the motion.
 
@@ -110,6 +112,8 @@ def plan_and_check(
         Plan a motion even if no motion keeps the motors cool enough.
     may_reverse : bool
         Allow joints to reverse between points.
+    work : Work or None
+        Counter of the work.
 
     Returns
     -------
@@ -126,6 +130,7 @@ def plan_and_check(
             cooling,
             may_overheat=may_overheat,
             may_reverse=may_reverse,
+            work=work,
         )
         has_reversals = has_reversals or any(phase.turns_back for phase in result.phases)
         if result.trajectory is None:
@@ -144,7 +149,13 @@ def plan_and_check(
         strict = stricter
     if has_reversals and not outcome.passed:
         return plan_and_check(
-            problem, progress, on_motion, cooling, may_overheat=may_overheat, may_reverse=False
+            problem,
+            progress,
+            on_motion,
+            cooling,
+            may_overheat=may_overheat,
+            may_reverse=False,
+            work=work,
         )
     return outcome
 

@@ -21,18 +21,18 @@ from ssm_planner.planning.candidates.other_joints import (
     MissionMotion,
     OtherJoints,
 )
-from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.prechecks import eye_forbids_target, feasible_phases
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import GAP
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import Free, Joints, Problem
 from ssm_planner.progress import Progress, Step, silent
 
 StopAt = Literal["shortest", "nearest", "any"]
 SEARCH = 2.5
-"""Effort after which no faster motion is looked for, if there is a motion."""
+"""Work after which no faster motion is looked for, if there is a motion."""
 MAX_TARGETS = 8
 """Largest number of targets with alternatives, since each changes the path of all that follows."""
 
@@ -40,6 +40,7 @@ MAX_TARGETS = 8
 def plan_mission(
     problem: Problem,
     plan: Callable[[Problem], Outcome],
+    work: Work,
     progress: Progress = silent,
     *,
     stoppable: bool = False,
@@ -53,6 +54,8 @@ def plan_mission(
         The problem.
     plan : callable
         Plans and checks a problem.
+    work : Work
+        Counter of the work of `plan`.
     progress : callable
         Called with a message for every alternative, which states the best duration so far.
     stoppable : bool
@@ -73,6 +76,7 @@ def plan_mission(
     search = _Search(
         problem,
         plan,
+        work,
         progress,
         any_suffices=stop_at == "any",
         best=plan(problem),
@@ -100,6 +104,7 @@ class _Search:
 
     problem: Problem
     plan: Callable[[Problem], Outcome]
+    work: Work
     progress: Progress
     any_suffices: bool
     best: Outcome
@@ -119,12 +124,12 @@ class _Search:
         return replace(self.best, planned=replace(planned, candidates=tuple(candidates)))
 
     def run(self) -> None:
-        """Search until no faster motion is expected, or until the effort is spent.
+        """Search until no faster motion is expected, or until the work budget is spent.
 
         Alternatives are planned without Ipopt's confirmation. Ipopt confirms the best of them at
         the end.
         """
-        problem, begin = self.problem, EFFORT.spent
+        problem, begin = self.problem, self.work.spent
         for target in [] if eye_forbids_target(problem) else targets(problem):
             rescued, present = not self.best.passed, self.best_problem
             self._search(present, target, begin)
@@ -155,13 +160,15 @@ class _Search:
             return MissionMotion(outcome.duration, outcome.planned.phases)
 
         known = MissionMotion(best.duration, best.planned.phases) if best.passed else None
-        planner = JointsPlanner(problem, phases, target, known, plan=plan, report=report)
+        planner = JointsPlanner(
+            problem, phases, target, known, plan=plan, work=self.work, report=report
+        )
         solution, evaluations = find_fastest(
             [OtherJoints],
             planner,
             best.duration * (1 - GAP),
             gap=1.0 if self.any_suffices else GAP,
-            budget=SEARCH + begin - EFFORT.spent,
+            budget=SEARCH + begin - self.work.spent,
         )
         self.entries.setdefault(phases.index(planner.phase), []).extend(
             item.to_dict(solution) for item in evaluations

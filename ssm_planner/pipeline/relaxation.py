@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Literal, get_args
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.prechecks import eye_forbids_target
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import (
     ContinuousTorque,
     Duration,
@@ -37,7 +37,7 @@ SHARP = 0.9
 CHANGES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
 PATIENCE, TRIAL = 4.0, 0.1
-"""Effort after which no further change is tried, and the effort of a trial besides its solves."""
+"""Work after which no further change is tried, and the work of a trial besides its solves."""
 SHARES = (1.0, 1.5, 2.0, 3.0)
 """Multiples of a relaxation that pages offer."""
 OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
@@ -196,6 +196,7 @@ def search(
     duration: float | None = None,
     *,
     feasible: Planner | None = None,
+    work: Work | None = None,
     budget: float = PATIENCE,
 ) -> Cure | None:
     """Find the smallest change of one limit, or of several together, that gives a motion.
@@ -215,8 +216,10 @@ def search(
         Duration of the motion in which the check found a limit exceeded, s.
     feasible : callable or None
         Tells sooner than `plan` whether there is a motion.
+    work : Work or None
+        Counter of the work of `plan`.
     budget : float
-        Effort after which no further trial begins.
+        Work after which no further trial begins.
 
     Returns
     -------
@@ -227,9 +230,10 @@ def search(
     relaxation = relaxation_for(problem, reason)
     if relaxation is None and eye_forbids_target(problem):
         return None
-    trials = _Trials(plan, feasible or plan, budget)
+    work = work or Work()
+    trials = _Trials(plan, feasible or plan, work, work.spent + budget)
     # These need few trials, whereas the search for the smallest change may take all remaining
-    # effort.
+    # work.
     others = [
         trials.smallest(*other)
         for other in _other_relaxations(problem, reason, duration)
@@ -273,14 +277,14 @@ class _Trials:
     """Plans a problem completely."""
     feasible: Planner
     """Tells sooner than `plan` whether there is a motion."""
-    budget: float
-    """Effort after which no further trial begins."""
-    begin: float = field(default_factory=lambda: EFFORT.spent)
+    work: Work
+    limit: float
+    """Work after which no further trial begins."""
 
     @property
     def has_budget(self) -> bool:
         """True if another trial may begin."""
-        return EFFORT.spent - self.begin < self.budget
+        return self.work.spent < self.limit
 
     def smallest(
         self,
@@ -331,7 +335,7 @@ class _Trials:
         """
 
         def cure(share: float) -> Cure:
-            EFFORT.spent += TRIAL
+            self.work.spent += TRIAL
             return _try_cure(relaxation, relaxation.value(share), plan)
 
         for upper in shares:

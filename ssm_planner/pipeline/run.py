@@ -30,12 +30,12 @@ from ssm_planner.pipeline.relaxation import changes_of_limits, search
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
 from ssm_planner.planning.cache import cache_scope
 from ssm_planner.planning.candidates.stop_first import stopping_point
-from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.prechecks import exceeds_thermal_bound
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.work import Work
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
     TASK,
@@ -138,7 +138,6 @@ def plan(
         progress(step)
 
     with _ONE_AT_A_TIME, cache_scope():
-        EFFORT.spent = 0.0  # sums of floats depend on where they begin
         return _plan(
             problem,
             _report,
@@ -158,7 +157,7 @@ def _plan(
     relaxations: bool,
     stoppable: bool,
 ) -> Plan:
-    start = time.perf_counter()
+    start, work = time.perf_counter(), Work()
     motions: list[Trajectory] = []
 
     def show(trajectory: Trajectory) -> None:
@@ -167,9 +166,11 @@ def _plan(
 
     # Some cures follow from the motion that gets too warm. Without relaxations it is not needed.
     def attempt(candidate: Problem) -> Outcome:
-        return _attempt(candidate, progress, show, may_overheat=relaxations)
+        return _attempt(candidate, work, progress, show, may_overheat=relaxations)
 
-    outcome, final_problem, stopped = plan_mission(problem, attempt, progress, stoppable=stoppable)
+    outcome, final_problem, stopped = plan_mission(
+        problem, attempt, work, progress, stoppable=stoppable
+    )
     result = outcome.planned
     certificate = outcome.certificate
     reason = outcome.reason
@@ -180,8 +181,9 @@ def _plan(
         duration = None if result.trajectory is None else result.trajectory.duration
         # The fastest motion is planned soonest, but it is warmer than the requested one.
         any_motion = not isinstance(reason.limit, ContinuousTorque)
-        feasible = partial(_feasible, any_suffices=any_motion)
-        cure = search(problem, reason, _duration_or_reason, duration, feasible=feasible)
+        feasible = partial(_feasible, work=work, any_suffices=any_motion)
+        complete = partial(_duration_or_reason, work=work)
+        cure = search(problem, reason, complete, duration, feasible=feasible, work=work)
         if cure is not None:
             reason = replace(reason, relaxation=cure.text)
             if cure.works:
@@ -397,8 +399,9 @@ def _summary(phase_result: PlannedPhase, promise: WayKept | None) -> PhaseSummar
 
 def _attempt(
     problem: Problem,
-    progress: Progress,
-    on_motion: Callable[[Trajectory], None],
+    work: Work,
+    progress: Progress = silent,
+    on_motion: Callable[[Trajectory], None] = silent,
     *,
     may_overheat: bool = True,
     may_reverse: bool = True,
@@ -410,10 +413,15 @@ def _attempt(
     """
 
     def plan_cooler(candidate: Problem, weights: Array) -> Outcome:
-        return plan_and_check(candidate, silent, silent, weights)
+        return plan_and_check(candidate, silent, silent, weights, work=work)
 
     outcome = plan_and_check(
-        problem, progress, on_motion, may_overheat=may_overheat, may_reverse=may_reverse
+        problem,
+        progress,
+        on_motion,
+        may_overheat=may_overheat,
+        may_reverse=may_reverse,
+        work=work,
     )
     if (
         not outcome.hot_joints
@@ -425,18 +433,18 @@ def _attempt(
     return ThermalSearch(problem, outcome, plan_cooler).run() or outcome
 
 
-def _duration_or_reason(problem: Problem) -> float | Reason:
+def _duration_or_reason(problem: Problem, work: Work) -> float | Reason:
     """Return the duration of the plan of a problem, or the reason of the failure."""
-    attempt = partial(_attempt, progress=silent, on_motion=silent, may_overheat=False)
-    return plan_mission(problem, attempt)[0].duration_or_reason
+    attempt = partial(_attempt, work=work, may_overheat=False)
+    return plan_mission(problem, attempt, work)[0].duration_or_reason
 
 
-def _feasible(problem: Problem, *, any_suffices: bool) -> float | Reason:
+def _feasible(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:
     """Return the duration of a motion that is found soon, or the reason of the failure.
 
     `any_suffices` ignores the heat of the objective and joints that reverse needlessly.
     """
-    attempt = partial(_attempt, progress=silent, on_motion=silent)
+    attempt = partial(_attempt, work=work)
     if any_suffices:
         # Reversals may make a motion short enough.
         durations = (problem.duration, *(entry.duration for entry in problem.motion))
@@ -444,7 +452,7 @@ def _feasible(problem: Problem, *, any_suffices: bool) -> float | Reason:
         if problem.objective == "time then heat":
             problem = unchecked(problem, objective="time")
     stop_at: StopAt = "any" if any_suffices else "nearest"
-    return plan_mission(quickly(problem), attempt, stop_at=stop_at)[0].duration_or_reason
+    return plan_mission(quickly(problem), attempt, work, stop_at=stop_at)[0].duration_or_reason
 
 
 def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, float]]:
@@ -454,7 +462,7 @@ def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, f
     """
     shortest = math.inf
     for words, changed in changes_of_limits(problem, relaxed).values():
-        outcome = _feasible(changed, any_suffices=True)
+        outcome = _feasible(changed, Work(), any_suffices=True)
         if isinstance(outcome, float):
             yield words, outcome
             if outcome > (1 - NOTABLE) * shortest:

@@ -101,6 +101,7 @@ class PhasePlanner(PhaseTask):
             cutoff=cutoff,
             count=count,
             fastest_only=fastest_only,
+            work=self.work,
         )
         fewer = ELEMENTS if count is None and len(phase.points) == 2 else None
         by_ipopt = borders is None or borders.guess is None
@@ -202,6 +203,7 @@ class PhasePlanner(PhaseTask):
             objective=problem.objective,
             duration=self.phase.motion.duration,
             speeds=speeds,
+            work=self.work,
         )
         result = self.phase_result(path, self._solved(solve))
         if isinstance(result, Reason) and self._may_be_retimed(path):

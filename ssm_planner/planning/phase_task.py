@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import field
 from functools import cached_property
 
 from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.prechecks import least_duration
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import Problem, Robot
 from ssm_planner.typing import Array, record
 
@@ -55,6 +57,7 @@ class PhaseTask:
     """True if the structured solver alone estimates the duration, in few rounds."""
     may_reverse: bool = True
     """True if joints may reverse where they need not."""
+    work: Work = field(default_factory=Work)
 
     @cached_property
     def lower_bound(self) -> float:

@@ -72,6 +72,17 @@ class Phase:
     qdd_start: Array = field(default_factory=lambda: np.zeros(4))
     """Joint accelerations (4,) at the start of a free motion with limited jerk."""
 
+    @classmethod
+    def standing(cls, motion: Motion, task: Array, q: Array) -> Phase:
+        """Return a phase at rest at task coordinates and joints, (4,) each."""
+        return cls(motion, task, task, np.stack([q, q]), None)
+
+    @classmethod
+    def along(cls, motion: Motion, start: Array, path: JointPath) -> Phase:
+        """Return a phase along a path from task coordinates `start` (4,)."""
+        knots = path.sample(path.directions[0]).q
+        return cls(motion, start, task_at_end(path.mechanism, knots, start), knots, path)
+
     @property
     def q_start(self) -> Array:
         """Joints at the start, (4,)."""
@@ -98,6 +109,17 @@ class Phase:
         None otherwise.
         """
         return self.path.branch if isinstance(self.path, (ClosedPath, BlendedPath)) else None
+
+
+def task_at_end(mechanism: Mechanism, points: Array, start: Array) -> Array:
+    """Return task coordinates (4,) at the last of the joints `points` (n, 4).
+
+    They are continuous from `start` (4,) at the first point.
+    """
+    task = start
+    for point in points[1:]:
+        task = task_from_joints(mechanism, point[None, :], near=task)[0]
+    return task
 
 
 def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
@@ -154,10 +176,10 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
             for motion in (
                 visits_of(problem, mechanism, entry, q) if isinstance(entry, Scan) else (entry,)
             ):
-                phases += _phases_of(problem, mechanism, motion, (task, q))
+                phases += _PhaseBuilder(problem, mechanism, task, q).phases(motion)
                 task, q = phases[-1].end, phases[-1].points[-1]
         keys += [key] * (len(phases) - len(keys))
-    phases = _without_stops(problem, mechanism, phases, keys)
+    phases = _without_stops(problem, phases, keys)
     if not any(
         phase.path is not None or phase.motion.duration or not phase.stands for phase in phases
     ):
@@ -167,48 +189,131 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
     return tuple(phases)
 
 
-def _phases_of(
-    problem: Problem, mechanism: Mechanism, motion: Motion, origin: tuple[Array, Array]
-) -> list[Phase]:
-    """Return the phases of one motion from `origin`: task coordinates and joints, (4,) each."""
-    task, q = origin
-    if isinstance(motion, Dwell):
-        return [Phase(motion, task, task, np.stack([q, q]), None)]
-    if isinstance(motion, Straight):
-        return [_straight_phase(problem, mechanism, motion, origin)]
-    if isinstance(motion, Follow):
-        return _curved_phases(problem, mechanism, motion, origin)
-    assert isinstance(motion, Free)
-    return [_free_phase(problem, mechanism, motion, origin)]
+@record
+class _PhaseBuilder:
+    """Builder of the phases of one motion."""
+
+    problem: Problem
+    mechanism: Mechanism
+    start: Array
+    q: Array
+    """Task coordinates and joints at the start of the motion, (4,) each."""
+
+    def phases(self, motion: Motion) -> list[Phase]:
+        """Return the phases of a motion."""
+        if isinstance(motion, Dwell):
+            return [Phase.standing(motion, self.start, self.q)]
+        if isinstance(motion, Straight):
+            return [self._straight(motion)]
+        if isinstance(motion, Follow):
+            return self._curved(motion)
+        assert isinstance(motion, Free)
+        return [self._free(motion)]
+
+    def _straight(self, motion: Straight) -> Phase:
+        """Return a straight motion."""
+        key = "to" if key_of(motion) in ALONE else "to.tilt"
+        end = _task_of(self.problem, self.mechanism, motion.to, self.start, key)
+        if np.abs(end - self.start).max() < ROUNDING:
+            return Phase.standing(motion, self.start, self.q)
+        path = straight_path(self.problem, self.mechanism, self.start, end, self.q)
+        return Phase(motion, self.start, end, path.sample(np.array([0.0, 1.0])).q, path)
+
+    def _free(self, motion: Free) -> Phase:
+        """Return a free motion through its points."""
+        points, end = [self.q], self.start
+        for k in range(len(motion.through) + 1):
+            with within("to" if k == len(motion.through) else f"through[{k}]"):
+                target = _target(motion, k, end)
+                point = _free_end(self.problem, self.mechanism, target, end, points[-1])
+            if np.abs(point - points[-1]).max() < ROUNDING:
+                continue
+            points.append(point)
+            end = task_from_joints(self.mechanism, point[None, :], near=end)[0]
+        if len(points) == 1:
+            return Phase.standing(motion, self.start, self.q)
+        return Phase(motion, self.start, end, np.stack(points), None)
+
+    def _curved(self, motion: Follow) -> list[Phase]:
+        """Return the phases along a curve.
+
+        A free motion to the first sample, or to the requested distance from the retina, precedes
+        the curve unless the robot is there already.
+        """
+        if motion.curve in OF_TIP:
+            target = self.q
+            if motion.distance is not None:
+                target = at_distance(self.problem, self.mechanism, motion, self.start, self.q)
+            if target is self.q:
+                return [self._of_tip(motion)]
+            approach, following = self._approach(motion, target)
+            return [approach, following._of_tip(motion)]
+        points, leading = points_of_curve(self.problem, self.mechanism, motion, self.start, self.q)
+        if not leading:
+            return self._through(motion, points)
+        approach, following = self._approach(motion, points[1])
+        return [approach, *following._through(motion, points[1:])]
+
+    def _approach(self, motion: Follow, target: Array) -> tuple[Phase, _PhaseBuilder]:
+        """Return the free motion to joints `target` (4,), and the builder that continues there."""
+        lead = Free(_as_joints(target), name=f"{motion.name}, approach", line=motion.line)
+        end = task_from_joints(self.mechanism, target[None], near=self.start)[0]
+        phase = Phase(lead, self.start, end, np.stack([self.q, target]), None)
+        return phase, replace(self, start=end, q=target)
+
+    def _through(self, motion: Follow, points: Array) -> list[Phase]:
+        """Return the phases through points (n, 4), one for every smooth run of samples."""
+        scale = np.array([joint.velocity for joint in self.problem.robot.joints])
+        points = without_repeats(points)
+        if len(points) == 1:
+            return [Phase.standing(motion, self.start, points[-1])]
+        runs = smooth_runs(points, scale) if motion.curve == "samples" else [points]
+        pieces = self.problem.by_optimal_control(motion)
+        phases: list[Phase] = []
+        start = self.start
+        for k, run in enumerate(runs, 1):
+            path = SplinePath(self.mechanism, run, scale, pieces=pieces)
+            labelled = motion if len(runs) == 1 else replace(motion, name=f"{motion.name} {k}")
+            phases.append(Phase.along(labelled, start, path))
+            start = phases[-1].end
+        return phases
+
+    def _of_tip(self, motion: Follow) -> Phase:
+        """Return the phase in which the tip follows a line or an arc."""
+        path: JointPath | Array = tip_curve(
+            self.problem, self.mechanism, motion, self.start, self.q
+        )
+        if not isinstance(path, JointPath):
+            joints = path
+            if np.abs(joints - self.q).max() < ROUNDING:
+                return Phase.standing(motion, self.start, self.q)
+            end = task_from_joints(self.mechanism, joints[None], near=self.start)[0]
+            path = straight_path(self.problem, self.mechanism, self.start, end, self.q)
+        return Phase.along(motion, self.start, path)
 
 
-def _without_stops(
-    problem: Problem, mechanism: Mechanism, phases: list[Phase], keys: list[str]
-) -> list[Phase]:
+def _without_stops(problem: Problem, phases: list[Phase], keys: list[str]) -> list[Phase]:
     """Return the phases, joined to one where corners between them are rounded.
 
-    `places` are the keys of their motions in the problem file.
+    `keys` are the keys of their motions in the problem file.
     """
     merged: list[Phase] = []
     chain: list[Phase] = []
     for k, phase in enumerate(phases, 1):
         chain.append(phase)
         if not isinstance(phase.motion, (Straight, Follow)) or phase.motion.blend is None:
-            there = keys[k - len(chain) : k]
-            merged.append(
-                chain[0] if len(chain) == 1 else _rounded_phase(problem, mechanism, chain, there)
-            )
+            merged.append(_rounded_phase(problem, chain, keys[k - len(chain) : k]))
             chain = []
     return merged
 
 
-def _rounded_phase(
-    problem: Problem, mechanism: Mechanism, chain: list[Phase], keys: list[str]
-) -> Phase:
+def _rounded_phase(problem: Problem, chain: list[Phase], keys: list[str]) -> Phase:
     """Return one phase along the paths of a chain of phases with rounded corners.
 
     Raises ProblemError.
     """
+    if len(chain) == 1:
+        return chain[0]
     distances = [getattr(phase.motion, "blend", 0.0) for phase in chain[:-1]]
     pieces = [phase.path for phase in chain if isinstance(phase.path, ClosedPath)]
     resting = next(
@@ -222,7 +327,7 @@ def _rounded_phase(
                 key=str(max(resting - 1, 0)),
                 allowed=allowed,
             )
-        path = rounded(mechanism, pieces, distances)
+        path = rounded(pieces[0].mechanism, pieces, distances)
     except ProblemError as error:
         k = int(error.key or 0)
         error.file = problem.file
@@ -235,125 +340,6 @@ def _rounded_phase(
     assert not isinstance(motion, Scan)
     points = path.sample(path.directions[0]).q
     return Phase(replace(motion, name=name), chain[0].start, chain[-1].end, points, path)
-
-
-def _straight_phase(
-    problem: Problem, mechanism: Mechanism, motion: Straight, origin: tuple[Array, Array]
-) -> Phase:
-    """Return a straight motion from `origin`: task coordinates and joints, (4,) each."""
-    start, q = origin
-    end = _task_of(
-        problem, mechanism, motion.to, start, "to" if key_of(motion) in ALONE else "to.tilt"
-    )
-    if np.abs(end - start).max() < ROUNDING:
-        return Phase(motion, start, start, np.stack([q, q]), None)
-    path = straight_path(problem, mechanism, start, end, q)
-    return Phase(motion, start, end, path.sample(np.array([0.0, 1.0])).q, path)
-
-
-def _free_phase(
-    problem: Problem, mechanism: Mechanism, motion: Free, origin: tuple[Array, Array]
-) -> Phase:
-    """Return a free motion through points from `origin`: task coordinates and joints, (4,) each."""
-    start, q = origin
-    points, end = [q], start
-    for k in range(len(motion.through) + 1):
-        with within("to" if k == len(motion.through) else f"through[{k}]"):
-            point = _free_end(problem, mechanism, _target(motion, k, end), end, points[-1])
-        if np.abs(point - points[-1]).max() < ROUNDING:
-            continue
-        points.append(point)
-        end = task_from_joints(mechanism, point[None, :], near=end)[0]
-    return Phase(motion, start, end, np.stack(points if len(points) > 1 else [q, q]), None)
-
-
-def _curved_phases(
-    problem: Problem, mechanism: Mechanism, motion: Follow, origin: tuple[Array, Array]
-) -> list[Phase]:
-    """Return the phases along a curve from `origin`: task coordinates and joints, (4,) each.
-
-    A curve through samples gets a phase for every smooth run of samples. A free motion to the first
-    sample precedes it, unless the robot is there already.
-    """
-    start, q = origin
-    if motion.distance is not None:
-        return _retina_phases(problem, mechanism, motion, origin)
-    if motion.curve in OF_TIP:
-        return [_tip_phase(problem, mechanism, motion, origin)]
-    points, leading = points_of_curve(problem, mechanism, motion, start, q)
-    phases: list[Phase] = []
-    if leading:
-        lead = Free(_as_joints(points[1]), name=f"{motion.name}, approach", line=motion.line)
-        start = task_from_joints(mechanism, points[1:2], near=start)[0]
-        phases.append(Phase(lead, origin[0], start, points[:2], None))
-        points = points[1:]
-    scale = np.array([joint.velocity for joint in problem.robot.joints])
-    points = without_repeats(points)
-    runs = (
-        smooth_runs(points, scale)
-        if motion.curve == "samples"
-        else [points]
-        if len(points) > 1
-        else []
-    )
-    for k, run in enumerate(runs, 1):
-        path = SplinePath(mechanism, run, scale, pieces=problem.by_optimal_control(motion))
-        knots = path.sample(path.directions[0]).q
-        end = start
-        for point in knots[1:]:
-            end = task_from_joints(mechanism, point[None, :], near=end)[0]
-        labelled = motion if len(runs) == 1 else replace(motion, name=f"{motion.name} {k}")
-        phases.append(Phase(labelled, start, end, knots, path))
-        start = end
-    return phases or [Phase(motion, start, start, np.stack([points[-1], points[-1]]), None)]
-
-
-def _retina_phases(
-    problem: Problem, mechanism: Mechanism, motion: Follow, origin: tuple[Array, Array]
-) -> list[Phase]:
-    """Return the phases of a motion along the retina.
-
-    `origin` contains the task coordinates and the joints at the start, (4,) each. The first phase
-    moves the tip freely to the requested distance from the retina. It is omitted if the tip has
-    this distance already.
-    """
-    start, q = origin
-    target = at_distance(problem, mechanism, motion, start, q)
-    if target is q:
-        return [_tip_phase(problem, mechanism, motion, origin)]
-    lead = Free(_as_joints(target), name=f"{motion.name}, approach", line=motion.line)
-    end = task_from_joints(mechanism, target[None], near=start)[0]
-    return [
-        Phase(lead, start, end, np.stack([q, target]), None),
-        _tip_phase(problem, mechanism, motion, (end, target)),
-    ]
-
-
-def _tip_phase(
-    problem: Problem, mechanism: Mechanism, motion: Follow, origin: tuple[Array, Array]
-) -> Phase:
-    """Return the phase in which the tip follows a line or an arc.
-
-    `origin` contains the task coordinates and the joints at the start, (4,) each.
-    """
-    start, q = origin
-    path: JointPath | Array = tip_curve(problem, mechanism, motion, start, q)
-    if not isinstance(path, JointPath):
-        end_joints = path
-        if np.abs(end_joints - q).max() < ROUNDING:
-            return Phase(motion, start, start, np.stack([q, q]), None)
-        path = straight_path(
-            problem,
-            mechanism,
-            start,
-            task_from_joints(mechanism, end_joints[None], near=start)[0],
-            q,
-        )
-    knots = path.sample(path.directions[0]).q
-    end = start
-    for point in knots[1:]:
-        end = task_from_joints(mechanism, point[None, :], near=end)[0]
-    return Phase(motion, start, end, knots, path)
 
 
 def _as_joints(q: Array) -> Joints:

@@ -26,6 +26,7 @@ from ssm_planner.planning.reason import Reason, duration_too_short, durations_di
 from ssm_planner.planning.retiming.paths import PolylinePath, StraightPath
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import Motion, Problem, Robot, Scan, unchecked
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.trajectory import Trajectory, hold, join
@@ -56,6 +57,7 @@ def plan_motion(
     *,
     may_overheat: bool = True,
     may_reverse: bool = True,
+    work: Work | None = None,
 ) -> PlannerResult:
     """Plan every phase of a problem and join the motions.
 
@@ -75,6 +77,8 @@ def plan_motion(
         Plan a motion even if a bound shows that a motor cannot stay cool enough.
     may_reverse : bool
         Allow joints to reverse between points.
+    work : Work or None
+        Counter of the work.
 
     Returns
     -------
@@ -92,9 +96,12 @@ def plan_motion(
     strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
     may_reverse = may_reverse and problem.stop_travel is None
     phases, reason = feasible_phases(problem, mechanism)
+    work = work or Work()
 
     def planner(phase: Phase) -> PhasePlanner:
-        return PhasePlanner(problem, mechanism, strict, phase, cooling, may_reverse=may_reverse)
+        return PhasePlanner(
+            problem, mechanism, strict, phase, cooling, may_reverse=may_reverse, work=work
+        )
 
     if reason is None and not may_overheat:
         reason = motor_too_hot(original, phases)
@@ -142,7 +149,7 @@ def joined(phases: Sequence[PlannedPhase]) -> Trajectory:
     )
 
 
-def estimated_duration(problem: Problem, cutoff: float = np.inf) -> float:
+def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | None = None) -> float:
     """Estimate how long a motion of a problem takes, s.
 
     The structured solver alone computes the estimate, without reversals. A requested duration is
@@ -155,7 +162,13 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf) -> float:
     of_time = unchecked(problem, objective="time")
     planners = [
         PhasePlanner(
-            of_time, mechanism, problem.robot, phase, estimate_only=True, may_reverse=False
+            of_time,
+            mechanism,
+            problem.robot,
+            phase,
+            estimate_only=True,
+            may_reverse=False,
+            work=work or Work(),
         )
         for phase in phases
     ]

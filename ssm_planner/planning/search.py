@@ -9,7 +9,6 @@ from itertools import count
 import numpy as np
 
 from ssm_planner.planning.candidates.candidate import Candidate, Evaluation, P, R
-from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP
 
@@ -39,7 +38,7 @@ def find_fastest(
     gap : float
         Relative difference of durations that counts. With 1, the first motion ends the search.
     budget : float
-        Effort after which no faster motion is looked for, if there is a motion or a cutoff.
+        Work after which no faster motion is looked for, if there is a motion or a cutoff.
 
     Returns
     -------
@@ -50,7 +49,7 @@ def find_fastest(
     """
     evaluations: list[Evaluation[P, R]] = []
     queue: list[tuple[float, int, Evaluation[P, R]]] = []
-    order, solution, begin = count(), None, EFFORT.spent
+    order, solution, begin = count(), None, planner.work.spent
 
     def suggest(evaluation: Evaluation[P, R] | None) -> None:
         for kind in kinds:
@@ -64,12 +63,12 @@ def find_fastest(
         limit = cutoff if solution is None else min(cutoff, (1 - gap) * solution.duration)
         if cost >= limit:
             continue
-        if limit < np.inf and EFFORT.spent - begin > budget:
+        if limit < np.inf and planner.work.spent - begin > budget:
             evaluation.result = Reason(message="not solved: the work budget is spent")
             continue
-        spent = EFFORT.spent
+        spent = planner.work.spent
         evaluation.advance(limit)
-        evaluation.effort += EFFORT.spent - spent
+        evaluation.effort += planner.work.spent - spent
         if evaluation.result is None:
             heappush(queue, (evaluation.cost, next(order), evaluation))
         elif not isinstance(evaluation.result, Reason) and evaluation.result.duration < limit:

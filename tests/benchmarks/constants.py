@@ -4,7 +4,7 @@
 
 Every constant at the level of a module in ROOMS is halved and doubled, in a process of its own whose import of that module
 is changed. The problems are planned until one of them changes: in its duration or outcome by more than GAP, or in its work
-(`EFFORT`, which is the same on every machine) by more than a tenth. `--cpu` also compares CPU times, in alternating runs.
+(`Work`, which is the same on every machine) by more than a tenth. `--cpu` also compares CPU times, in alternating runs.
 The table goes to results/constants.md. `--only` measures the constants with these names, or of these modules, and replaces
 their rows.
 """
@@ -26,6 +26,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
+from unittest.mock import patch
 
 from tests.support.paths import PACKAGE, ROOT
 
@@ -35,7 +36,7 @@ GAP = 1e-4
 WORK = 0.1
 """Changes of a duration and of work that count, as shares."""
 LEAST_WORK = 0.05
-"""Effort and CPU time, s, that count at least, so that a small problem does not decide."""
+"""Work and CPU time, s, that count at least, so that a small problem does not decide."""
 REPEATS = 3
 """Pairs of runs that confirm a change of CPU time."""
 FACTORS = (2.0, 0.5)
@@ -179,20 +180,22 @@ def problem_of(name: str) -> tuple[Any, bool]:
 
 
 def measured(name: str) -> tuple[float, str, float, float]:
-    """Plan a problem: its duration (0 without a motion), the outcome, effort and CPU time."""
-    from ssm_planner.pipeline.run import plan
-    from ssm_planner.planning.ocp.refinement import EFFORT
+    """Plan a problem: its duration (0 without a motion), the outcome, work and CPU time."""
+    from ssm_planner.pipeline import run
+    from ssm_planner.planning.work import Work
 
     problem, relaxed = problem_of(name)
     start = time.process_time()
     try:
-        result = plan(problem, relaxations=relaxed)
+        work = Work()
+        with patch.object(run, "Work", lambda: work):
+            result = run.plan(problem, relaxations=relaxed)
     except Exception as error:  # noqa: BLE001  a moved constant may break anything
         return 0.0, f"raises {type(error).__name__}", 0.0, 0.0
     spent = time.process_time() - start
     reason = "" if result.reason is None else str(result.reason.relaxation or "no motion")
     duration = result.trajectory.duration if result.passed and result.trajectory else 0.0
-    return duration, reason, EFFORT.spent, spent
+    return duration, reason, work.spent, spent
 
 
 def child(module: str, constant: str, factor: float, names: list[str]) -> None:
@@ -249,7 +252,7 @@ def effect(
             return how, name, "another relaxation"
         change = (effort + LEAST_WORK) / (old_effort + LEAST_WORK) - 1
         if abs(change) > WORK:
-            return how, name, f"effort {100 * change:+.0f} %"
+            return how, name, f"work {100 * change:+.0f} %"
         share = (spent + LEAST_WORK) / (old_spent + LEAST_WORK) - 1
         if cpu and abs(share) > WORK:
             slower.append((abs(share), name))

@@ -17,9 +17,9 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
 from ssm_planner.pipeline.relaxation import Cure, search
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.ocp.refinement import EFFORT
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.work import Work
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import MotorTorque, TaskRange
 from ssm_planner.problem.motion import Free, Joints, Motion, Straight, Task
@@ -326,16 +326,21 @@ def test_the_clock_does_not_bound_what_is_searched(
 ) -> None:
     """The same reason is found however long it takes: what counts is what was solved, not the time that it took."""
     asked: list[Problem] = []
+    work = Work()
 
     def never(problem: Problem) -> Reason:
         asked.append(problem)
-        EFFORT.spent += 1.0
+        work.spent += 1.0
         return Reason(None, None, None, None, "no")
 
     monkeypatch.setattr("time.process_time", lambda: 1e3 * len(asked))
     assert (
         search(
-            tilt_insert, Reason(None, "insert", None, None, "no motion found"), never, budget=10.0
+            tilt_insert,
+            Reason(None, "insert", None, None, "no motion found"),
+            never,
+            work=work,
+            budget=10.0,
         )
         is None
     )

@@ -17,6 +17,7 @@ from typing import ClassVar, Generic, Protocol, TypeVar
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.work import Working
 from ssm_planner.typing import record
 
 
@@ -28,7 +29,7 @@ class Timed(Protocol):
         """Duration, s."""
 
 
-P = TypeVar("P")
+P = TypeVar("P", bound=Working)
 R = TypeVar("R", bound=Timed)
 
 

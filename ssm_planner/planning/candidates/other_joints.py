@@ -29,6 +29,7 @@ from ssm_planner.planning.prechecks import (
 )
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked
 from ssm_planner.typing import Array, record
 
@@ -57,6 +58,7 @@ class JointsPlanner:
     """Shortest certified motion so far."""
     plan: Callable[[Problem], MissionMotion | Reason]
     """Plans and checks a problem."""
+    work: Work
     report: Callable[[], None]
     """Called before every candidate."""
 
@@ -264,7 +266,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         """Return the duration by the structured solver alone, without reversals."""
         self.planner.report()
         nominal = unchecked(self.problem, friction=None, payload=None)
-        duration = estimated_duration(nominal, cutoff)
+        duration = estimated_duration(nominal, cutoff, self.planner.work)
         if duration < cutoff:
             return MissionMotion(duration)
         return Reason(message="no shorter motion is expected")

@@ -35,6 +35,7 @@ from ssm_planner.planning.ocp.segments import (
 )
 from ssm_planner.planning.ocp.turning import SegmentGuesses
 from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import (
     Objective,
     Problem,
@@ -62,6 +63,7 @@ def solve_free(
     borders: Borders | None = None,
     cutoff: float = np.inf,
     fastest_only: bool = False,
+    work: Work | None = None,
 ) -> PhaseSolution:
     """Return a motion through the joints `points` (k + 1, 4).
 
@@ -93,6 +95,8 @@ def solve_free(
         Duration in s beyond which a motion is not refined any further.
     fastest_only : bool
         Return the fastest motion as the first solver finds it. `find_best_free` makes it final.
+    work : Work or None
+        Counter of the work.
 
     Returns
     -------
@@ -114,6 +118,7 @@ def solve_free(
         start_acceleration=np.zeros(4) if start_acceleration is None else start_acceleration,
         method=method,
         borders=borders,
+        work=work or Work(),
     )
     ocp = builder.build(count)
     takes = None if duration is None else duration / ocp.time_scale
@@ -179,6 +184,7 @@ class _FreeProblemBuilder:
     start_acceleration: Array
     method: Method
     borders: Borders
+    work: Work
 
     @property
     def jerk(self) -> bool:
@@ -279,6 +285,7 @@ class _FreeProblemBuilder:
             speeds=self.ends,
             start_acceleration=self.start_acceleration,
             starting=self.ends[0] == 0.0,
+            work=self.work,
         )
 
     def _fixed_positions(self, segments: list[SegmentGuesses]) -> Mask:

@@ -14,8 +14,6 @@ from ssm_planner.elements.element import Aim
 from ssm_planner.planning.ocp.nlp import Confirmation, Guess, InitialPoint, NlpSolution
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.refinement import (
-    EFFORT,
-    PRICES,
     TOLERANCE,
     RefinedMotion,
     RefinementState,
@@ -179,7 +177,9 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
     )
     start = InitialPoint((centred if centred.solved else structured).point.x)
     ipopts = Transcription.build(structure, element).solve(data, start, confirming=True)
-    EFFORT.spent += PRICES["Ipopt", aim != "time"] * ipopts.iterations * len(ipopts.elements)
+    problem.work.add_iterations(
+        "Ipopt", ipopts.iterations, len(ipopts.elements), costs=aim != "time"
+    )
     if not ipopts.solved:
         return None
     own_value, ipopt_value = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from ssm_planner.elements.compiled import rows_between
 from ssm_planner.elements.element import COLLOCATION, DENSE, Aim, ElementModel, shared
 from ssm_planner.elements.rows import RowName
 from ssm_planner.planning.ocp.nlp import BoundaryConditions, Method, NlpData, NlpStructure
+from ssm_planner.planning.work import Work
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
 SHORTEST = 0.01
@@ -40,6 +41,7 @@ class OcpProblem(ABC):
     """True for joints that begin the motion at rest, (4,)."""
     method: Method = "Ipopt"
     """Solution method."""
+    work: Work = field(default_factory=Work)
 
     @property
     @abstractmethod

@@ -8,7 +8,6 @@ lowers the bound of its row (backoff). Then the program is solved again.
 
 from __future__ import annotations
 
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +25,7 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
+from ssm_planner.planning.work import SOLVE
 from ssm_planner.problem import LensClearance, MotorTorque
 from ssm_planner.typing import Array, record
 
@@ -49,36 +49,6 @@ BACKOFF = 2.0
 """Ratio of the added backoff to the violation."""
 ROUNDS = 12
 """Largest number of solves."""
-SOLVE = 0.02
-PRICES = {
-    ("structured", False): 6e-6,
-    ("structured", True): 8e-6,
-    ("Ipopt", False): 1e-4,
-    ("Ipopt", True): 3e-4,
-}
-"""Effort of an iteration per element, by solver and by whether heat or effort counts, approximately
-in s.
-
-SOLVE is the effort of a solve without its iterations.
-"""
-
-
-class Effort(threading.local):
-    """Work that a thread has spent on solving, approximately in seconds.
-
-    Unlike time it does not depend on the machine or its load.
-    """
-
-    spent = 0.0
-
-
-EFFORT = Effort()
-"""Work of this thread.
-
-Searches are bounded by it, so that neither load nor cached results of earlier plans change a
-result.
-"""
-
 NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
 
@@ -184,14 +154,15 @@ def solve_to_tolerance(
     cutoff : float
         Duration beyond which the refinement ends, since it only makes a motion longer.
     """
-    iterations = 0
+    iterations, work = 0, state.problem.work
     feasible = False
     for k in range(1, ROUNDS + 1):
         program = state.program(aim, duration)
         solution = state.solve(program, aim)
         iterations += solution.iterations
-        EFFORT.spent += SOLVE + PRICES[solution.solver, aim != "time"] * solution.iterations * len(
-            solution.elements
+        work.spent += SOLVE
+        work.add_iterations(
+            solution.solver, solution.iterations, len(solution.elements), costs=aim != "time"
         )
         state = replace(state, elements=solution.elements)
         if not solution.solved or solution.times.sum() > cutoff:

@@ -42,6 +42,7 @@ from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import SAMPLES
+from ssm_planner.planning.work import Work
 from ssm_planner.problem import (
     TASK,
     JointAcceleration,
@@ -81,6 +82,7 @@ def solve_straight(
     speeds: tuple[float, float] = (0.0, 0.0),
     count: int | None = None,
     method: Method = "Ipopt",
+    work: Work | None = None,
 ) -> PhaseSolution:
     """Return the motion along a path that is best for an objective.
 
@@ -108,6 +110,8 @@ def solve_straight(
         Number of elements. None: chosen by the path.
     method : str
         Solution method, see `nlp.Method`.
+    work : Work or None
+        Counter of the work.
 
     Returns
     -------
@@ -141,6 +145,7 @@ def solve_straight(
         speed_limit=speed_limit,
         speeds=np.array(speeds) * scale,
         starting=np.full(4, speeds[0] == 0.0),
+        work=work or Work(),
     )
     initial = Guess(mesh.elements(guess), mesh.times)
     takes = None if duration is None else duration / scale
