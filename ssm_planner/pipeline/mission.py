@@ -31,7 +31,7 @@ from ssm_planner.problem import Free, Joints, Problem
 from ssm_planner.progress import Progress, Step, silent
 
 StopAt = Literal["shortest", "nearest", "any"]
-SEARCH = 2.5
+SEARCH = 4.0
 """Work after which no faster motion is looked for, if there is a motion."""
 MAX_TARGETS = 8
 """Largest number of targets with alternatives, since each changes the path of all that follows."""

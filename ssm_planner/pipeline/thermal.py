@@ -26,9 +26,9 @@ import numpy as np
 
 from ssm_planner.pipeline.certified import Outcome, checked
 from ssm_planner.planning.phase_task import PlannedPhase
-from ssm_planner.planning.planner import joined
+from ssm_planner.planning.planner import joined, with_duration
 from ssm_planner.planning.tolerances import GAP, SAME
-from ssm_planner.problem import Dwell, Free, Motion, Problem, Scan, Straight, unchecked
+from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked
 from ssm_planner.typing import Array
 
 MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)
@@ -122,7 +122,7 @@ class ThermalSearch:
         if not replannable or len(phases) != len(problem.motion):  # Corners join phases.
             return self._stretched(base, list(map(_may_take_longer, phases)), 1 + share)
         durations = [(1 + share) * phase.duration for phase in phases]
-        motion = tuple(map(_with_duration, problem.motion, durations))
+        motion = tuple(map(with_duration, problem.motion, durations))
         outcome = self.plan(unchecked(problem, motion=motion), self._hot_weights(1.0))
         # The durations belong to the search, so the lower bounds are those of the fastest motion.
         bounds = zip(outcome.planned.phases, phases, strict=False)
@@ -206,10 +206,3 @@ def _may_take_longer(phase: PlannedPhase) -> bool:
     motion = phase.phase.motion
     prescribed = motion.duration or getattr(motion, "constant_speed", None)
     return not prescribed and phase.phase.begins_and_ends_at_rest
-
-
-def _with_duration(entry: Motion, duration: float) -> Motion:
-    """Return a motion with a duration, unless it has one or does not move."""
-    if entry.duration is not None or isinstance(entry, Scan) or not duration:
-        return entry
-    return replace(entry, duration=duration)

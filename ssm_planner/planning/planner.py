@@ -250,7 +250,7 @@ def _with_durations(
     if free < needed:
         return phases, duration_too_short("the whole motion", duration, total_given + needed)
     timed = (
-        replace(phase, motion=_with_duration(phase.motion, minimum * free / needed))
+        replace(phase, motion=with_duration(phase.motion, minimum * free / needed))
         for phase, minimum in zip(phases, durations, strict=True)
     )
     return tuple(timed), None
@@ -273,8 +273,8 @@ def _fastest_durations(
     return durations
 
 
-def _with_duration(motion: Motion, duration: float) -> Motion:
-    """Return a motion with a duration, s. Scans, and motions for which it is 0, keep theirs."""
-    return (
-        motion if isinstance(motion, Scan) or not duration else replace(motion, duration=duration)
-    )
+def with_duration(motion: Motion, duration: float) -> Motion:
+    """Return a motion with a duration, s, unless it has one, is a scan, or does not move."""
+    if motion.duration is not None or isinstance(motion, Scan) or not duration:
+        return motion
+    return replace(motion, duration=duration)

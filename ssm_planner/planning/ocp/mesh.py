@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from ssm_planner.planning.lower_bound import rest_to_rest
+from ssm_planner.planning.lower_bound import SCurve, rest_to_rest
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.trajectory import Cubic, Trajectory
@@ -286,15 +286,7 @@ def closed_form_guess(
     }
     slowest_joint = max(moving, key=lambda k: alone[k].duration)
     leader = alone[slowest_joint]
-    instants, arcs = [np.zeros(1)], []
-    for start, end in pairwise(leader.switches):
-        n = max(least_count, round(count * (end - start) / leader.duration))
-        arcs.append(n)
-        instants.append(np.linspace(start, end, n + 1)[1:])
-    t = np.concatenate(instants)
-    middle = (t[1:] + t[:-1]) / 2
-    size = len(middle), len(displacement)
-    states = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    curves: list[SCurve | None] = [None] * len(displacement)
     for k in moving:
         in_step = leader.scaled(distances[k] / distances[slowest_joint])
         keeps_limits = all(
@@ -302,13 +294,39 @@ def closed_form_guess(
             for peak, limit in zip(in_step.peaks[: 2 + jerk], limits[:, k], strict=False)
         )
         profile = in_step if keeps_limits else alone[k].stretched(leader.duration)
-        q, qd, _ = profile.evaluate(t)
-        qdd = profile.evaluate(middle)[2]
-        half_rise = 0.5 * np.diff(t) * profile.jerk_at(middle)
-        values = q[:-1], qd[:-1], qdd - half_rise, qdd + half_rise
+        curves[k] = profile.scaled(np.sign(displacement[k]))
+    return guess_of_curves(curves, leader.switches.tolist(), count / leader.duration, least_count)
+
+
+def guess_of_curves(
+    curves: Sequence[SCurve | None], switches: Sequence[float], density: float, least_count: int
+) -> SegmentGuess:
+    """Return the part of a motion between the first and last switching instant.
+
+    Parameters
+    ----------
+    curves : sequence of SCurve or None
+        Motion of every joint. None for a joint that stands.
+    switches : sequence of float
+        Switching instants, s.
+    density : float
+        Approximate number of elements per second.
+    least_count : int
+        Smallest number of elements between two switching points.
+    """
+    arcs, t = elements_between(switches, density, least_count)
+    middle, size = (t[1:] + t[:-1]) / 2, (len(t) - 1, len(curves))
+    states = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    for i, curve in enumerate(curves):
+        if curve is None:
+            continue
+        q, qd, _ = curve.evaluate(t[:-1])
+        qdd = curve.evaluate(middle)[2]
+        half_rise = 0.5 * np.diff(t) * curve.jerk_at(middle)
+        values = q - q[0], qd, qdd - half_rise, qdd + half_rise
         for state, value in zip(states, values, strict=True):
-            state[:, k] = np.sign(displacement[k]) * value
-    return SegmentGuess(leader.duration, t, states, tuple(arcs))
+            state[:, i] = value
+    return SegmentGuess(switches[-1] - switches[0], t - t[0], states, arcs)
 
 
 def sampled_guess(motion: Trajectory, start: float, end: float, count: int) -> SegmentGuess:

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.planning.lower_bound import SCurve, minimum_times
-from ssm_planner.planning.ocp.mesh import SegmentGuess, elements_between
+from ssm_planner.planning.ocp.mesh import SegmentGuess, guess_of_curves
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.typing import Array, Mask, record
 
@@ -196,7 +196,7 @@ def guess_with_reversals(
         for t in slowest.with_duration(duration).switches:
             if instants[-1] + gap < t < end - gap:
                 instants.append(float(t))
-        guesses.append(_guess_between(curves, [*instants, end], count / borders[-1], least_count))
+        guesses.append(guess_of_curves(curves, [*instants, end], count / borders[-1], least_count))
     positions = np.zeros((len(borders), len(curves)))
     for i, curve in enumerate(curves):
         if curve is not None:
@@ -231,23 +231,3 @@ def _reversals_in_order(profiles: list[_Profile], duration: float) -> tuple[list
         directions[-1][i] *= -1
     borders.append(max(duration, borders[-1] + LEAST_SEGMENT * duration))
     return borders, np.array(directions)
-
-
-def _guess_between(
-    curves: list[SCurve | None], switches: list[float], density: float, least_count: int
-) -> SegmentGuess:
-    """Return the part of a motion between the first and last switching instant.
-
-    `density` is the number of elements per second.
-    """
-    arcs, t = elements_between(switches, density, least_count)
-    middle, size = (t[1:] + t[:-1]) / 2, (len(t) - 1, len(curves))
-    states = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-    for i, curve in enumerate(curves):
-        if curve is None:
-            continue
-        q, qd, _ = curve.evaluate(t[:-1])
-        qdd = curve.evaluate(middle)[2]
-        for state, value in zip(states, (q - q[0], qd, qdd, qdd), strict=True):
-            state[:, i] = value
-    return SegmentGuess(switches[-1] - switches[0], t - t[0], states, arcs)
