@@ -80,8 +80,9 @@ class Jobs:
         The keys of the request are those of `Study.problem_content`, and two more. `relaxed`
         replaces an infeasible problem by its relaxation. It is true, or a share in `SHARES` by
         which the change of the limits is multiplied. `pinned` is another request, whose
-        motion A is planned for comparison with the motion B of this request. Raises ProblemError if
-        a request is invalid, or while another run is in progress.
+        motion A is planned for comparison with the motion B of this request. A run in progress is
+        cancelled, for example that of a page that was closed. Raises ProblemError if a request is
+        invalid.
         """
         named = {"A": request.get("pinned"), "B": request}
         requests = [
@@ -90,8 +91,8 @@ class Jobs:
             if isinstance(each, dict)
         ]
         with self._lock:
-            if any(job.outcome is None for job in self._jobs.values()):
-                raise ProblemError("a plan is being made; one at a time")
+            for running in self._jobs.values():
+                self._cancel(running, "cancelled, because a newer motion is planned")
             identity = secrets.token_urlsafe(16)
             job = self._jobs[identity] = Job(identity, Path(self._folder.name) / identity)
             job.steps.touch()
@@ -113,10 +114,14 @@ class Jobs:
         """Kill the planner's process and answer {job} as `progress` does. Raises ProblemError."""
         job = self._job(request, "job")
         with self._lock:
-            if job.outcome is None:
-                job.outcome = Outcome("cancelled")
-                self._end()
+            self._cancel(job, "cancelled")
         return job.to_dict()
+
+    def _cancel(self, job: Job, message: str) -> None:
+        """Kill the planner's process if a run is in progress. The caller holds the lock."""
+        if job.outcome is None:
+            job.outcome = Outcome(message)
+            self._end()
 
     def text(self, kind: str, identity: str) -> str | None:
         """Return the "report" or "plan" of a run, or None if it does not exist.

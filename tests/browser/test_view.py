@@ -74,6 +74,14 @@ def test_branches_are_selectable_and_reach_the_same_tip(visit: Open, server: Vie
     assert page.evaluate("SSM.scene.tip(0)") == pytest.approx(tip, abs=1e-6)
 
 
+def test_a_page_plans_while_another_one_does(visit: Open, server: ViewServer) -> None:
+    abandoned = visit(server.url)
+    abandoned.wait("!document.getElementById('cancel').disabled")
+    opened = visit(server.url)
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    abandoned.wait(f"{PLANNED} || document.querySelector('.outcome')?.textContent.includes('newer')")
+
+
 def test_outside_the_workspace_is_said(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     opened.page.fill("#tilt", "-60")
