@@ -79,7 +79,9 @@ def test_a_page_plans_while_another_one_does(visit: Open, server: ViewServer) ->
     abandoned.wait("!document.getElementById('cancel').disabled")
     opened = visit(server.url)
     opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
-    abandoned.wait(f"{PLANNED} || document.querySelector('.outcome')?.textContent.includes('newer')")
+    abandoned.wait(
+        f"{PLANNED} || document.querySelector('.outcome')?.textContent.includes('newer')"
+    )
 
 
 def test_outside_the_workspace_is_said(visit: Open, server: ViewServer) -> None:

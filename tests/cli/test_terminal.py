@@ -246,6 +246,7 @@ LAST = {
 
 @pytest.mark.parametrize("name", LAST)
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_every_command_ends_with_its_verdict(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

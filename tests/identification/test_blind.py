@@ -55,7 +55,7 @@ def predicted(drive, fitted, blind):
 @pytest.mark.usefixtures("few_points")
 def test_bands_hold_what_the_fit_has_not_seen(rig, count):
     drive, steady = recordings_of(rig, "steady_state")
-    found = [p for seed in range(4) for p in predicted(drive, *split(steady, count, seed))]
+    found = [p for seed in range(2) for p in predicted(drive, *split(steady, count, seed))]
     assert np.mean([p.mean_inside for p in found]) >= 0.90
     assert 0.90 <= np.mean([p.sample_coverage for p in found]) <= 0.98
     assert np.mean([np.abs(p.recording.tau).max() <= p.band.peak for p in found]) >= 0.95
@@ -79,6 +79,7 @@ def test_every_second_recording_predicts_the_others(rig, first):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_repeated_files_count_once_and_too_few_recordings_are_refused(tmp_path):
     folder = RECORDINGS / "drive3_worm" / "steady_state"
     chosen = [folder / f"{name}.csv" for name in ("200", "60", "8", "n140", "n40", "n4")]
@@ -119,6 +120,7 @@ def test_the_wrong_sign_of_the_channels_is_remarked(rig):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_recordings_of_another_rig_are_remarked(tmp_path):
     drive = identify(DRIVES / "rig3_worm.yaml").save(tmp_path / "drive.yaml")
     own = predict(drive, [RECORDINGS / "drive3_worm"])

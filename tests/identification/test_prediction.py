@@ -109,6 +109,7 @@ def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
 
 @pytest.mark.parametrize("name", FOLDERS)
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_start_stop_recordings_that_the_fit_has_not_seen(name, tmp_path):
     folder = RECORDINGS / FOLDERS[name]
     found = identify(DRIVES / f"{name}.yaml", [folder / "steady_state"])
@@ -134,6 +135,7 @@ def test_shipped_figures_are_what_the_reader_computes(name):
 
 @pytest.mark.parametrize("name", FOLDERS)
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_points")
 def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_path):
     found = identify(DRIVES / f"{name}.yaml")
     result = found.to_dict()

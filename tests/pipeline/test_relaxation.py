@@ -125,9 +125,8 @@ def test_a_motor_too_weak_for_now_and_for_all_time_is_relaxed_in_both(tilt_inser
     assert joints[0].motor is not None
     motor = replace(joints[0].motor, nominal_torque=10e-3, max_torque=12e-3)
     robot = replace(tilt_insert.robot, joints=(replace(joints[0], motor=motor), *joints[1:]))
-    tilt = replace(
-        tilt_insert, motion=tilt_insert.motion[:1]
-    )  # roll moves all along, and has no rest to cool in
+    # roll moves all along, and has no rest to cool in
+    tilt = replace(tilt_insert, motion=tilt_insert.motion[:1], planner="fast")
     reason = plan(replace(tilt, robot=robot)).reason
     assert reason is not None
     assert reason.relaxation is not None
@@ -164,7 +163,13 @@ def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
     assert joints[0].motor is not None
     motor = replace(joints[0].motor, nominal_torque=10e-3, max_torque=40e-3)
     robot = replace(tilt_insert.robot, joints=(replace(joints[0], motor=motor), *joints[1:]))
-    problem = replace(tilt_insert, robot=robot, objective="time", motion=tilt_insert.motion[:1])
+    problem = replace(
+        tilt_insert,
+        robot=robot,
+        objective="time",
+        motion=tilt_insert.motion[:1],
+        planner="fast",
+    )
     reason = plan(problem).reason
     assert reason is not None
     assert reason.relaxation is not None
@@ -260,6 +265,7 @@ def test_a_motion_that_is_too_short_is_longer_than_the_whole_was(tilt_insert: Pr
     ).passed
 
 
+@pytest.mark.slow
 def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
     """With a motor of 92 % of the torque that the nearest joints need, others at the target do."""
     problem = random_problem(tilt_insert, 61129, most=1)

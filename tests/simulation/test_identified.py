@@ -129,9 +129,9 @@ def coverage(draws: int, folder: Path, seed: int = 3) -> dict[str, float]:
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_identification_finds_the_friction_of_simulated_recordings(tmp_path: Path) -> None:
-    found = coverage(12, tmp_path)
-    # of 60 intervals of 95 % that come in fives, fewer than 51 are hardly ever right; run this file for more draws
-    assert np.mean(list(found.values())) >= 0.85, found
+    found = coverage(5, tmp_path)
+    # of 25 intervals of 95 % that come in fives, fewer than 20 are hardly ever right; run this file for more draws
+    assert np.mean(list(found.values())) >= 0.8, found
 
 
 if __name__ == "__main__":

@@ -159,14 +159,14 @@ def test_no_verdict_is_wrong_and_only_what_is_missing_leaves_one_open(
 ) -> None:
     found: dict[bool | None, int] = {True: 0, False: 0, None: 0}
     for load in axes:
-        for motor in motors:
+        for motor in motors[::3]:
             verdict = assess(load, motor, Conditions(spread=spread))
             found[verdict.adequate] += 1
             assert verdict.adequate is answers(load, motor, spread), (load.joint, motor.name)
             if verdict.adequate is None:
                 assert "rotor_inertia of" in needed(verdict) or "ranges of" in needed(verdict)
-    assert found[True] > 20
-    assert found[False] > 20
+    assert found[True] > 6
+    assert found[False] > 6
 
 
 def test_what_is_not_stated_is_named(

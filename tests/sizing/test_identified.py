@@ -104,6 +104,7 @@ def beyond(ripple: Ripple, peaks: Array, rng: np.random.Generator) -> Array:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.usefixtures("few_points")
 def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
     joint = RIGS[rig]
     drive = identify(shipped_names("drives")[rig]).drive

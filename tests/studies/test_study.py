@@ -206,7 +206,9 @@ def test_a_lost_engine_is_named_and_nothing_is_done_twice(tmp_path):
     of = study()
     whole = Here()
     run_study(of, tmp_path / "calm", executor=whole)
-    with pytest.raises(StudyError, match=r"the workers are lost .*the same command continues the study"):
+    with pytest.raises(
+        StudyError, match=r"the workers are lost .*the same command continues the study"
+    ):
         run_study(of, tmp_path / "lost", executor=Here(3))
     rest = Here()
     run_study(of, tmp_path / "lost", executor=rest)

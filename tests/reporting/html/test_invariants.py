@@ -1,9 +1,13 @@
-"""What holds as data on the page of every result: 200 random problems, with and without a motion."""
+"""What holds as data on the page of every result: random problems, with and without a motion.
+
+RANDOM_RESULTS=200 tests 200 of them.
+"""
 
 from __future__ import annotations
 
 import html
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +24,8 @@ from ssm_planner.reporting.html.report import report_data, write_no_plan
 from ssm_planner.typing import Array
 from tests.support.random_problems import random_problem
 
-GROUPS = 10
+COUNT = int(os.environ.get("RANDOM_RESULTS", "60"))
+GROUPS = 5
 """The seeds are divided into so many tests, which can run side by side."""
 
 
@@ -54,7 +59,7 @@ def test_pages_of_random_results_keep_their_laws(
     group: int, tilt_insert: Problem, tmp_path: Path
 ) -> None:
     last: Plan | None = None
-    for seed in range(group, 200, GROUPS):
+    for seed in range(group, COUNT, GROUPS):
         result = plan(quickly(random_problem(tilt_insert, seed)), relaxations=False)
         if not result.passed:
             page = write_no_plan(result, tmp_path / "no_plan.html").read_text(encoding="utf-8")
