@@ -1,14 +1,17 @@
-/* The passes of planning/retiming/reachability.py, interval after interval: the same numbers to the last bit. */
+/* The passes of planning/retiming/reachability.py, interval after interval. */
 
 #include <math.h>
 
 #include "native.h"
 
-/* its constants of these names */
-typedef struct {
-    double level, settled, rounding;
-    long newton;
-} Constants;
+/* A row whose |q| is below this share of its |p| bounds x alone. */
+#define LEVEL 1e-10
+/* Largest number of iterations of Newton's method for the bounds of an interval. */
+#define NEWTON 150
+/* Relative distance below 0 at which two lines of an interval count as meeting. */
+#define SETTLED 1e-12
+/* Share of a value that counts as rounding, as in planning/tolerances.py. */
+#define ROUNDING 1e-9
 
 /* of one interval: the lines of (1), `lines` of them, and bounds of x that hold for themselves */
 typedef struct {
@@ -16,7 +19,7 @@ typedef struct {
     double least, most;
 } Interval;
 
-static void lines_of(Interval *at, double level_at, long m, double width, const double *a, const double *b, const double *c, double ceiling)
+static void lines_of(Interval *at, long m, double width, const double *a, const double *b, const double *c, double ceiling)
 {
     double per_step = 1 / (2 * width);
     at->least = 0.0;
@@ -24,7 +27,7 @@ static void lines_of(Interval *at, double level_at, long m, double width, const 
     for (long k = 0; k < 2 * m; ++k) {
         double share = a[k] * per_step;
         double p = k < m ? b[k] - share : -share, q = k < m ? share : share + b[k], r = 1 - c[k];
-        int level = fabs(q) <= level_at * fabs(p);
+        int level = fabs(q) <= LEVEL * fabs(p);
         at->upper[k] = INFINITY;
         at->lower[k] = -INFINITY;
         at->upper_slope[k] = at->lower_slope[k] = 0.0;
@@ -46,9 +49,9 @@ static void lines_of(Interval *at, double level_at, long m, double width, const 
 }
 
 /* the nearest x on one side where the lines have room between them, by Newton's method; 0 where there is none */
-static int own_bound(const Interval *at, const Constants *constants, long lines, int sign, double *x)
+static int own_bound(const Interval *at, long lines, int sign, double *x)
 {
-    for (int step = 0; step < constants->newton; ++step) {
+    for (int step = 0; step < NEWTON; ++step) {
         long first = 0, last = 0;
         double upper = at->upper[0] + at->upper_slope[0] * *x, lower = at->lower[0] + at->lower_slope[0] * *x;
         for (long k = 1; k < lines; ++k) {
@@ -63,7 +66,7 @@ static int own_bound(const Interval *at, const Constants *constants, long lines,
             }
         }
         double slope = at->upper_slope[first] - at->lower_slope[last];
-        if (!(upper - lower < -constants->settled * (fabs(upper) + fabs(lower))))
+        if (!(upper - lower < -SETTLED * (fabs(upper) + fabs(lower))))
             break;
         if (sign * slope <= 0)
             return 0;
@@ -73,25 +76,25 @@ static int own_bound(const Interval *at, const Constants *constants, long lines,
 }
 
 /* ṡ² at the grid points, x[n + 1]; rows a, b, c [n + 1][m]; work: 8 m + 2 (n + 1) + 4 m n numbers. 1: found, 0: none */
-SSM_API int ssm_fastest(const Constants *constants, long n, long m, const double *grid, const double *a, const double *b,
+SSM_API int ssm_fastest(long n, long m, const double *grid, const double *a, const double *b,
                         const double *c, const double *ceiling, double start, double end, double *x, double *work);
 
-int ssm_fastest(const Constants *constants, long n, long m, const double *grid, const double *a, const double *b,
+int ssm_fastest(long n, long m, const double *grid, const double *a, const double *b,
                 const double *c, const double *ceiling, double start, double end, double *x, double *work)
 {
     long lines = 2 * m;
     double *low = work, *high = low + n + 1, *kept = high + n + 1;
     Interval at = {0, 0, kept + 2 * lines * n, kept + 2 * lines * n + lines, 0.0, 0.0};
-    if (!isfinite(ceiling[n]) || !(0.0 <= end && end <= (1 + constants->rounding) * ceiling[n]))
+    if (!isfinite(ceiling[n]) || !(0.0 <= end && end <= (1 + ROUNDING) * ceiling[n]))
         return 0;
     low[n] = high[n] = end;
     for (long i = n - 1; i >= 0; --i) {
         at.upper = kept + 2 * lines * i;
         at.upper_slope = at.upper + lines;
-        lines_of(&at, constants->level, m, grid[i + 1] - grid[i], a + m * i, b + m * i, c + m * i, ceiling[i]);
+        lines_of(&at, m, grid[i + 1] - grid[i], a + m * i, b + m * i, c + m * i, ceiling[i]);
         double above = at.most, below = at.least;
-        if (!isfinite(above) || !isfinite(below) || !own_bound(&at, constants, lines, -1, &above)
-            || !own_bound(&at, constants, lines, 1, &below))
+        if (!isfinite(above) || !isfinite(below) || !own_bound(&at, lines, -1, &above)
+            || !own_bound(&at, lines, 1, &below))
             return 0;
         double most = INFINITY, least = -INFINITY;
         for (long k = 0; k < lines; ++k) {
@@ -114,10 +117,10 @@ int ssm_fastest(const Constants *constants, long n, long m, const double *grid, 
         }
         high[i] = most > above ? above : most;
         low[i] = least < below ? below : least;
-        if (low[i] > high[i] + constants->rounding * fabs(high[i]))
+        if (low[i] > high[i] + ROUNDING * fabs(high[i]))
             return 0;
     }
-    if (!((1 - constants->rounding) * low[0] <= start && start <= (1 + constants->rounding) * high[0]))
+    if (!((1 - ROUNDING) * low[0] <= start && start <= (1 + ROUNDING) * high[0]))
         return 0;
     double last = start;
     x[0] = start > low[0] ? start : low[0];

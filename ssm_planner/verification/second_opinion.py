@@ -275,10 +275,7 @@ def _coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _largest_speeds(width: Array, rows: tuple[Array, Array, Array], ceiling: Array) -> Array | None:
-    """Return the largest ṡ² (n + 1,) by the package toppra, or None if it finds no motion.
-
-    No other function of the program calls this package.
-    """
+    """Return the largest ṡ² (n + 1,) by the package toppra, or None if it finds no motion."""
     import toppra
     from toppra.constraint import LinearConstraint
     from toppra.interpolator import AbstractGeometricPath
