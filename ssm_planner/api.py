@@ -13,7 +13,7 @@ from ssm_planner.comparison.compare import compare as compare_recordings
 from ssm_planner.comparison.measured import assign, read_measured
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.loading.load import load_motor
+from ssm_planner.loading import load_motor
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import Motor, Robot, TaskLimits
 from ssm_planner.sizing import Conditions, DutyCycle, Sizing, pause_of

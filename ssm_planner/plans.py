@@ -22,7 +22,7 @@ from ssm_planner.atomic import locked, replacing
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
 from ssm_planner.kinematics import Mechanism
-from ssm_planner.loading.json_files import parse_json, read_json_in_parts
+from ssm_planner.loading import parse_json, read_json_in_parts
 from ssm_planner.problem import (
     JOINTS,
     Free,

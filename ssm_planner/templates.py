@@ -15,7 +15,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
 
 if TYPE_CHECKING:
-    from ssm_planner.loading.schema import Key
+    from ssm_planner.loading import Key
 
 FILE_KINDS = ("problem", "robot", "drive", "motor", "motorisation", "controller", "study")
 EXAMPLES = {
@@ -64,7 +64,7 @@ def schema(kind: str) -> dict[str, Any]:
     'ssm_planner motor file'
     """
     _require(kind, FILE_KINDS)
-    from ssm_planner.loading.load import json_schema
+    from ssm_planner.loading import json_schema
     from ssm_planner.studies.study_file import StudyModel
 
     is_study = kind == "study"
@@ -89,9 +89,7 @@ def file_keys(kind: str) -> tuple[Key, ...]:
 
     The kind "drive" means the drive file of a worm gear, and "screw" that of a lead screw.
     """
-    from ssm_planner.loading.drives import drive_model
-    from ssm_planner.loading.load import file_keys
-    from ssm_planner.loading.schema import keys
+    from ssm_planner.loading import drive_model, file_keys, keys
     from ssm_planner.studies.study_file import StudyModel
 
     models = {"drive": drive_model("worm"), "screw": drive_model("lead_screw"), "study": StudyModel}
@@ -124,7 +122,7 @@ def template(kind: str, name: str) -> str:
     name: mine
     """
     _require(kind, TEMPLATES)
-    from ssm_planner.loading.files import read, shipped_folder
+    from ssm_planner.loading import read, shipped_folder
 
     keys = {key.path: key for key in file_keys(kind)}
     data, figures = STUDY, "an example study"

@@ -77,7 +77,7 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
 def run_check(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.trajectory}"))
-    from ssm_planner.loading.load import load_problem
+    from ssm_planner.loading import load_problem
     from ssm_planner.problem import TipSpeed
     from ssm_planner.verification.visits import with_task
 
@@ -213,7 +213,7 @@ def read(
     """
     from ssm_planner.errors import TrajectoryError
     from ssm_planner.formats.read import read_trajectory
-    from ssm_planner.loading.load import load_problem, load_robot
+    from ssm_planner.loading import load_problem, load_robot
     from ssm_planner.problem import TaskLimits
 
     robot = limits = None

@@ -18,8 +18,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
-    from ssm_planner.identification.identify import Identification
-    from ssm_planner.identification.prediction import Prediction
+    from ssm_planner.identification import Identification, Prediction
     from ssm_planner.problem import Drive
 
 LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
@@ -123,7 +122,7 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
 
 def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
     from ssm_planner.display import format_fixed, number
-    from ssm_planner.identification.drive_file import unit_of
+    from ssm_planner.identification import unit_of
     from ssm_planner.reporting.text import Table
     from ssm_planner.units import RPM
 
@@ -191,7 +190,7 @@ def predict_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_predict(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    from ssm_planner.identification.identify import friction_origin, predict
+    from ssm_planner.identification import friction_origin, predict
 
     progress(Step(f"predicting with {options.drive}"))
     origin = friction_origin(options.drive)

@@ -40,7 +40,7 @@ def ik_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_ik(options: argparse.Namespace) -> int:
     from ssm_planner.kinematics import ik
-    from ssm_planner.loading.load import load_robot
+    from ssm_planner.loading import load_robot
     from ssm_planner.problem import TASK
 
     robot, point = load_robot(options.robot), {name: getattr(options, name) for name in TASK}
@@ -79,7 +79,7 @@ def workspace_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_workspace(options: argparse.Namespace) -> int:
-    from ssm_planner.loading.load import load_robot
+    from ssm_planner.loading import load_robot
 
     if options.robot is None and options.reach is None:
         raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")

@@ -65,7 +65,7 @@ def run_plan(options: argparse.Namespace) -> int:
     progress(Step(f"reading {options.problem}"))
     # The process starts before the planning, so that it is ready when the plan is.
     with FigureProcess() as drawer:
-        from ssm_planner.loading.load import load_problem
+        from ssm_planner.loading import load_problem
         from ssm_planner.pipeline.run import plan_to_folder, starting_from
         from ssm_planner.plans import load_plan
         from ssm_planner.publishing import file_name

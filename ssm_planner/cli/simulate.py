@@ -107,7 +107,7 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
 def run_simulate(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.plan}"))
-    from ssm_planner.loading.load import load_controller
+    from ssm_planner.loading import load_controller
     from ssm_planner.plans import load_plan
     from ssm_planner.simulation.simulate import EVERYWHERE, simulate
 

@@ -153,7 +153,7 @@ MAX_PAIRS = 10
 
 def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Conditions) -> int:
     """Check every motor of a catalogue with every gear, and return the exit status."""
-    from ssm_planner.loading.catalogues import Part, gears_of, motors_of
+    from ssm_planner.loading import Part, gears_of, motors_of
     from ssm_planner.reporting.text import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing import select
 
@@ -217,7 +217,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
 
     if robot_file is not None:
         from ssm_planner.formats.read import read_trajectory
-        from ssm_planner.loading.load import load_robot
+        from ssm_planner.loading import load_robot
 
         robot = load_robot(robot_file)
         reading = read_trajectory(path, robot)
@@ -229,7 +229,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
             )
         return DutyCycle(str(path), robot, ((reading.trajectory, None),), notes)
     if path.suffix.lower() in (".yaml", ".yml"):
-        from ssm_planner.loading.load import load_motorisation
+        from ssm_planner.loading import load_motorisation
 
         return DutyCycle.of_motorisation(load_motorisation(path))
     if path.suffix.lower() not in ("", ".json"):
@@ -249,7 +249,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
     A file without a joint applies to all joints that the duty cycle moves. Raises ProblemError if a
     joint is unknown or a file is invalid.
     """
-    from ssm_planner.loading.load import load_motor
+    from ssm_planner.loading import load_motor
     from ssm_planner.problem import JOINTS
 
     moving = {joint for _, joint in duty.runs}  # None stands for all joints.

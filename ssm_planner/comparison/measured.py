@@ -10,8 +10,7 @@ import numpy as np
 
 from ssm_planner.errors import RecordingError
 from ssm_planner.formats.epos4_setup import QUADRATURE
-from ssm_planner.identification.recorder_csv import parse_table
-from ssm_planner.identification.recordings import read_recording
+from ssm_planner.identification import parse_table, read_recording
 from ssm_planner.problem import Joint, Robot
 from ssm_planner.typing import Array, record
 from ssm_planner.units import TIMES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssm_planner.identification.torque_map import runs
+from ssm_planner.identification import runs
 from ssm_planner.typing import Array, Mask
 
 WINDOWS = (10e-3, 40e-3)

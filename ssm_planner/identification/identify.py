@@ -23,8 +23,7 @@ from ssm_planner.identification.torque_map import (
     read_figures,
     torque_map,
 )
-from ssm_planner.loading.files import find
-from ssm_planner.loading.load import load_drive
+from ssm_planner.loading import find, load_drive
 from ssm_planner.problem import Drive, Harmonics
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.representation import ShortRepr

@@ -16,7 +16,7 @@ from ssm_planner.dynamics import STANDSTILL
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.harmonics import ripple_rms, travelled
 from ssm_planner.identification.recordings import Recording
-from ssm_planner.loading.tables import table_rows
+from ssm_planner.loading import table_rows
 from ssm_planner.problem import Ripple
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Mask, frozen, record

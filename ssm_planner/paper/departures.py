@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ssm_planner.dynamics import RigidBody, friction_coefficient, friction_of, stribeck_shape
-from ssm_planner.identification.fit import fit_map
+from ssm_planner.identification import fit_map
 from ssm_planner.paper.friction import RigResult, published_drive
 from ssm_planner.paper.motions import RUNS, SpeedRun
 from ssm_planner.paper.published import BOUNDS, DRIVEN, Inputs

@@ -16,11 +16,18 @@ import numpy as np
 from ssm_planner.display import NOTHING, number, percent
 from ssm_planner.dynamics import RigidBody, breakaway_torque, friction_of
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.fit import MapFit, fit_map
-from ssm_planner.identification.parameters import map_torque, with_parameters
-from ssm_planner.identification.prediction import nrmsd, predict_recording
-from ssm_planner.identification.recordings import read_recordings
-from ssm_planner.identification.torque_map import TABLE, TorqueMap, read_figures
+from ssm_planner.identification import (
+    TABLE,
+    MapFit,
+    TorqueMap,
+    fit_map,
+    map_torque,
+    nrmsd,
+    predict_recording,
+    read_figures,
+    read_recordings,
+    with_parameters,
+)
 from ssm_planner.kinematics import Mechanism, inverse_task
 from ssm_planner.paper import published
 from ssm_planner.paper.published import (

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.load import load_drive, load_motorisation, load_problem
+from ssm_planner.loading import load_drive, load_motorisation, load_problem
 from ssm_planner.problem import Drive, Eye, Motorisation, Problem, Robot, Task
 from ssm_planner.typing import frozen, record
 

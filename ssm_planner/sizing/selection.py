@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.dynamics import RigidBody, drive_with, spread_of, with_payload
-from ssm_planner.loading.catalogues import Part
+from ssm_planner.loading import Part
 from ssm_planner.problem import Drive, Motor
 from ssm_planner.sizing.assess import (
     CONFIDENCE,

@@ -16,11 +16,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.catalogues import Part
-from ssm_planner.loading.drives import drive_from
-from ssm_planner.loading.files import of_data
-from ssm_planner.loading.load import problem_from_dict
-from ssm_planner.loading.motors import motor_from
+from ssm_planner.loading import Part, drive_from, motor_from, of_data, problem_from_dict
 from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan

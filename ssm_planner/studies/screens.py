@@ -17,9 +17,7 @@ import numpy as np
 from ssm_planner.dynamics import breakaway_torque, static_loads
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import Family
-from ssm_planner.loading.files import of_data
-from ssm_planner.loading.load import problem_from_dict
-from ssm_planner.loading.robots import robot_from
+from ssm_planner.loading import of_data, problem_from_dict, robot_from
 from ssm_planner.problem import JOINTS, TASK, Joint, Problem, Robot, Straight, Task
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.typing import Array, frozen, record

@@ -11,22 +11,28 @@ from pydantic import Field
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.catalogues import entries, stated_beside
-from ssm_planner.loading.files import find, follow, of_data, read
-from ssm_planner.loading.robots import robot_from
-from ssm_planner.loading.schema import Field as Share
-from ssm_planner.loading.schema import (
+from ssm_planner.loading import (
+    Field as Share,
+)
+from ssm_planner.loading import (
     Model,
     Reference,
+    Section,
     Text,
     Truth,
+    entries,
+    find,
+    follow,
     interval,
     located,
+    of_data,
     quantity,
+    read,
+    robot_from,
+    stated_beside,
     validated,
     wrong,
 )
-from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import Bound
 from ssm_planner.sizing import RANKS
 from ssm_planner.studies.study import (

@@ -19,10 +19,15 @@ from ssm_planner.kinematics import (
     tilt_interval,
     tip_position,
 )
-from ssm_planner.loading.catalogues import entries
-from ssm_planner.loading.files import follow, read, shipped_folder
-from ssm_planner.loading.problems import problem_from
-from ssm_planner.loading.yaml_nodes import Section, plain_node
+from ssm_planner.loading import (
+    Section,
+    entries,
+    follow,
+    plain_node,
+    problem_from,
+    read,
+    shipped_folder,
+)
 from ssm_planner.problem import JOINTS, TASK, Problem, Task
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.page import render

@@ -14,7 +14,7 @@ from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError, SsmPlannerError
-from ssm_planner.loading.load import load_problem
+from ssm_planner.loading import load_problem
 from ssm_planner.problem import Problem
 from ssm_planner.view.jobs import Jobs
 from ssm_planner.view.page import Study, view_page

@@ -33,9 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ssm_planner.identification.fit import MapFit
-    from ssm_planner.identification.prediction import Prediction
-    from ssm_planner.identification.torque_map import TorqueMap
+    from ssm_planner.identification import MapFit, Prediction, TorqueMap
     from ssm_planner.problem import Drive
     from ssm_planner.sizing import JointSizing, MotorVerdict, Sizing
 
@@ -205,7 +203,7 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
     load : float
         Constant load effort during the measurements, N·m or N.
     """
-    from ssm_planner.identification.parameters import map_torque
+    from ssm_planner.identification import map_torque
 
     figure = new_figure(6.0, 3.8)
     axes = figure.subplots()
@@ -233,8 +231,7 @@ def _bands(axes: Axes, drive: Drive, w: Array, load: float, with_labels: bool) -
     A drive without a posterior has no bands. `load` is the load effort, N·m or N.
     """
     from ssm_planner.dynamics import friction_of
-    from ssm_planner.identification.parameters import map_torque
-    from ssm_planner.identification.prediction import Motion, band_of, departure
+    from ssm_planner.identification import Motion, band_of, departure, map_torque
 
     friction = friction_of(drive)
     if friction.posterior is None:

@@ -1,0 +1,65 @@
+"""Names of `loading` that other packages use, and the modules that define them."""
+
+from .catalogues import (
+    Part as Part,
+    entries as entries,
+    gears_of as gears_of,
+    motors_of as motors_of,
+    stated_beside as stated_beside,
+)
+from .drives import (
+    drive_from as drive_from,
+    drive_model as drive_model,
+)
+from .files import (
+    find as find,
+    follow as follow,
+    of_data as of_data,
+    read as read,
+    shipped_folder as shipped_folder,
+)
+from .json_files import (
+    parse_json as parse_json,
+    read_json_in_parts as read_json_in_parts,
+)
+from .load import (
+    file_keys as file_keys,
+    json_schema as json_schema,
+    load_controller as load_controller,
+    load_drive as load_drive,
+    load_motor as load_motor,
+    load_motorisation as load_motorisation,
+    load_problem as load_problem,
+    load_robot as load_robot,
+    problem_from_dict as problem_from_dict,
+)
+from .motors import (
+    motor_from as motor_from,
+)
+from .problems import (
+    problem_from as problem_from,
+)
+from .robots import (
+    robot_from as robot_from,
+)
+from .schema import (
+    Field as Field,
+    Key as Key,
+    Model as Model,
+    Reference as Reference,
+    Text as Text,
+    Truth as Truth,
+    interval as interval,
+    keys as keys,
+    located as located,
+    quantity as quantity,
+    validated as validated,
+    wrong as wrong,
+)
+from .tables import (
+    table_rows as table_rows,
+)
+from .yaml_nodes import (
+    Section as Section,
+    plain_node as plain_node,
+)
