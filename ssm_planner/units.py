@@ -122,8 +122,8 @@ def quantity(value: object, unit_kind: str) -> float:
 
     Raises BadQuantity.
     """
-    if unit_kind == "number":
-        return number(value)
+    if unit_kind in _WITHOUT_UNIT:
+        return _WITHOUT_UNIT[unit_kind](value)
     target = KINDS[unit_kind]
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise BadQuantity(f"{describe(value)} where {target.name} is needed", target.expected)
@@ -148,6 +148,18 @@ def number(value: object) -> float:
     return float(value)
 
 
+def share(value: object) -> float:
+    """Return a share that is a number or a percentage such as `20 %`. Raises BadQuantity."""
+    text = str(value).strip()
+    try:
+        result = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        result = math.nan
+    if not math.isfinite(result):
+        raise BadQuantity(f"{describe(value)} instead of a share", "a share such as 10% or 0.1")
+    return result
+
+
 def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     """Return the SI values of a list or text such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
 
@@ -164,6 +176,10 @@ def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     if len(value) != len(kinds):
         raise BadQuantity(f"{len(value)} values", allowed)
     return tuple(quantity(item, kind) for item, kind in zip(value, kinds, strict=True))
+
+
+_WITHOUT_UNIT = {"number": number, "share": share}
+"""Readers of quantities that have no unit."""
 
 
 def interval(value: object, unit_kind: str) -> tuple[float, float]:

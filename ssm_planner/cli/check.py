@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
@@ -77,14 +78,12 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
 def run_check(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.trajectory}"))
-    from ssm_planner.loading import load_problem
-    from ssm_planner.problem import TipSpeed
     from ssm_planner.verification.visits import with_task
 
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
-    problem = load_problem(options.problem) if options.problem else None
+    problem = ssm.load_problem(options.problem) if options.problem else None
     if options.tip_speed:
-        limits = TipSpeed(options.tip_speed).on(limits)
+        limits = ssm.TipSpeed(options.tip_speed).on(limits)
     limits = reading.ends_on(_declared(options, limits))
     progress(Step("checking"))
     document: dict[str, Any] = {
@@ -191,7 +190,7 @@ def speed_lines(speeds: SpeedRange) -> list[str]:
 
 def read(
     path: Path, robot_file: Path | None, problem_file: Path | None = None
-) -> tuple[Reading, Robot, TaskLimits]:
+) -> tuple[Reading, Robot, ssm.TaskLimits]:
     """Read a trajectory file, and return its trajectory, robot and task limits.
 
     A plan.json contains a robot and limits. A problem file overrides both. A robot file overrides
@@ -211,17 +210,14 @@ def read(
     ProblemError
         If the robot or problem file is invalid.
     """
-    from ssm_planner.errors import TrajectoryError
     from ssm_planner.formats.read import read_trajectory
-    from ssm_planner.loading import load_problem, load_robot
-    from ssm_planner.problem import TaskLimits
 
     robot = limits = None
     if problem_file is not None:
-        problem = load_problem(problem_file)
+        problem = ssm.load_problem(problem_file)
         robot, limits = problem.robot, problem.task_limits
     if robot_file is not None:
-        robot = load_robot(robot_file)
+        robot = ssm.load_robot(robot_file)
     if path.suffix.lower() == ".json" or (path / PLAN_FILE).is_file():
         from ssm_planner.formats.points import Reading
         from ssm_planner.plans import load_plan
@@ -252,8 +248,8 @@ def read(
             reason = (
                 "the file does not name a robot: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
             )
-        raise TrajectoryError(f"{path}: {reason}{f'; {advice}' if sampled else ''}")
-    limits = TaskLimits(robot.limits) if limits is None else limits.within(robot)
+        raise ssm.TrajectoryError(f"{path}: {reason}{f'; {advice}' if sampled else ''}")
+    limits = ssm.TaskLimits(robot.limits) if limits is None else limits.within(robot)
     reading = read_trajectory(path, robot)
     if sampled:
         reading = replace(reading, notes=(advice, *reading.notes))

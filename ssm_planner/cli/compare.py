@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
@@ -50,9 +51,8 @@ def run_compare(options: argparse.Namespace) -> int:
     progress(Step(f"reading {options.plan}"))
     from ssm_planner.comparison.compare import LAG, compare
     from ssm_planner.comparison.measured import assign, read_measured
-    from ssm_planner.plans import load_plan
 
-    plan = load_plan(options.plan)
+    plan = ssm.load_plan(options.plan)
     recordings = [
         read_measured(path, plan.robot, joint, options.counts_per_turn)
         for joint, path in assign(options.recordings, plan.robot)

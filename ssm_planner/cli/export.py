@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     OK,
     output_arguments,
@@ -59,13 +60,12 @@ def _options() -> dict[str, dict[str, list[str]]]:
 def run_export(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.plan}"))
-    from ssm_planner.formats.export import export
 
     stated = {name: getattr(options, name) for name in ("speed", *_options())}
     settings = {name: value for name, value in stated.items() if value is not None}
     if "counts_per_turn" in settings:
         settings["counts_per_turn"] = _counts(options.counts_per_turn)
-    files, manifest = export(
+    files, manifest = ssm.export(
         options.plan, options.to, options.output, force=options.force, **settings
     )
     progress(Step("done"))

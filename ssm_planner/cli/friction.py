@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     OK,
     output_arguments,
@@ -62,11 +63,10 @@ def identify_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_identify(options: argparse.Namespace) -> int:
     progress = progress_reporter()
-    from ssm_planner.identification.identify import identify
 
     fixed = dict(_fixed_parameter(text) for text in options.fix)
     progress(Step(f"identifying {options.drive}"))
-    identification = identify(
+    identification = ssm.identify(
         options.drive,
         options.recordings,
         law=options.law,

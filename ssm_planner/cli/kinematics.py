@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
@@ -39,12 +40,10 @@ def ik_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_ik(options: argparse.Namespace) -> int:
-    from ssm_planner.kinematics import ik
-    from ssm_planner.loading import load_robot
     from ssm_planner.problem import TASK
 
-    robot, point = load_robot(options.robot), {name: getattr(options, name) for name in TASK}
-    solutions = ik(robot, **point, within_limits=options.within_limits)
+    robot, point = ssm.load_robot(options.robot), {name: getattr(options, name) for name in TASK}
+    solutions = ssm.ik(robot, **point, within_limits=options.within_limits)
     show(options.json, solutions.to_dict(), lambda: _solution_lines(solutions))
     return OK if solutions.reachable else FAILED
 
@@ -79,11 +78,9 @@ def workspace_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_workspace(options: argparse.Namespace) -> int:
-    from ssm_planner.loading import load_robot
-
     if options.robot is None and options.reach is None:
         raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")
-    robot = None if options.robot is None else load_robot(options.robot)
+    robot = None if options.robot is None else ssm.load_robot(options.robot)
     if robot is not None and options.reach is None:
         result = _workspace(robot, options.output)
     else:
@@ -101,9 +98,8 @@ def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
 
     With a folder `output`, write the figures there and add their paths under the key files.
     """
-    from ssm_planner.kinematics.of_robot import workspace
 
-    result = workspace(robot).to_dict()
+    result = ssm.workspace(robot).to_dict()
     if output is not None:
         from ssm_planner.kinematics import Mechanism
         from ssm_planner.reporting.figures.workspace import publish_figures, workspace_figures
@@ -136,7 +132,6 @@ def _designs(
         Keys alpha, beta, region, margin, reachable, and optionally robot and files.
     """
     from ssm_planner.kinematics import design_margin, design_region
-    from ssm_planner.kinematics.of_robot import workspace
 
     region = design_region(*reach, margin)
     alpha, beta = region.smallest_alpha
@@ -149,7 +144,7 @@ def _designs(
     }
     built = None
     if robot is not None:
-        design = workspace(robot)
+        design = ssm.workspace(robot)
         built = design.alpha, design.beta
         result["robot"] = {
             "alpha": design.alpha,

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
@@ -39,17 +40,14 @@ def report_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_report(options: argparse.Namespace) -> int:
-    from ssm_planner.api import report
-    from ssm_planner.plans import load_plan
-
     if options.width is not None and options.figures is None:
         raise ProblemError(
             "--width requires a folder for the figures", key="--width", allowed="--figures DIR"
         )
-    plan = load_plan(options.plan)
+    plan = ssm.load_plan(options.plan)
     name = "report" if options.other is None else "comparison"
     out = output_file(options.output, ".html", plan.path.with_name(f"{name}.html"))
-    files = {name: report(plan, out, options.other)}
+    files = {name: ssm.report(plan, out, options.other)}
     if options.figures is not None:
         from ssm_planner.reporting.figures.plan import WIDE, WIDTHS
         from ssm_planner.reporting.figures.process import write_figures_of_file
@@ -75,12 +73,9 @@ def film_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_film(options: argparse.Namespace) -> int:
-    from ssm_planner.plans import load_plan
-    from ssm_planner.reporting.figures.film import film
-
-    plan = load_plan(options.plan)
+    plan = ssm.load_plan(options.plan)
     out = options.output or plan.path.with_name("film")
-    files = {name: str(path) for name, path in film(plan, out, share(options.speed)).items()}
+    files = {name: str(path) for name, path in ssm.film(plan, out, share(options.speed)).items()}
     lines = [f"{name}: {path}" for name, path in files.items()]
     if out.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
         lines.append("mp4: not written, because the program ffmpeg is not on the PATH")
@@ -102,9 +97,7 @@ def view_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_view(options: argparse.Namespace) -> int:
-    from ssm_planner.view.server import serve_view
-
-    with serve_view(options.problem, options.port) as server:
+    with ssm.serve_view(options.problem, options.port) as server:
         print(f"{server.url}  (Ctrl-C ends it)", file=sys.stderr, flush=True)
         if not options.no_browser:
             import webbrowser
@@ -137,10 +130,8 @@ def reproduce_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_reproduce(options: argparse.Namespace) -> int:
-    from ssm_planner.paper.document import reproduce
-
     progress, folder = progress_reporter(), options.output / "paper"
-    outcome = reproduce(folder, options.problems, options.recordings, progress)
+    outcome = ssm.reproduce(folder, options.problems, options.recordings, progress)
     progress(Step("done"))
     paths = {name: str(path) for name, path in outcome.files.items()}
     left_out = outcome.left_out

@@ -138,13 +138,7 @@ def share(text: str, option: str = "--speed") -> float:
 
     `option` is the name of the option, for messages. Raises ProblemError if the text is neither.
     """
-    word = text.strip()
-    try:
-        return float(word.removesuffix("%")) / 100 if word.endswith("%") else float(word)
-    except ValueError:
-        raise ProblemError(
-            "invalid share", key=option, value=text, allowed="such as 10% or 0.1"
-        ) from None
+    return part_quantity(option, text, "share")
 
 
 REPORT_INTERVAL = 1.0

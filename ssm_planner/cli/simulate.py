@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
@@ -107,12 +108,10 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
 def run_simulate(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.plan}"))
-    from ssm_planner.loading import load_controller
-    from ssm_planner.plans import load_plan
     from ssm_planner.simulation.simulate import EVERYWHERE, simulate
 
-    plan = load_plan(options.plan)
-    controller = None if options.controller is None else load_controller(options.controller)
+    plan = ssm.load_plan(options.plan)
+    controller = None if options.controller is None else ssm.load_controller(options.controller)
     result = simulate(plan, scenario_of(options, plan.robot), controller, progress)
     document: dict[str, Any] = {"plan": str(options.plan), **result.to_dict()}
     stops = plan.stops if options.power_loss == EVERYWHERE else None

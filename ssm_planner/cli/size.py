@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
@@ -234,9 +235,8 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
         return DutyCycle.of_motorisation(load_motorisation(path))
     if path.suffix.lower() not in ("", ".json"):
         raise TrajectoryError(f"{path}: this file does not contain a robot; pass --robot ROBOT")
-    from ssm_planner.plans import load_plan
 
-    plan = load_plan(path)
+    plan = ssm.load_plan(path)
     duty = DutyCycle.of_trajectory(plan.motion, plan.robot, str(path))
     if plan.uncertified_reason is not None:
         duty = replace(duty, notes=(*duty.notes, f"not certified: {plan.uncertified_reason}"))
@@ -249,7 +249,6 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
     A file without a joint applies to all joints that the duty cycle moves. Raises ProblemError if a
     joint is unknown or a file is invalid.
     """
-    from ssm_planner.loading import load_motor
     from ssm_planner.problem import JOINTS
 
     moving = {joint for _, joint in duty.runs}  # None stands for all joints.
@@ -266,7 +265,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
             names = [joint]
         else:
             names, file = defaults, word
-        motor = load_motor(file)
+        motor = ssm.load_motor(file)
         for name in names:
             candidates.setdefault(name, []).append(motor)
     return candidates

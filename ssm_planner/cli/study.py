@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import ssm_planner as ssm
 from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
 from ssm_planner.display import number, plain_words
 from ssm_planner.errors import ProblemError
@@ -58,10 +59,8 @@ def study_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_study(options: argparse.Namespace) -> int:
-    from ssm_planner.studies.study_file import load_study
-
     verb, numbers, file = _request(options.words)
-    study = load_study(file)
+    study = ssm.load_study(file)
     folder = options.output or Path("results") / study.name
     if verb == "study":
         return _study(study, folder, options)

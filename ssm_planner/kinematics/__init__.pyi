@@ -28,7 +28,6 @@ from .mechanism import (
 from .of_robot import (
     JointSolutions as JointSolutions,
     fk as fk,
-    ik as ik,
 )
 from .rotations import (
     batch as batch,

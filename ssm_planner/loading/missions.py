@@ -6,9 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Annotated, Any
 
 from ssm_planner.loading.files import follow
+from ssm_planner.loading.schema import Model, quantity, validated
 from ssm_planner.loading.yaml_nodes import Node, Section, plain_node
+from ssm_planner.problem import Bound
 
 LONGEST_MOTION = 10_000
 _CURVES = {
@@ -120,6 +123,17 @@ def _by_corners(motion_section: Section, entry: Node) -> list[Node]:
     return legs
 
 
+class RepeatModel(Model):
+    """Motions to repeat."""
+
+    times: Annotated[
+        Any, quantity("number", Bound(at_least=1, at_most=LONGEST_MOTION), integer=True)
+    ]
+    """Number of repetitions."""
+    motion: list[Any]
+    """Motions to repeat, in order."""
+
+
 class _Motions:
     """Expansion of a list of motions."""
 
@@ -147,22 +161,7 @@ class _Motions:
         return expanded
 
     def _repeated(self, list_section: Section, node: Node) -> list[Node]:
-        value = node.value
-        if not isinstance(value, dict) or set(value) != {"times", "motion"}:
-            raise list_section.error(
-                "invalid repetition",
-                allowed="{times: 3, motion: [- tilt: {to: -120 deg}, …]}",
-                show=False,
-            )
-        times = value["times"]
-        if type(times) is not int or not 1 <= times <= LONGEST_MOTION:
-            raise list_section.error(
-                "invalid number of repetitions",
-                "times",
-                allowed=f"a whole number from 1 to {LONGEST_MOTION}",
-            )
-        if not isinstance(value["motion"], list):
-            raise list_section.error("expected a list of motions", "motion", show=False)
+        times = validated(list_section, RepeatModel).times
         once = self.expand(list_section.sub("motion"), node.children["motion"])
         if times * len(once) > LONGEST_MOTION:
             raise list_section.error(

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ssm_planner import units
-from ssm_planner.loading.missions import LONGEST_MOTION
+from ssm_planner.loading.missions import LONGEST_MOTION, RepeatModel
 from ssm_planner.loading.path_file import path_from
 from ssm_planner.loading.schema import Field as Reader
 from ssm_planner.loading.schema import (
@@ -169,17 +169,6 @@ ScanModel = model_of(
     without=("name",),
     base=_ScanModel,
 )
-
-
-class RepeatModel(Model):
-    """Motions to repeat."""
-
-    times: Annotated[
-        Any, quantity("number", Bound(at_least=1, at_most=LONGEST_MOTION), integer=True)
-    ]
-    """Number of repetitions."""
-    motion: list[Any]
-    """Motions to repeat, in order."""
 
 
 class _EntryModel(Model):

@@ -65,22 +65,6 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array
 from ssm_planner.units import KINDS
 
-
-def share(value: object) -> float:
-    """Return a share that is given as a percentage or a number."""
-    text = (
-        value.strip().removesuffix("%").strip()
-        if isinstance(value, str) and value.strip().endswith("%")
-        else None
-    )
-    try:
-        return units.number(value) if text is None else float(text) / 100
-    except (units.BadQuantity, ValueError):
-        raise units.BadQuantity(
-            f"{units.describe(value)} instead of a share", "a share such as 95 %"
-        ) from None
-
-
 ONCE = "once"
 """Duty of a motion that does not repeat."""
 SQUARE = math.radians(0.5)
@@ -112,7 +96,7 @@ LensModel = model_of(
 EyeModel = model_of(Eye, {"lens": optional(nested(LensModel))})
 
 
-_SHARE = Reader(share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
+_SHARE = Reader(units.share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
 _OF_TOOL = {
     kind.field: optional(
         _bound_field(kind), " ".join(str(kind.__doc__).partition("Examples")[0].split())

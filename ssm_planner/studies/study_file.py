@@ -31,7 +31,6 @@ from ssm_planner.loading import (
     robot_from,
     stated_beside,
     validated,
-    wrong,
 )
 from ssm_planner.problem import Bound
 from ssm_planner.sizing import RANKS
@@ -48,18 +47,14 @@ from ssm_planner.studies.study import (
     path_exists,
 )
 from ssm_planner.typing import JsonObject
+from ssm_planner.units import BadQuantity, share
 
 
-def _share(value: object) -> float:
-    """Convert a number or a percentage such as `20 %` to a share from 0 to below 1."""
-    text = str(value).strip()
-    try:
-        share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-    except ValueError:
-        share = -1.0
-    if not 0 <= share < 1:
-        raise wrong("not a share", "0 to 1, or 0 % to 100 %")
-    return share
+def _margin(value: object) -> float:
+    """Return a share from 0 to below 1. Raises BadQuantity."""
+    if 0 <= (margin := share(value)) < 1:
+        return margin
+    raise BadQuantity("not a share", "0 to 1, or 0 % to 100 %")
 
 
 class SearchModel(Model):
@@ -83,7 +78,7 @@ class RequirementsModel(Model):
     self_locking: Truth = False
     """Every drive holds without torque."""
     motor_margin: Annotated[
-        float, Share(_share, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")
+        float, Share(_margin, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")
     ] = 0.0
     """Smallest permitted margin of torque, continuous torque, speed, heat and voltage."""
 

@@ -247,7 +247,7 @@ def test_a_fault_of_the_program_has_its_own_status_and_one_line(
     def faulty(*_: object) -> None:
         raise TypeError("first line\nsecond line")
 
-    monkeypatch.setattr("ssm_planner.loading.load.load_robot", faulty)
+    monkeypatch.setattr("ssm_planner.load_robot", faulty)
     words = ["workspace", str(ROOT / "problems/robots/vitreoretinal.yaml")]
     assert main(words) == 3
     said = capsys.readouterr().err
