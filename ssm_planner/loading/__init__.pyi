@@ -25,7 +25,6 @@ from .json_files import (
 from .load import (
     file_keys as file_keys,
     json_schema as json_schema,
-    load_controller as load_controller,
     load_drive as load_drive,
     load_motor as load_motor,
     load_motorisation as load_motorisation,
@@ -54,7 +53,6 @@ from .schema import (
     located as located,
     quantity as quantity,
     validated as validated,
-    wrong as wrong,
 )
 from .tables import (
     table_rows as table_rows,
