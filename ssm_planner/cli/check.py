@@ -18,7 +18,7 @@ from ssm_planner.cli.shared import (
     output_arguments,
     part_quantity,
     progress_reporter,
-    quantity_argument,
+    quantity_option,
     share,
     show,
 )
@@ -28,8 +28,6 @@ from ssm_planner.progress import Step
 if TYPE_CHECKING:
     from ssm_planner.formats.points import Reading
     from ssm_planner.problem import Robot, TaskLimits
-    from ssm_planner.verification.certificate import Certificate
-    from ssm_planner.verification.slower import SpeedRange
 
 PLAN_FILE = "plan.json"
 STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
@@ -50,9 +48,7 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="problem file with task limits, and with the robot unless --robot is given",
     )
-    parser.add_argument(
-        "--tip-speed", type=quantity_argument("velocity"), help="limit of the tool tip's speed"
-    )
+    quantity_option(parser, "--tip-speed", "velocity", "limit of the tool tip's speed")
     for end in ("start", "end"):
         parser.add_argument(
             f"--{end}-rate",
@@ -103,7 +99,7 @@ def run_check(options: argparse.Namespace) -> int:
     return STATUS[certificate.verdict]
 
 
-def _allowing(certificate: Certificate, text: str) -> Certificate:
+def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
     """Return the certificate with the limits that the option --allow-unjudged names.
 
     Raises ProblemError if no limit has such a name.
@@ -170,7 +166,7 @@ def _check_speeds(
     return STATUS[certificate.verdict]
 
 
-def speed_lines(speeds: SpeedRange) -> list[str]:
+def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
     """Return lines that state the worst speed for every limit that a slower motion may violate."""
     from ssm_planner.display import number
     from ssm_planner.reporting.text import Table, limit_cells
@@ -291,7 +287,9 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
     return rates
 
 
-def certificate_lines(certificate: Certificate, notes: tuple[str, ...], robot: Robot) -> list[str]:
+def certificate_lines(
+    certificate: ssm.Certificate, notes: tuple[str, ...], robot: Robot
+) -> list[str]:
     """Return the certificate as lines of text: a table of limits, notes and the verdict.
 
     The limit with the smallest margin is first. Each row of the table states the worst value, the

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -12,13 +11,10 @@ from ssm_planner.cli.shared import (
     output_arguments,
     plan_argument,
     progress_reporter,
-    quantity_argument,
+    quantity_option,
     show,
 )
 from ssm_planner.progress import Step
-
-if TYPE_CHECKING:
-    from ssm_planner.comparison.compare import Comparison
 
 
 def compare_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,12 +32,11 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="increments per motor turn of a position channel",
     )
-    parser.add_argument(
+    quantity_option(
+        parser,
         "--lag",
-        type=quantity_argument("time"),
-        metavar="TIME",
-        help="allowed delay of a joint at its largest speed, which limits tracking errors (default "
-        "10 ms)",
+        "time",
+        "allowed delay of a joint at its largest speed; it limits tracking errors (default 10 ms)",
     )
     output_arguments(parser)
 
@@ -65,7 +60,7 @@ def run_compare(options: argparse.Namespace) -> int:
     return OK if comparison.followed else FAILED
 
 
-def compare_lines(comparison: Comparison) -> list[str]:
+def compare_lines(comparison: ssm.Comparison) -> list[str]:
     """Return lines of text that report a comparison.
 
     They state the clock of the recordings, the errors of every axis, the margins of the limits,

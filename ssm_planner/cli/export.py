@@ -11,8 +11,8 @@ from ssm_planner.cli.shared import (
     output_arguments,
     plan_argument,
     progress_reporter,
+    quantity_option,
     rate_argument,
-    share,
     show,
 )
 from ssm_planner.errors import ExportError
@@ -29,12 +29,7 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="export an unverified plan as well; its files are marked",
     )
-    parser.add_argument(
-        "--speed",
-        type=share,
-        metavar="PERCENT",
-        help="speed of the exported motion, such as 10%%",
-    )
+    quantity_option(parser, "--speed", "share", "speed of the exported motion, such as 10%%")
     for option, texts in _options().items():
         parsed = PARSED.get(option, {})
         flag = f"--{'no-' if parsed.get('action') == 'store_false' else ''}{option}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -17,10 +17,6 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
-
-if TYPE_CHECKING:
-    from ssm_planner.identification import Identification, Prediction
-    from ssm_planner.problem import Drive
 
 LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
 
@@ -85,7 +81,7 @@ def run_identify(options: argparse.Namespace) -> int:
 
 
 def _write_drive(
-    identification: Identification, drive: Path, output: Path | None
+    identification: ssm.Identification, drive: Path, output: Path | None
 ) -> dict[str, str]:
     """Write the identified drive file and the figure of its map.
 
@@ -120,7 +116,7 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
         raise ProblemError(reason, key="--fix", value=text, allowed="such as mu=0.12") from None
 
 
-def _identified_lines(result: dict[str, Any], drive: Drive) -> list[str]:
+def _identified_lines(result: dict[str, Any], drive: ssm.Drive) -> list[str]:
     from ssm_planner.display import format_fixed, number
     from ssm_planner.identification import unit_of
     from ssm_planner.reporting.text import Table
@@ -236,7 +232,7 @@ def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
     yield from (f"  figure: {path}" for path in result["files"].values())
 
 
-def _write_figures(prediction: Prediction, folder: Path | None) -> dict[str, str]:
+def _write_figures(prediction: ssm.Prediction, folder: Path | None) -> dict[str, str]:
     """Write the figure of one recording as PNG and PDF, and return the paths by name.
 
     Without a folder, nothing is written. Raises ExportError if a file cannot be written.

@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -14,25 +14,22 @@ from ssm_planner.cli.shared import (
     OK,
     output_arguments,
     quantity_argument,
+    quantity_option,
     show,
     show_with_page,
 )
 from ssm_planner.display import format_fixed
 from ssm_planner.errors import ProblemError
 
-if TYPE_CHECKING:
-    from ssm_planner.kinematics import JointSolutions
-    from ssm_planner.problem import Robot
-    from ssm_planner.typing import Range
-
 
 def ik_arguments(parser: argparse.ArgumentParser) -> None:
-    angle, length = quantity_argument("angle"), quantity_argument("length")
     parser.add_argument("robot", type=Path, help="robot file (YAML)")
-    parser.add_argument("--roll", type=angle, default=0.0, help="such as 10deg (default 0)")
-    parser.add_argument("--tilt", type=angle, required=True, help="such as -100deg")
-    parser.add_argument("--spin", type=angle, default=0.0, help="such as 90deg (default 0)")
-    parser.add_argument("--depth", type=length, default=0.0, help="such as 15mm (default 0)")
+    quantity_option(parser, "--roll", "angle", "such as 10deg (default 0)", 0.0)
+    parser.add_argument(
+        "--tilt", type=quantity_argument("angle"), required=True, help="such as -100deg"
+    )
+    quantity_option(parser, "--spin", "angle", "such as 90deg (default 0)", 0.0)
+    quantity_option(parser, "--depth", "length", "such as 15mm (default 0)", 0.0)
     parser.add_argument(
         "--within-limits", action="store_true", help="only solutions within the joint ranges"
     )
@@ -48,7 +45,7 @@ def run_ik(options: argparse.Namespace) -> int:
     return OK if solutions.reachable else FAILED
 
 
-def _solution_lines(solutions: JointSolutions) -> Iterator[str]:
+def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
     yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
     for q, inside in zip(solutions.joints, solutions.in_limits, strict=True):
         angles = "   ".join(f"{format_fixed(math.degrees(value), 5):>11}" for value in q[:3])
@@ -59,20 +56,16 @@ def _solution_lines(solutions: JointSolutions) -> Iterator[str]:
 
 
 def workspace_arguments(parser: argparse.ArgumentParser) -> None:
-    angle = quantity_argument("angle")
     parser.add_argument("robot", type=Path, nargs="?", help="robot file (YAML)")
     parser.add_argument(
         "--reach",
-        type=angle,
+        type=quantity_argument("angle"),
         nargs=2,
         metavar=("A", "B"),
         help="tilt range to reach, such as -140deg -80deg",
     )
-    parser.add_argument(
-        "--margin",
-        type=angle,
-        default=0.0,
-        help="margin at both ends, such as 1deg (default 0)",
+    quantity_option(
+        parser, "--margin", "angle", "margin at both ends, such as 1deg (default 0)", 0.0
     )
     output_arguments(parser, "write the figures there")
 
@@ -93,7 +86,7 @@ def run_workspace(options: argparse.Namespace) -> int:
     return OK if result.get("reachable", True) else FAILED
 
 
-def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
+def _workspace(robot: ssm.Robot, output: Path | None) -> dict[str, Any]:
     """Return the workspace as JSON types with the keys alpha, beta, tilt_range, home and extremes.
 
     With a folder `output`, write the figures there and add their paths under the key files.
@@ -111,7 +104,7 @@ def _workspace(robot: Robot, output: Path | None) -> dict[str, Any]:
 
 
 def _designs(
-    reach: Range, margin: float, robot: Robot | None, output: Path | None
+    reach: ssm.Range, margin: float, robot: ssm.Robot | None, output: Path | None
 ) -> dict[str, Any]:
     """Return the designs (α, β) that reach a tilt range, as JSON types.
 

@@ -14,7 +14,7 @@ from ssm_planner.cli.shared import (
     output_file,
     plan_argument,
     progress_reporter,
-    share,
+    quantity_option,
     show,
 )
 from ssm_planner.errors import ProblemError
@@ -62,9 +62,7 @@ def run_report(options: argparse.Namespace) -> int:
 
 def film_arguments(parser: argparse.ArgumentParser) -> None:
     plan_argument(parser)
-    parser.add_argument(
-        "--speed", default="100%", metavar="PERCENT", help="playback speed, such as 25%%"
-    )
+    quantity_option(parser, "--speed", "share", "playback speed, such as 25%%", 1.0)
     output_arguments(
         parser,
         "folder of the film (default: film in the folder of PLAN); FILE.gif or FILE.mp4 writes "
@@ -75,7 +73,7 @@ def film_arguments(parser: argparse.ArgumentParser) -> None:
 def run_film(options: argparse.Namespace) -> int:
     plan = ssm.load_plan(options.plan)
     out = options.output or plan.path.with_name("film")
-    files = {name: str(path) for name, path in ssm.film(plan, out, share(options.speed)).items()}
+    files = {name: str(path) for name, path in ssm.film(plan, out, options.speed).items()}
     lines = [f"{name}: {path}" for name, path in files.items()]
     if out.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
         lines.append("mp4: not written, because the program ffmpeg is not on the PATH")

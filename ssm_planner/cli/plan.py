@@ -10,7 +10,7 @@ from ssm_planner.cli.shared import (
     OK,
     output_arguments,
     progress_reporter,
-    quantity_argument,
+    quantity_option,
     rate_argument,
     show,
 )
@@ -38,12 +38,7 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
         help="begin during the motion of this plan (plan.json or its folder) instead of at the "
         "problem's start",
     )
-    parser.add_argument(
-        "--at",
-        type=quantity_argument("time"),
-        metavar="TIME",
-        help="with --from: the time in that plan, such as 1.2s",
-    )
+    quantity_option(parser, "--at", "time", "with --from: the time in that plan, such as 1.2s")
     parser.add_argument(
         "--explain",
         action="store_true",

@@ -85,6 +85,28 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
     return convert
 
 
+def quantity_option(
+    parser: argparse.ArgumentParser, flag: str, kind: str, text: str, default: float | None = None
+) -> None:
+    """Add an option whose value is a quantity with unit, or a share in percent.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    flag : str
+        Name of the option.
+    kind : str
+        Key of units.KINDS, or "share".
+    text : str
+        Help text.
+    default : float, optional
+        Default in SI units.
+    """
+    metavar = "PERCENT" if kind == "share" else kind.upper()
+    reader = quantity_argument(kind)
+    parser.add_argument(flag, type=reader, metavar=metavar, default=default, help=text)
+
+
 def rate_argument(text: str) -> float:
     """Convert `500`, `500 Hz` or `1kHz` to a rate in Hz, as an argparse type."""
     match = re.fullmatch(r"([0-9.eE+]+)\s*(k?Hz)?", text.strip(), re.I)

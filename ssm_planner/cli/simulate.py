@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -14,18 +14,12 @@ from ssm_planner.cli.shared import (
     part_quantity,
     plan_argument,
     progress_reporter,
-    quantity_argument,
-    share,
+    quantity_option,
     show,
     write_results,
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
-
-if TYPE_CHECKING:
-    from ssm_planner.problem import Robot
-    from ssm_planner.simulation.simulate import Scenario, SimulationResult
-    from ssm_planner.stopping import Stops
 
 
 def simulate_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,9 +45,7 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
         help="point mass at the tip after a time (default 0 s)",
     )
     parser.add_argument("--stall", metavar="JOINT@TIME", help="block a motor after a time")
-    parser.add_argument(
-        "--supply", type=quantity_argument("voltage"), help="supply voltage (default: nominal)"
-    )
+    quantity_option(parser, "--supply", "voltage", "supply voltage (default: nominal)")
     parser.add_argument(
         "--friction",
         type=float,
@@ -68,10 +60,11 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="number of random frictions from the drive files",
     )
-    parser.add_argument(
+    quantity_option(
+        parser,
         "--spread",
-        metavar="PERCENT",
-        help="range of the friction without uncertainty in the drive files",
+        "share",
+        "range of the friction without uncertainty in the drive files",
     )
     parser.add_argument(
         "--compliance",
@@ -80,27 +73,14 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FACTOR",
         help="factor on the assumed stiffness",
     )
-    parser.add_argument(
-        "--speed", default="100%", metavar="PERCENT", help="playback speed, such as 10%%"
-    )
-    parser.add_argument(
-        "--dropped",
-        type=quantity_argument("time"),
-        metavar="TIME",
-        help="lose a set point at this time",
-    )
+    quantity_option(parser, "--speed", "share", "playback speed, such as 10%%", 1.0)
+    quantity_option(parser, "--dropped", "time", "lose a set point at this time")
     parser.add_argument(
         "--wrong-direction", metavar="JOINT", help="reverse the direction of a controller"
     )
-    parser.add_argument(
-        "--tip-error",
-        type=quantity_argument("length"),
-        help="largest allowed tip error (default 0.1 mm)",
-    )
-    parser.add_argument(
-        "--travel",
-        type=quantity_argument("length"),
-        help="largest allowed travel of the tip without power",
+    quantity_option(parser, "--tip-error", "length", "largest allowed tip error (default 0.1 mm)")
+    quantity_option(
+        parser, "--travel", "length", ("largest allowed travel of the tip without power")
     )
     output_arguments(parser, "write simulation.json, a page, recordings and figures")
 
@@ -142,12 +122,12 @@ def run_simulate(options: argparse.Namespace) -> int:
     return OK if result.passed else FAILED
 
 
-def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
+def scenario_of(options: argparse.Namespace, robot: ssm.Robot) -> ssm.Scenario:
     """Build the scenario that the command's options describe.
 
     Raises ProblemError, which names the option, its value and the allowed values.
     """
-    from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR, Scenario
+    from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR
 
     payload, payload_time = 0.0, 0.0
     if options.payload is not None:
@@ -170,8 +150,8 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
         raise ProblemError(
             "invalid number", key="--instants", value=options.instants, allowed="1 or more"
         )
-    return Scenario(
-        speed=share(options.speed),
+    return ssm.Scenario(
+        speed=options.speed,
         payload=payload,
         payload_time=payload_time,
         power_loss=loss
@@ -182,7 +162,7 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
         supply=options.supply,
         friction=options.friction,
         draws=options.draws,
-        spread=None if options.spread is None else share(options.spread, "--spread"),
+        spread=options.spread,
         dropped=options.dropped,
         wrong_direction=options.wrong_direction,
         compliance=options.compliance,
@@ -191,7 +171,7 @@ def scenario_of(options: argparse.Namespace, robot: Robot) -> Scenario:
     )
 
 
-def simulation_lines(result: SimulationResult, stops: Stops | None = None) -> list[str]:
+def simulation_lines(result: ssm.SimulationResult, stops: ssm.Stops | None = None) -> list[str]:
     """Return lines of text that report a simulation.
 
     They state the tracking errors, the motor loads, the stops without and with power, the reasons

@@ -18,7 +18,7 @@ from ssm_planner.cli.shared import (
     output_arguments,
     plan_argument,
     progress_reporter,
-    quantity_argument,
+    quantity_option,
     show_with_page,
     write_results,
 )
@@ -26,7 +26,6 @@ from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.progress import Step
 
 if TYPE_CHECKING:
-    from ssm_planner.problem import Drive, Motor
     from ssm_planner.sizing import Conditions, DutyCycle, Sizing
 
 
@@ -45,25 +44,13 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[JOINT=]FILE",
         help="candidate motors (YAML) for every driven joint or for one; default: the robot's own",
     )
-    parser.add_argument(
-        "--ambient", type=quantity_argument("temperature"), help="surroundings (default 25degC)"
+    quantity_option(parser, "--ambient", "temperature", "surroundings (default 25degC)")
+    quantity_option(parser, "--supply", "voltage", "controller's voltage (default: nominal)")
+    quantity_option(parser, "--current-limit", "current", "controller's largest current")
+    quantity_option(
+        parser, "--pause", "time", ("pause after each motion (default: the plan's duty, or 0)")
     )
-    parser.add_argument(
-        "--supply",
-        type=quantity_argument("voltage"),
-        help="controller's voltage (default: nominal)",
-    )
-    parser.add_argument(
-        "--current-limit", type=quantity_argument("current"), help="controller's largest current"
-    )
-    parser.add_argument(
-        "--pause",
-        type=quantity_argument("time"),
-        help="pause after each motion (default: the plan's duty, or 0)",
-    )
-    parser.add_argument(
-        "--payload", type=quantity_argument("mass"), default=0.0, help="point mass at the tool tip"
-    )
+    quantity_option(parser, "--payload", "mass", "point mass at the tool tip", 0.0)
     parser.add_argument(
         "--confidence",
         type=float,
@@ -166,7 +153,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
             allowed="--catalogue, with --gears, --rank and conditions",
         )
     motors = motors_of(options.catalogue)
-    gears: dict[str, list[Part[Drive]]] = {
+    gears: dict[str, list[Part[ssm.Drive]]] = {
         joint.name: [part for path in options.gears for part in gears_of(path, joint.drive)]
         for joint in duty.robot.joints
         if joint.drive is not None
@@ -243,7 +230,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     return replace(duty, pause=pause_of(plan.problem))
 
 
-def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Motor]]:
+def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[ssm.Motor]]:
     """Load the candidate motors that words such as `[JOINT=]FILE` name, and return them by joint.
 
     A file without a joint applies to all joints that the duty cycle moves. Raises ProblemError if a
@@ -254,7 +241,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
     moving = {joint for _, joint in duty.runs}  # None stands for all joints.
     driven = [joint.name for joint in duty.robot.joints if joint.drive is not None]
     defaults = [name for name in driven if None in moving or name in moving]
-    candidates: dict[str, list[Motor]] = {}
+    candidates: dict[str, list[ssm.Motor]] = {}
     for word in words:
         joint, equals, file = word.partition("=")
         if equals and "/" not in joint and not Path(word).exists():
@@ -271,7 +258,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[Mot
     return candidates
 
 
-def chosen_motors(sizing: Sizing) -> dict[str, Motor]:
+def chosen_motors(sizing: Sizing) -> dict[str, ssm.Motor]:
     """Return the smallest adequate motor of each joint, or its largest candidate if there is none.
 
     Joints without candidates are left out.

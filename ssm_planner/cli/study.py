@@ -8,18 +8,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
 from ssm_planner.display import number, plain_words
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
-
-if TYPE_CHECKING:
-    from ssm_planner.studies.run import StudyResult
-    from ssm_planner.studies.store import Candidate
-    from ssm_planner.studies.study import Study
 
 MAX_ROWS = 12
 """Largest number of candidates on the front, and of reasons, in the terminal."""
@@ -97,7 +92,7 @@ def _request(words: Sequence[str]) -> tuple[str, list[int], str]:
     return verb, [int(word) for word in numbers], words[-1]
 
 
-def _study(study: Study, folder: Path, options: argparse.Namespace) -> int:
+def _study(study: ssm.Study, folder: Path, options: argparse.Namespace) -> int:
     from ssm_planner.studies import run as studies
     from ssm_planner.studies.store import write_table
 
@@ -164,11 +159,11 @@ def _progress() -> Callable[[int, int, dict[str, int]], None]:
     return report
 
 
-def _entry(row: Candidate) -> dict[str, Any]:
+def _entry(row: ssm.Candidate) -> dict[str, Any]:
     return {"number": row.number, "design": dict(row.design), "figures": dict(row.figures)}
 
 
-def _lines(study: Study, result: StudyResult, files: dict[str, str]) -> list[str]:
+def _lines(study: ssm.Study, result: ssm.StudyResult, files: dict[str, str]) -> list[str]:
     from ssm_planner.studies.page import against_own, displayed_choices, in_words
 
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())

@@ -8,7 +8,6 @@ from .fit import (
     fit_map as fit_map,
 )
 from .identify import (
-    Identification as Identification,
     friction_origin as friction_origin,
     predict as predict,
 )

@@ -26,7 +26,6 @@ from .mechanism import (
     Mechanism as Mechanism,
 )
 from .of_robot import (
-    JointSolutions as JointSolutions,
     fk as fk,
 )
 from .rotations import (
