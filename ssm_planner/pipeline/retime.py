@@ -16,6 +16,7 @@ from ssm_planner.kinematics import Mechanism, batch
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.retiming.paths import MANY, SplinePath, smooth_runs
+from ssm_planner.planning.tolerances import SAME
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Follow, Joints, Problem, Robot
 from ssm_planner.trajectory import Trajectory
@@ -120,10 +121,17 @@ def retiming_problem(
     q = _points(path) if isinstance(path, Reading) else batch("path", path, 4)
     if len(q) > MANY:
         raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MANY}")
+    low, high = np.array([joint.position for joint in robot.joints]).T
+    inside = np.clip(q, low, high)
+    # A curve through recorded points may leave the range by rounding.
+    q = np.where(np.abs(q - inside) <= SAME, inside, q)
     scale = np.array([joint.velocity for joint in robot.joints])
     runs = smooth_runs(q, scale)
     if not runs:
         raise ProblemError("this path goes nowhere", key="path")
+    for run in runs:
+        still = np.ptp(run, axis=0) <= SAME
+        run[:, still] = run[0, still]
     mechanism = Mechanism.from_geometry(robot.geometry)
     deviations = [SplinePath(mechanism, run, scale).off_lines for run in runs]
     points = [[Joints((a, b, c, d)) for a, b, c, d in run.tolist()] for run in runs]
@@ -146,12 +154,14 @@ def retiming_problem(
 
 
 def _points(reading: Reading) -> Array:
-    """Return positions (n, 4) along a motion: its points, and more of them on smooth pieces."""
+    """Return positions (n, 4) along a motion: its points, and more of them on smooth pieces.
+
+    Pieces between many points are so short that one point of each suffices.
+    """
     breaks = reading.trajectory.breaks
-    count = 1 if reading.resolution is not None else POINTS_PER_PIECE
-    if count * len(breaks) > MANY:
-        allowed = f"at most {MANY // count}"
-        raise ProblemError(f"{len(breaks)} points", key="path", allowed=allowed)
+    count = 1
+    if reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MANY:
+        count = POINTS_PER_PIECE
     fractions = np.arange(count) / count
     times = (breaks[:-1, None] + fractions * np.diff(breaks)[:, None]).ravel()
     return reading.trajectory.positions(np.append(times, breaks[-1]))

@@ -208,7 +208,7 @@ class _SlowMotion:
         samples = phase.path.overview
         load = RigidBody.from_robot(robot).path_load(samples.q, samples.dq, samples.ddq)
         velocity = np.array([joint.velocity for joint in robot.joints])
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):
             speed_limit = np.min(velocity / np.abs(samples.dq), axis=1)
         return cls(samples, phase.path.directions[1], load, speed_limit)
 

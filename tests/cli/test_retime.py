@@ -13,13 +13,12 @@ from ssm_planner.cli import main
 from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.formats.export import export
 from ssm_planner.pipeline.retime import retime
-from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.retiming.paths import smooth_runs
-from ssm_planner.plans import Plan
+from ssm_planner.plans import load_plan
 from ssm_planner.problem.motion import Follow, Joints
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory
-from tests.support.paths import PROBLEMS
+from tests.support.paths import PROBLEMS, RESULTS
 
 ROBOT = PROBLEMS / "robots/vitreoretinal.yaml"
 
@@ -32,36 +31,48 @@ def retimed(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> dict[s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "speed"), [("csv", 0.2), ("ros2", 0.5)])
+@pytest.mark.parametrize(
+    ("kind", "rate", "speed"),
+    [
+        ("csv", 1000, 0.2),
+        ("csv", 250, 0.2),
+        ("csv", 100, 0.2),
+        ("csv", 50, 1.0),
+        ("ros2", 500, 0.5),
+    ],
+)
 def test_a_slowed_export_is_as_fast_again(
-    tilt_insert: Problem,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    kind: str,
-    speed: float,
+    tilt_insert: Problem, tmp_path: Path, kind: str, rate: float, speed: float
 ) -> None:
-    made = plan(replace(tilt_insert, objective="time"))
-    made.save(tmp_path / "plan")
-    export(tmp_path / "plan", kind, tmp_path / kind, speed=speed)
-    found = retimed(
-        tmp_path / kind / ("bag" if kind == "ros2" else "trajectory.csv"), tmp_path / "out", capsys
-    )
-    assert found["passed"]
-    assert found["duration_in_file"] == pytest.approx(made.duration / speed, rel=1e-3)
-    assert found["duration"] == pytest.approx(made.duration, rel=1e-3)
-    assert found["runs"] == 2
-    again = Plan.from_json((tmp_path / "out/plan.json").read_bytes(), tmp_path / "out/plan.json")
+    """At any rate, whatever the noise of the recorded points at rest."""
+    original = load_plan(RESULTS / "tilt_insert")
+    export(original, kind, tmp_path, speed=speed, rate=rate)
+    again = retime(tmp_path / ("bag" if kind == "ros2" else "trajectory.csv"), tilt_insert.robot)
     assert again.passed
-    assert (
-        again.to_dict()["problem"]
-        == json.loads((tmp_path / "out/plan.json").read_text(encoding="utf-8"))["problem"]
-    )
+    # The shipped plan is up to 0.1 % longer, in order to produce less heat.
+    assert again.duration == pytest.approx(original.duration, rel=3e-3)
+    assert len(again.phases) == 2
     # every point of the new motion lies on the old path
-    old = made.motion.sample(np.linspace(0.0, made.duration, 20_000)).q
+    old = original.motion.sample(np.linspace(0.0, original.duration, 20_000)).q
     new = again.motion.sample(np.linspace(0.0, again.duration, 50)).q
-    scale = [joint.velocity for joint in made.robot.joints]
+    scale = [joint.velocity for joint in original.robot.joints]
     distance = np.linalg.norm((new[:, None] - old) / scale, axis=2).min(axis=1)
     assert distance.max() < 1e-3
+
+
+@pytest.mark.slow
+def test_the_command_writes_the_plan_that_it_prints(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    export(RESULTS / "tilt_insert", "csv", tmp_path / "csv", rate=50.0)
+    found = retimed(tmp_path / "csv/trajectory.csv", tmp_path / "out", capsys)
+    assert found["passed"]
+    assert found["runs"] == 2
+    again = load_plan(tmp_path / "out")
+    assert again.passed
+    assert found["duration"] == again.duration
+    stored = json.loads((tmp_path / "out/plan.json").read_text(encoding="utf-8"))
+    assert again.to_dict()["problem"] == stored["problem"]
 
 
 def test_points_alone_are_a_curve_with_rests_at_its_corners(

@@ -420,13 +420,18 @@ class SplinePath(JointPath):
 def smooth_runs(points: Array, scale: Array) -> list[Array]:
     """Split points (n, 4) where they turn by more than CORNER, because a curve cannot pass there.
 
-    Split points belong to both parts, and consecutive equal points count once. `scale` (4,) is that
-    of `SplinePath`.
+    Split points belong to both parts. Points that are less than SAME apart count once, because
+    their directions are noise. `scale` (4,) is that of `SplinePath`.
     """
-    steps = np.diff(points / scale, axis=0)
-    length = np.linalg.norm(steps, axis=1)
-    points = points[np.append(True, length > ROUNDING)]
-    steps = steps[length > ROUNDING]
+    scaled = points / scale
+    apart = [0]
+    for k in range(1, len(scaled)):
+        if np.linalg.norm(scaled[k] - scaled[apart[-1]]) > SAME:
+            apart.append(k)
+    if len(apart) > 1:  # The motion ends at the last point itself.
+        apart[-1] = len(points) - 1
+    points = points[apart]
+    steps = np.diff(scaled[apart], axis=0)
     unit = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosine = np.einsum("ij,ij->i", unit[1:], unit[:-1])
     cuts = [0, *(np.flatnonzero(cosine < np.cos(CORNER)) + 1).tolist(), len(points) - 1]
