@@ -25,7 +25,7 @@ from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
-ROUNDS = 4
+PLANNING_ROUNDS = 4
 """Largest number of rounds of planning and checking.
 
 A fourth round has never helped where the third did not.
@@ -122,7 +122,7 @@ def plan_and_check(
     """
     strict = problem
     has_reversals = False
-    for number in range(1, ROUNDS + 1):
+    for number in range(1, PLANNING_ROUNDS + 1):
         result = plan_motion(
             unchecked(strict, robot=problem.robot),
             strict.robot,
@@ -143,7 +143,7 @@ def plan_and_check(
         outcome = checked(problem, result)
         if outcome.certificate is None or outcome.passed:
             break
-        stricter = None if number == ROUNDS else tightened(strict, outcome.certificate)
+        stricter = None if number == PLANNING_ROUNDS else tightened(strict, outcome.certificate)
         if stricter is None:
             break
         strict = stricter

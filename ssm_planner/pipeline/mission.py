@@ -31,7 +31,7 @@ from ssm_planner.problem import Free, Joints, Problem
 from ssm_planner.progress import Progress, Step, silent
 
 StopAt = Literal["shortest", "nearest", "any"]
-SEARCH = 4.0
+SEARCH_BUDGET = 4.0
 """Work after which no faster motion is looked for, if there is a motion."""
 MAX_TARGETS = 8
 """Largest number of targets with alternatives, since each changes the path of all that follows."""
@@ -168,7 +168,7 @@ class _Search:
             planner,
             best.duration * (1 - GAP),
             gap=1.0 if self.any_suffices else GAP,
-            budget=SEARCH + begin - self.work.spent,
+            budget=SEARCH_BUDGET + begin - self.work.spent,
         )
         self.entries.setdefault(phases.index(planner.phase), []).extend(
             item.to_dict(solution) for item in evaluations

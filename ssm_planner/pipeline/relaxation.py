@@ -36,7 +36,7 @@ SHARP = 0.9
 """The bisection ends when this share of the reported change gives no motion."""
 CHANGES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
-PATIENCE, TRIAL = 4.0, 0.1
+RELAXATION_BUDGET, TRIAL = 4.0, 0.1
 """Work after which no further change is tried, and the work of a trial besides its solves."""
 SHARES = (1.0, 1.5, 2.0, 3.0)
 """Multiples of a relaxation that pages offer."""
@@ -189,7 +189,7 @@ class Cure:
         return "; or ".join((sentence, *(cure.text for cure in self.alternatives)))
 
 
-def search(
+def find_relaxation(
     problem: Problem,
     reason: Reason,
     plan: Planner,
@@ -197,7 +197,7 @@ def search(
     *,
     feasible: Planner | None = None,
     work: Work | None = None,
-    budget: float = PATIENCE,
+    budget: float = RELAXATION_BUDGET,
 ) -> Cure | None:
     """Find the smallest change of one limit, or of several together, that gives a motion.
 

@@ -26,7 +26,7 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.certified import Outcome, plan_and_check
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
 from ssm_planner.pipeline.mission import StopAt, plan_mission
-from ssm_planner.pipeline.relaxation import changes_of_limits, search
+from ssm_planner.pipeline.relaxation import changes_of_limits, find_relaxation
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
 from ssm_planner.planning.cache import cache_scope
 from ssm_planner.planning.candidates.stop_first import stopping_point
@@ -183,7 +183,7 @@ def _plan(
         any_motion = not isinstance(reason.limit, ContinuousTorque)
         feasible = partial(_feasible, work=work, any_suffices=any_motion)
         complete = partial(_duration_or_reason, work=work)
-        cure = search(problem, reason, complete, duration, feasible=feasible, work=work)
+        cure = find_relaxation(problem, reason, complete, duration, feasible=feasible, work=work)
         if cure is not None:
             reason = replace(reason, relaxation=cure.text)
             if cure.works:

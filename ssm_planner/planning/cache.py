@@ -1,7 +1,7 @@
 """Cache of results while one problem is planned.
 
 Relaxations and alternative joints ask for many results again. Every result follows from its key
-alone, and its effort is counted each time, so the cache does not change any plan.
+alone. A cached result adds no work.
 """
 
 from __future__ import annotations

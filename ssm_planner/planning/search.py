@@ -55,13 +55,13 @@ def find_fastest(
         for kind in kinds:
             for candidate in kind.suggested(planner, evaluation):
                 evaluations.append(Evaluation(candidate, candidate.bound))
-                heappush(queue, (evaluations[-1].cost, next(order), evaluations[-1]))
+                heappush(queue, (evaluations[-1].known_duration, next(order), evaluations[-1]))
 
     suggest(None)
     while queue:
-        cost, _, evaluation = heappop(queue)
+        duration, _, evaluation = heappop(queue)
         limit = cutoff if solution is None else min(cutoff, (1 - gap) * solution.duration)
-        if cost >= limit:
+        if duration >= limit:
             continue
         if limit < np.inf and planner.work.spent - begin > budget:
             evaluation.result = Reason(message="not solved: the work budget is spent")
@@ -70,7 +70,7 @@ def find_fastest(
         evaluation.advance(limit)
         evaluation.effort += planner.work.spent - spent
         if evaluation.result is None:
-            heappush(queue, (evaluation.cost, next(order), evaluation))
+            heappush(queue, (evaluation.known_duration, next(order), evaluation))
         elif not isinstance(evaluation.result, Reason) and evaluation.result.duration < limit:
             solution = evaluation.result
         suggest(evaluation)

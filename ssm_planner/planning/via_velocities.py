@@ -19,7 +19,7 @@ from ssm_planner.typing import Array, record
 
 PAYS = 2e-3
 """Relative saving that velocities at points must reach."""
-SOLVES = 60
+ITERATIONS = 60
 """Largest number of iterations."""
 IDLE = 5e-4
 """Relative saving below which a velocity is dropped."""
@@ -117,7 +117,7 @@ class _Passing:
             ],
             f_ieqcons=spare,
             fprime_ieqcons=spare_slope,
-            iter=SOLVES,
+            iter=ITERATIONS,
             acc=SAME,
             iprint=0,
         )

@@ -14,8 +14,8 @@ from ssm_planner.pipeline.certified import exceeded
 from ssm_planner.pipeline.relaxation import (
     SHARES,
     changes_of_limits,
+    find_relaxation,
     relaxation_for,
-    search,
 )
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.reason import Reason
@@ -194,7 +194,7 @@ def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, need
         share = (motor.max_torque - there) / (required - there)
         return 1.0 if share >= needed else Reason(None, None, None, None, "no motion")
 
-    cure = search(
+    cure = find_relaxation(
         replace(tilt_insert, objective="time"),
         Reason(limit, None, required, there, "too weak"),
         attempt,
@@ -230,7 +230,7 @@ def test_what_is_printed_is_planned_in_full(
         planned.pop()
         return found
 
-    cure = search(
+    cure = find_relaxation(
         tilt_insert,
         Reason(limit, None, required, there, "too weak"),
         lambda problem: motion(problem, needed + more),

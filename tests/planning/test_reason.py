@@ -15,7 +15,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
-from ssm_planner.pipeline.relaxation import Cure, search
+from ssm_planner.pipeline.relaxation import Cure, find_relaxation
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
@@ -206,7 +206,7 @@ def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
     cures: list[Cure | None] = []
 
     def recording(*arguments: Any, **named: Any) -> Cure | None:
-        cures.append(search(*arguments, **named))
+        cures.append(find_relaxation(*arguments, **named))
         return cures[-1]
 
     def found(name: str) -> Outcome:
@@ -217,7 +217,7 @@ def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
         return outcomes[name]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "search", recording)
+        patch.setattr(run, "find_relaxation", recording)
         yield found
 
 
@@ -252,7 +252,7 @@ def test_its_relaxation_does_and_five_per_cent_less_does_not(
     assert f"takes {cure.outcome:.4g} s" in cure.text
     less = cure.relaxation.present + 0.95 * (cure.value - cure.relaxation.present)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "search", lambda *_, **__: None)
+        patch.setattr(run, "find_relaxation", lambda *_, **__: None)
         again = plan(cure.relaxation.problem(less))
     assert not again.passed
     assert again.reason is not None
@@ -335,7 +335,7 @@ def test_the_clock_does_not_bound_what_is_searched(
 
     monkeypatch.setattr("time.process_time", lambda: 1e3 * len(asked))
     assert (
-        search(
+        find_relaxation(
             tilt_insert,
             Reason(None, "insert", None, None, "no motion found"),
             never,
@@ -356,14 +356,14 @@ def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
         return Reason(None, None, None, None, "no")
 
     nameless = Reason(None, "insert", None, None, "no motion found")
-    assert search(tilt_insert, nameless, never, budget=0.0) is None
+    assert find_relaxation(tilt_insert, nameless, never, budget=0.0) is None
     assert not asked
     named = Reason(tilt_insert.robot.joints[0].limit(MotorTorque), "insert", 0.2, 0.1, "too weak")
-    found = search(tilt_insert, named, never, budget=0.0)
+    found = find_relaxation(tilt_insert, named, never, budget=0.0)
     assert found is not None
     assert not found.works
     assert len(asked) == 1
-    assert search(tilt_insert, nameless, never) is None
+    assert find_relaxation(tilt_insert, nameless, never) is None
     # torque and velocity of every joint that has them, both sides of three ranges, by a tenth and by the whole
     assert len(asked) == 1 + 2 * (3 + 4 + 6)
 

@@ -32,8 +32,10 @@ class Halfway(PhaseCandidate):
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the direct motion was estimated or found."""
-        direct = latest is not None and latest.candidate.kind == "direct" and latest.failed is None
-        if direct and planner.phase.path is None and len(planner.phase.points) == 2:
+        if latest is None or latest.candidate.kind != "direct" or latest.failed is not None:
+            return
+        first_result = latest.estimate is None or latest.result is None
+        if first_result and planner.phase.path is None and len(planner.phase.points) == 2:
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:

@@ -101,7 +101,7 @@ class Evaluation(Generic[P, R]):
     """Work spent on the candidate, approximately in seconds."""
 
     @property
-    def cost(self) -> float:
+    def known_duration(self) -> float:
         """Smallest possible duration: the estimate if there is one, else the bound, s."""
         return self.bound if self.estimate is None else max(self.estimate.duration, self.bound)
 

@@ -27,15 +27,15 @@ class Direct(PhaseCandidate):
             yield cls(planner)
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
-        """Return the fastest free motion before Ipopt's confirmation, if it may be reversed.
+        """Return the fastest free motion before Ipopt's confirmation, if others may be faster.
 
         Ipopt thus confirms only the motion that is taken, and heat is reduced only in that one.
         """
         planner = self.planner
-        has_rivals = (
+        may_have_rivals = (
             planner.may_reverse and planner.phase.path is None and planner.minimises_time_only
         )
-        return planner.free(cutoff=cutoff, fastest_only=True) if has_rivals else None
+        return planner.free(cutoff=cutoff, fastest_only=True) if may_have_rivals else None
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion for the objective, confirmed by Ipopt if the planner asks for it."""

@@ -36,7 +36,7 @@ class Reversing(PhaseCandidate):
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the direct motion exceeds its bound enough."""
-        if latest is None or latest.candidate.kind != "direct" or not _may_reverse(planner):
+        if latest is None or latest.candidate.kind != "direct" or not _applies(planner):
             return
         if latest.failed is not None:
             if isinstance(latest.failed.limit, Duration):
@@ -92,7 +92,7 @@ class Reversing(PhaseCandidate):
         return solution
 
 
-def _may_reverse(planner: PhasePlanner) -> bool:
+def _applies(planner: PhasePlanner) -> bool:
     """Return True for a free motion through via points, or from rest to rest."""
     phase = planner.phase
     passes_or_rests = len(phase.points) > 2 or phase.begins_and_ends_at_rest

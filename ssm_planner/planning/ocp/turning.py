@@ -23,7 +23,7 @@ LEAST_SEGMENT = 4e-3
 
 The solver may reduce it to a hundredth.
 """
-ROUNDS = 60
+BISECTIONS = 60
 """Number of bisections."""
 
 
@@ -103,7 +103,7 @@ class _Profile:
             travelled = ramps[0] * (start + peak) / 2 + ramps[1] * (end + peak) / 2
             return ramps[0], max(distance - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
 
-        for _ in range(ROUNDS):
+        for _ in range(BISECTIONS):
             middle = (low + high) / 2
             low, high = (low, middle) if sum(lengths(middle)) < duration else (middle, high)
         ramp_up, cruise, ramp_down = lengths(high)
