@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism, task_from_joints
-from ssm_planner.problem import Dwell, Motion, PathDeparture, Point, Problem, Scan
+from ssm_planner.problem import Dwell, Joints, Motion, PathDeparture, Point, Problem, Scan
 from ssm_planner.trajectory import BLOCK, Span, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck, Unjudged, worst_of_each
@@ -116,11 +116,14 @@ class _Path:
         """Task coordinates of the last point, (4,). Open ones are NaN."""
 
     def errors(self, point: Point) -> Array:
-        """Return the errors (n, 4) of a pose at all instants in multiples of NEAR.
+        """Return the errors (n, 4) of a point at all instants in multiples of NEAR.
 
-        Coordinates that a point does not state keep their values.
+        Coordinates that a pose does not state keep their values. Joint positions are compared as
+        they are, because the same pose can have others.
         """
         self.held = task_at(self.mechanism, point, self.held, self.branch)
+        if isinstance(point, Joints):
+            return (self.q - point.values) / NEAR
         return ((self.tasks - self.held + np.pi) % (2 * np.pi) - np.pi) / NEAR
 
     def nearest_index(self, errors: Array, first: int) -> tuple[int, float]:

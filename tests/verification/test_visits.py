@@ -212,3 +212,14 @@ def test_the_command_judges_the_task(tmp_path: Path) -> None:
     text = own.read_text(encoding="utf-8").replace("-135 deg", "-120 deg")
     other.write_text(text.replace("robots/", f"{PROBLEMS}/robots/"), encoding="utf-8")
     assert run("check", SHIPPED, "--problem", other) == 1
+
+
+def test_joint_targets_are_positions_of_joints_and_not_poses(
+    table: Trajectory, problem: Problem
+) -> None:
+    """A whole turn of the roll axis leads to the same pose, but not to the same joint positions."""
+    first, last = (tuple(q) for q in table.positions(table.breaks[[0, -1]]).tolist())
+    turned = (last[0] - 2 * np.pi, *last[1:])
+    for target, expected in ((last, set()), (turned, {"target"})):
+        asked = asking(problem, Free(Joints(target)), start=Joints(first))
+        assert broken(table, asked) == expected
