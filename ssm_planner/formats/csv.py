@@ -6,11 +6,13 @@ fixed rate, or the points between which cubic or quintic interpolation keeps the
 
 from __future__ import annotations
 
+import io
 import math
 import re
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import IO
@@ -20,21 +22,23 @@ import numpy as np
 from ssm_planner.atomic import replacing
 from ssm_planner.dynamics import RigidBody, directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.agreement import Content, stated_rate, suffix_of
 from ssm_planner.formats.epos4_setup import (
     INT32,
+    Axis,
     CountsPerTurn,
     axes_of,
     encoder_notes,
     require_range,
 )
-from ssm_planner.formats.points import LONG, Points, Reading, Table, join_points
-from ssm_planner.formats.spline_points import at_times, spline_points
+from ssm_planner.formats.points import LONG, Points, Reading, join_points
+from ssm_planner.formats.spline_points import ROUNDED, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
 from ssm_planner.kinematics import Mechanism, task_from_joints, tip_position
 from ssm_planner.plans import Plan
-from ssm_planner.problem import TASK, Robot
+from ssm_planner.problem import JOINTS, TASK, Robot
 from ssm_planner.trajectory import BLOCK, Samples, Trajectory
-from ssm_planner.typing import Array, Indices, frozen, record
+from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.verification.certificate import Certificate
 
 RATE = 1000.0
@@ -50,6 +54,10 @@ MOTORS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
 COLUMNS = (*STATES, *MOTORS, "task")
 """Groups of columns that an export can select."""
 COUNTS = "counts"
+TURNS = "increments_per_motor_turn"
+UNITS = {"time": "s", "position": "increments", "joints": "in the names of the columns"}
+SAME = 1e-9
+"""Relative difference of equal values in a column, related to its largest value."""
 DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
 
 
@@ -135,7 +143,7 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
         rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
     header, rows = trajectory_table(trajectory, robot, rate, DEFAULT)
     with replacing(path) as temporary:
-        _write(temporary, header, rows, "%.12g")
+        _write(temporary, header, rows, ("%.12g", "%.12g"))
     return path
 
 
@@ -147,7 +155,7 @@ def export_csv(
     rate: float | None = None,
     columns: Sequence[str] | None = None,
     counts_per_turn: CountsPerTurn = None,
-) -> dict[str, object]:
+) -> JsonObject:
     """Write trajectory.csv into a folder and return the entries of its manifest.
 
     Parameters
@@ -182,66 +190,172 @@ def export_csv(
         raise ExportError(
             f"the rate {rate:g} Hz is out of range (allowed: above 0, up to {LARGEST_RATE:g} Hz)"
         )
-    notes = []
-    if COUNTS in (columns or ()):
-        notes += _write_counts(plan, folder, suffix, rate or RATE, counts_per_turn)
-        if not groups:
-            return {
-                "rate_hz": rate or RATE,
-                "units": {"time": "s", "position": "increments"},
-                "notes": notes,
-            }
     path = folder / f"trajectory{suffix}.csv"
-    header, rows, note = _rows(plan, certificate, rate, groups)
-    _write(path, header, rows, "%.17g")
-    return {
-        "trajectory": path.name,
-        "rate_hz": rate,
-        "units": "in the names of the columns",
-        "notes": [*notes, note, *_as_read(path, plan, with_positions="q1_rad" in header)],
-    }
+    motion = plan.motion
+    entries: JsonObject = {"rate_hz": rate or RATE, "units": UNITS}
+    notes = []
+    if groups or COUNTS not in (columns or ()):
+        header, rows, note, stretch = _rows(plan, certificate, rate, groups)
+        _write(path, header, rows)
+        entries |= {"trajectory": path.name, "rate_hz": rate, "stretch": stretch}
+        notes.append(note)
+        if "q1_rad" in header:
+            reading = read_csv(path, plan.robot)
+            motion = reading.trajectory if reading.resolution is None else motion
+            notes += _as_read(reading, plan)
+    if COUNTS in (columns or ()):
+        axes = axes_of(plan.robot, counts_per_turn)
+        made = _counts(motion, axes, rate or RATE, suffix)
+        entries |= made.write(folder)
+        count = int(np.ceil(motion.duration * (rate or RATE) - 1e-9)) + 1
+        notes += [
+            f"time,position in increments of {', '.join(axes)}: {count} rows at "
+            f"{rate or RATE:g} Hz",
+            *encoder_notes(axes),
+        ]
+    return {**entries, "notes": notes}
+
+
+def read_csv_export(
+    folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot
+) -> Reading:
+    """Read the table of an export, and derive its other columns and files.
+
+    Parameters
+    ----------
+    folder : Path
+    manifest : dict
+    names : Collection[str]
+        Files of the manifest whose content is unchanged since the export.
+    robot : Robot
+
+    Raises
+    ------
+    TrajectoryError
+        If there is no table of positions, or if a file is damaged.
+    """
+    suffix = suffix_of(manifest)
+    name = f"trajectory{suffix}.csv"
+    if name not in names:
+        raise TrajectoryError(
+            f"{folder}: this export does not contain a trajectory: {name} is not in the list of "
+            "files"
+        )
+    reading = read_csv(folder / name, robot)
+    motion = reading.trajectory
+    rate = RATE
+    if manifest.get("rate_hz") is not None:
+        rate = stated_rate(folder, manifest, LARGEST_RATE)
+        t = motion.uniform(rate).t
+        if len(t) != len(motion.breaks) or np.abs(t - motion.breaks).max() > ROUNDED:
+            raise TrajectoryError(f"{folder}: the rows of {name} do not have the rate {rate:g} Hz")
+    _check_columns(folder / name, robot, motion)
+    content = Content({"trajectory": name, "units": UNITS}, {name: None})
+    if "axes" in manifest:
+        axes = stated_axes(folder, manifest, robot)
+        counted = _counts(motion, axes, rate, suffix)
+        skipped = reading.resolution is not None
+        texts = dict.fromkeys(counted.files) if skipped else counted.files
+        content = Content(content.entries | counted.entries, {**content.files, **texts})
+        if skipped:
+            note = "increments not compared: the table has positions alone"
+            reading = replace(reading, notes=(*reading.notes, note))
+    return replace(reading, content=content)
+
+
+def stated_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, Axis]:
+    """Return the axes of all driven joints with the encoders that a manifest states.
+
+    Raises TrajectoryError if the increments per motor turn are not positive integers.
+    """
+    axes = manifest.get("axes")
+    turns = {}
+    for joint in robot.joints:
+        entry = axes.get(joint.name) if isinstance(axes, dict) else None
+        turn = entry.get(TURNS) if isinstance(entry, dict) else None
+        if joint.drive is not None and (type(turn) is not int or not 0 < turn <= INT32):
+            raise TrajectoryError(
+                f"{folder}: the manifest does not give the increments of joint {joint.name}"
+            )
+        turns[joint.name] = turn or 0  # joints without a drive need none
+    return axes_of(robot, turns)
+
+
+def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
+    """Raise TrajectoryError if columns of motors and tasks do not follow from the joints.
+
+    The torque of a joint at rest, and all torques without accelerations, are not compared.
+    """
+    names = layout_of(path).names
+    values = read_columns(path, names)
+    groups = [
+        group
+        for group in COLUMNS
+        if any(re.match(rf"(motor\d_)?{group}\d?_", name) for name in names)
+    ]
+    states = [symbol for symbol in STATES if symbol in groups]
+    blocks = np.split(values[:, 1:], np.arange(4, 4 * len(states) + 1, 4), axis=1)
+    samples = replace(motion.sample(values[:, 0]), **dict(zip(states, blocks, strict=False)))
+    header, expected = table(samples, robot, groups, at_end=values[:, 0] == values[-1, 0])
+    if header != names:
+        raise TrajectoryError(f"{path}: the columns are {names}, but an export has {header}")
+    wrong = np.abs(values - expected) > SAME * np.abs(expected).max(axis=0) + 1e-12
+    for i, joint in enumerate(robot.joints):
+        if (torque := f"motor{i + 1}_torque_Nm") in names:
+            moving = np.abs(samples.qd[:, i]) > 1e-6 * joint.velocity
+            wrong[:, names.index(torque)] &= moving & ("qdd" in groups)
+    for row, k in np.argwhere(wrong)[:1].tolist():
+        raise TrajectoryError(
+            f"{path}: row {row + 1}: {names[k]} is {values[row, k]:.9g}, but the joints give "
+            f"{expected[row, k]:.9g}"
+        )
 
 
 def _rows(
     plan: Plan, certificate: Certificate, rate: float | None, columns: Sequence[str]
-) -> tuple[list[str], Array, str]:
-    """Return the header and the rows of an export, and a note that describes them."""
+) -> tuple[list[str], Array, str, float]:
+    """Return the header and the rows of an export, a note on them, and their stretch."""
     if rate is None:
         points = spline_points(plan, certificate, tick=None)
         default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
         at_end = points.samples.t == points.samples.t[-1]
-        return *table(points.samples, plan.robot, columns or default, at_end), points.note
+        header, rows = table(points.samples, plan.robot, columns or default, at_end)
+        return header, rows, points.note, points.stretch
     header, rows = trajectory_table(plan.motion, plan.robot, rate, columns or DEFAULT)
-    return header, rows, f"{len(rows)} rows at {rate:g} Hz; the last row is the end of the motion"
+    note = f"{len(rows)} rows at {rate:g} Hz; the last row is the end of the motion"
+    return header, rows, note, 1.0
 
 
-def _write_counts(
-    plan: Plan, folder: Path, suffix: str, rate: float, counts_per_turn: CountsPerTurn
-) -> list[str]:
-    """Write the positions of every driven joint in increments, and return notes on the files.
+def _counts(motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: str) -> Content:
+    """Return the files with the positions of every driven joint in increments.
 
     The last row contains the target.
     """
-    axes = axes_of(plan.robot, counts_per_turn)
-    t = np.arange(int(np.ceil(plan.motion.duration * rate - 1e-9)) + 1) / rate
-    samples = at_times(plan, plan.motion.breaks[0] + t)
-    for i, joint in enumerate(plan.robot.joints):
-        if joint.name in axes:
-            counts = axes[joint.name].increments(samples.q[:, i])
-            counts = require_range(counts, INT32, joint.name, "target position", "increments")
-            path = folder / f"{joint.name}_time_position{suffix}.csv"
-            _write(path, ["time", "position"], np.column_stack([t, counts]), ("%.9g", "%d"))
-    return [
-        f"time,position in increments of {', '.join(axes)}: {len(t)} rows at {rate:g} Hz",
-        *encoder_notes(axes),
-    ]
+    t = np.arange(int(np.ceil(motion.duration * rate - 1e-9)) + 1) / rate
+    q = motion.sample(motion.breaks[0] + t, clamp=True).q
+    files = {}
+    for name, axis in axes.items():
+        counts = axis.increments(q[:, JOINTS.index(name)])
+        counts = require_range(counts, INT32, name, "target position", "increments")
+        columns = {"time": t, "position": counts}
+        files[f"{name}_time_position{suffix}.csv"] = table_text(columns, ("%.9g", "%d"))
+    entries = {name: {TURNS: axis.counts_per_turn} for name, axis in axes.items()}
+    return Content({"axes": entries}, files)
 
 
-def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
+def table_text(columns: Mapping[str, Array], forms: tuple[str, str] = ("%.3f", "%d")) -> str:
+    """Return columns (n,) as the text of a CSV file.
+
+    `forms` contains the printf format of the first column, which is the time, and the format of all
+    other columns.
+    """
+    text = io.StringIO()
+    _write(text, list(columns), np.column_stack(list(columns.values())), forms)
+    return text.getvalue()
+
+
+def _as_read(reading: Reading, plan: Plan) -> list[str]:
     """Check the rows as a controller interpolates them, and return a note with the result."""
-    if not with_positions:
-        return []
-    reading = read_csv(path, plan.robot)
     certificate = reading.check(plan.robot, plan.limits)
     if not certificate.violations:
         unjudged = ", ".join(dict.fromkeys(line.name for line in certificate.unjudged))
@@ -258,8 +372,12 @@ def _as_read(path: Path, plan: Plan, with_positions: bool) -> list[str]:
     ]
 
 
-def _write(path: Path, header: list[str], rows: Array, form: str | Sequence[str]) -> None:
-    np.savetxt(path, rows, fmt=form, delimiter=",", header=",".join(header), comments="")
+def _write(
+    file: Path | IO[str], header: list[str], rows: Array, forms: tuple[str, str] = ("%.17g",) * 2
+) -> None:
+    """Write a table. `forms` contains the formats of the first column and of all others."""
+    fmt = [forms[0], *(forms[1],) * (len(header) - 1)]
+    np.savetxt(file, rows, fmt=fmt, delimiter=",", header=",".join(header), comments="")
 
 
 SEPARATORS = (",", ";", "\t")
@@ -321,34 +439,17 @@ class _Rows:
                 self.file.write(block.tobytes())
             self.blocks = [rows[:0, 1:]]
 
-    def columns(self, start: int, count: int = 4) -> Table:
-        """Return `count` columns (n, count). The column after the time has the index 0."""
+    def columns(self, start: int, count: int = 4) -> Array:
+        """Return `count` columns (n, count). The column after the time has the index 0.
+
+        Columns in the file are read on demand. The file is deleted together with the last of them.
+        """
         selected = slice(start, start + count)
         if self.file is None:
             return np.concatenate([block[:, selected] for block in self.blocks])
         self.file.flush()
-        return _InFile(self.file, (self.count, self.blocks[0].shape[1]), selected)
-
-
-@record
-class _InFile:
-    """Columns of a table in a temporary file, which are read on demand.
-
-    The file is deleted together with its last reader.
-    """
-
-    file: IO[bytes]
-    shape: tuple[int, ...]
-    selected: slice
-
-    def __getitem__(self, index: Indices | slice, /) -> Array:
-        count, width = self.shape
-        if not isinstance(index, slice):
-            return np.concatenate([self[k : k + 1] for k in index.tolist()])
-        start, end, _ = index.indices(count)
-        self.file.seek(8 * width * start)
-        rows = np.frombuffer(self.file.read(8 * width * (end - start))).reshape(-1, width)
-        return rows[:, self.selected].copy()
+        shape = self.count, self.blocks[0].shape[1]
+        return np.asarray(np.memmap(self.file, float, "r", shape=shape)[:, selected])
 
 
 def layout_of(path: Path) -> Layout:
@@ -430,6 +531,22 @@ def _check_widths(path: Path, layout: Layout) -> None:
         raise TrajectoryError(
             f"{path}: the last row has fewer than {width} columns: the file is incomplete"
         )
+
+
+def read_columns(path: Path, names: Sequence[str]) -> Array:
+    """Return the named columns (n, k) of a table, the first of which is the time.
+
+    Raises TrajectoryError if a column is missing.
+    """
+    layout = layout_of(path)
+    for name in names:
+        if name not in layout.names:
+            raise TrajectoryError(
+                f"{path}: no column {name} (streams of the modes csv and cst hold no positions)"
+            )
+    selected = [Heading(layout.names.index(name), name, 1.0) for name in names]
+    rows = data_rows(path, layout, selected)
+    return np.column_stack([np.concatenate(rows.times), rows.columns(0, len(names) - 1)])
 
 
 def _fault(path: Path, layout: Layout, message: str, start: int) -> str:

@@ -6,9 +6,7 @@ also writes the setup objects of the drives. Streams of positions can be read as
 
 from __future__ import annotations
 
-import csv
-import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +15,8 @@ import numpy as np
 from ssm_planner.display import number
 from ssm_planner.dynamics import RigidBody, directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.csv import data_rows, layout_of
+from ssm_planner.formats.agreement import Content, suffix_of
+from ssm_planner.formats.csv import read_columns, stated_axes, table_text
 from ssm_planner.formats.epos4_offsets import Offsets, offset_checks
 from ssm_planner.formats.epos4_setup import (
     INT16,
@@ -29,6 +28,7 @@ from ssm_planner.formats.epos4_setup import (
     axes_of,
     encoder_notes,
     homing,
+    objects_text,
     pdo_mapping,
     require_range,
     setup_objects,
@@ -36,10 +36,10 @@ from ssm_planner.formats.epos4_setup import (
 )
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import REST, at_times
-from ssm_planner.formats.trajectory_csv import Heading
+from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.plans import Plan
-from ssm_planner.problem import JOINTS, Joint, Robot
-from ssm_planner.typing import Array, JsonObject
+from ssm_planner.problem import JOINTS, TASK, Joint, Robot, TaskLimits
+from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.units import display_unit, rpm
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.ends import end_velocities
@@ -91,55 +91,131 @@ def export_epos4(
     axes = axes_of(plan.robot, counts_per_turn)
     t, stretch = setpoint_times(plan, period)
     motion = _motion(plan, t, stretch)
-    streams = _streams(axes, motion, mode)
-    entries: JsonObject = {}
-    rows: list[dict[str, str]] = []
-    for i, joint in enumerate(plan.robot.joints):
-        name = f"{joint.name}{suffix}.csv"
-        axis = axes.get(joint.name)
-        if axis is None:
-            write_table(
-                folder / name,
-                {TIME: t, f"position_{joint.unit}": motion["q"][:, i]},
-                ("%.3f", "%.17g"),
-            )
-            entries[joint.name] = {
-                "file": name,
-                "note": "no drive: the file shows the joint's motion for reference and is not a "
-                "stream",
-            }
-            continue
-        counts = axis.increments(motion["q"][:, i])
-        effects = rounding_effects(counts, motion["q"][:, i], axis, period / 1000)
-        write_table(folder / name, {TIME: t, **streams[joint.name]})
-        if mode == "csp":
-            write_table(
-                folder / f"{joint.name}_time_position{suffix}.csv", {"time": t, "position": counts}
-            )
-        rows += setup_objects(axis, mode, period, effects)
-        entries[joint.name] = {
-            "file": name,
-            **axis.to_dict(),
-            "rounding": effects,
-            "homing": homing(axis, counts[0]),
-        }
-    _write_objects(folder / f"objects{suffix}.csv", rows)
+    rounding = {}
+    for name, axis in axes.items():
+        q = motion["q"][:, JOINTS.index(name)]
+        rounding[name] = rounding_effects(axis.increments(q), q, axis, period / 1000)
+    points = Setpoints(
+        robot=plan.robot,
+        axes=axes,
+        mode=mode,
+        period=period,
+        q=motion["q"],
+        streams=_streams(axes, motion, mode),
+        rounding=rounding,
+        limits=plan.limits.slower(stretch),
+    )
+    if mode == "csp" and certificate.passed:
+        _require_accepted(plan, points)
+    entries = points.content(suffix).write(folder)
     return {
-        "mode": mode,
-        "rate_hz": 1000 / period,
-        "interpolation_period_ms": period,
-        "pdo": pdo_mapping(mode),
-        "sync": sync_setup(period),
-        "units": {
-            "inc": "increments (quadcounts)",
-            "mrpm": "1e-3 rpm at the motor",
-            "permille": "of rated torque",
-        },
-        "axes": entries,
+        **entries,
         "stretch": stretch,
         "not_verified": list(NOT_VERIFIED),
-        "notes": [*_notes(plan, axes, t, entries), *_moving_notes(plan)],
+        "notes": [*_notes(plan, axes, t, entries["axes"]), *_moving_notes(plan)],
     }
+
+
+@record
+class Setpoints:
+    """Setpoints of all joints at n instants, which the export writes and the reader reads."""
+
+    robot: Robot
+    axes: Mapping[str, Axis]
+    mode: str
+    period: int
+    """Interval between the instants, ms."""
+    q: Array
+    """Positions (n, 4), rad and m."""
+    streams: Mapping[str, Stream]
+    rounding: Mapping[str, dict[str, float]]
+    """Effects of rounding by joint, see `rounding_effects`."""
+    limits: TaskLimits
+    """Limits with the rates of the motion at both ends."""
+
+    def content(self, suffix: str) -> Content:
+        """Return the files and the entries of the manifest. File names end with `suffix`.
+
+        Raises ExportError if a number does not fit its object.
+        """
+        t = np.arange(float(len(self.q))) * (self.period / 1000)
+        files = {}
+        entries: JsonObject = {}
+        rows: list[dict[str, str]] = []
+        for joint, q in zip(self.robot.joints, self.q.T, strict=True):
+            name = f"{joint.name}{suffix}.csv"
+            entries[joint.name] = {"file": name}
+            axis = self.axes.get(joint.name)
+            if axis is None:
+                columns = {TIME: t, f"position_{joint.unit}": q}
+                files[name] = table_text(columns, ("%.3f", "%.17g"))
+                entries[joint.name]["note"] = (
+                    "no drive: the file shows the joint's motion for reference and is not a stream"
+                )
+                continue
+            counts = axis.increments(q)
+            effects = self.rounding[joint.name]
+            files[name] = table_text({TIME: t, **self.streams[joint.name]})
+            if self.mode == "csp":
+                columns = {"time": t, "position": counts}
+                files[f"{joint.name}_time_position{suffix}.csv"] = table_text(columns)
+            rows += setup_objects(axis, self.mode, self.period, effects)
+            entries[joint.name] |= {
+                **axis.to_dict(),
+                "rounding": effects,
+                "homing": homing(axis, counts[0]),
+            }
+        files[f"objects{suffix}.csv"] = objects_text(rows)
+        limits = self.limits
+        if self.mode == "csp":
+            q, _, offsets = self.joint_side()
+            qd = np.gradient(q, t, axis=0)
+            for i, offset in offsets.items():
+                qd[:, i] = offset.velocity
+            limits = rates_of_rows(limits, self.robot, q, qd)
+        return Content(
+            {
+                "start_rate": dict(limits.start_rate or {}),
+                "end_rate": dict(limits.end_rate or {}),
+                "mode": self.mode,
+                "rate_hz": 1000 / self.period,
+                "interpolation_period_ms": self.period,
+                "pdo": pdo_mapping(self.mode),
+                "sync": sync_setup(self.period),
+                "units": {
+                    "inc": "increments (quadcounts)",
+                    "mrpm": "1e-3 rpm at the motor",
+                    "permille": "of rated torque",
+                },
+                "axes": entries,
+            },
+            files,
+        )
+
+    def reading(self, place: str) -> Reading:
+        """Return the motion that the target positions describe: straight lines between them.
+
+        The velocity and torque offsets are compared with the positions. `place` names a setpoint in
+        messages.
+        """
+        t = np.arange(float(len(self.q))) * (self.period / 1000)
+        q, resolution, offsets = self.joint_side()
+        reading = join_points(Points(t, q, resolution=resolution, place=place.format), self.robot)
+        checks = offset_checks(self.robot, t, q, resolution, offsets)
+        return replace(reading, checks=tuple(checks))
+
+    def joint_side(self) -> tuple[Array, Array, dict[int, Offsets]]:
+        """Return the rounded positions (n, 4), their resolution (4,) and the offsets by joint."""
+        q = self.q.copy()
+        resolution = np.zeros(4)
+        offsets = {}
+        for name, axis in self.axes.items():
+            i = JOINTS.index(name)
+            counts, speed, torque = self.streams[name].values()
+            q[:, i] = counts / axis.increments_per_unit
+            resolution[i] = 0.5 / abs(axis.increments_per_unit)
+            offsets[i] = _offsets(self.robot.joints[i], speed, torque)
+        return q, resolution, offsets
 
 
 def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
@@ -165,6 +241,18 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
     t = np.arange(count, dtype=float) * (period / 1000)
     moving = bool(np.abs(end_velocities(plan.motion)[1]).max() > REST)
     return t, float(t[-1]) / plan.motion.duration if moving else 1.0
+
+
+def _require_accepted(plan: Plan, points: Setpoints) -> None:
+    """Raise ExportError if the check would not accept setpoints."""
+    certificate = points.reading("setpoint {}").check(plan.robot, points.limits)
+    if certificate.violations:
+        worst = certificate.worst
+        raise ExportError(
+            f"{plan.path}: `check` would reject the setpoints: {worst.name} of "
+            f"{worst.joint or 'the tool'} exceeds its limit by {-100 * worst.margin:.3g} % at "
+            f"{worst.time:.4f} s: choose another rate, or an encoder with more counts per turn"
+        )
 
 
 def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, Stream]:
@@ -279,26 +367,6 @@ def _streams(axes: Mapping[str, Axis], motion: dict[str, Array], mode: str) -> d
     return streams
 
 
-def write_table(path: Path, columns: Stream, forms: tuple[str, str] = ("%.3f", "%d")) -> None:
-    """Write columns (n,) to a CSV file.
-
-    `forms` contains the printf format of the first column, which is the time, and the format of all
-    other columns.
-    """
-    rows = np.column_stack(list(columns.values()))
-    formats = [forms[0], *(forms[1],) * (len(columns) - 1)]
-    np.savetxt(path, rows, fmt=formats, delimiter=",", header=",".join(columns), comments="")
-
-
-def _write_objects(path: Path, rows: list[dict[str, str]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(
-            file, fieldnames=["joint", "object", "name", "value", "unit", "reason", "known"]
-        )
-        writer.writeheader()
-        writer.writerows(rows)
-
-
 def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> list[str]:
     notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
@@ -340,8 +408,6 @@ COLUMNS = {
     "cst": ("target_torque_permille",),
 }
 """Columns of a stream, by mode."""
-SAME = 1e-9
-"""Relative tolerance for equal values in the manifest and in the robot."""
 
 
 def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
@@ -363,86 +429,111 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
     TrajectoryError
         If a stream is missing or damaged, or the robot has other drives than the manifest states.
     """
-    columns = []
-    resolution = np.zeros(4)
-    offsets = {}
-    time: Array | None = None
-    for i, (joint, path, per_unit) in enumerate(read_axes(folder, manifest, names, robot)):
-        if per_unit is not None:
-            t, (counts, speed, torque) = read_table(path, TIME, (POSITION, VELOCITY, TORQUE))
-            values = counts / per_unit
-            resolution[i] = 0.5 / abs(per_unit)
-            offsets[i] = _offsets(joint, speed, torque)
-        else:
-            t, (values,) = read_table(path, TIME, (f"position_{joint.unit}",))
-        if time is not None and not np.array_equal(time, t):
-            raise TrajectoryError(f"{folder}: the streams of the axes have different times")
-        time = t
-        columns.append(values)
-    assert time is not None
-    q = np.stack(columns, axis=1)
-    reading = join_points(
-        Points(time, q, resolution=resolution, place=f"{folder}: setpoint {{}}".format), robot
+    axes, t, tables = read_tables(folder, manifest, robot, TIME, _columns)
+    period = round(1000 * float(t[1] - t[0]))
+    if not 1 <= period <= LARGEST_PERIOD:
+        raise TrajectoryError(
+            f"{folder}: a period of {period} ms is out of range (allowed: 1 to {LARGEST_PERIOD})"
+        )
+    points = Setpoints(
+        robot=robot,
+        axes=axes,
+        mode="csp",
+        period=period,
+        q=np.stack([columns[0] / scale(axes, name) for name, columns in tables.items()], axis=1),
+        streams={name: dict(zip(COLUMNS["csp"], tables[name], strict=True)) for name in axes},
+        rounding={
+            name: _stated_rounding(axis, manifest["axes"][name].get("rounding"), period)
+            for name, axis in axes.items()
+        },
+        limits=TaskLimits(start_rate=manifest.get("start_rate"), end_rate=manifest.get("end_rate")),
     )
-    return replace(reading, checks=tuple(offset_checks(robot, time, q, resolution, offsets)))
+    reading = points.reading(f"{folder}: setpoint {{}}")
+    return replace(reading, content=points.content(suffix_of(manifest)))
 
 
-def read_axes(
-    folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot
-) -> Iterator[tuple[Joint, Path, float | None]]:
-    """Yield every joint with its file, and its increments per rad or m (None without a drive).
+def rates_of_rows(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
+    """Replace the start and end rates in limits by those of the rounded rows q, qd (n, 4).
 
-    The arguments are those of `read_epos4`. Raises TrajectoryError if the manifest does not list a
-    file for each joint of the robot.
+    An end without a declared rate remains unchanged.
     """
-    axes = manifest.get("axes")
-    if not isinstance(axes, dict) or set(axes) != {joint.name for joint in robot.joints}:
-        raise TrajectoryError(
-            f"{folder}: the manifest does not list the joints of robot {robot.name}"
-        )
+    rates = task_rates(Mechanism.from_geometry(robot.geometry), q[[0, -1]], qd[[0, -1]]).tolist()
+    start, end = (dict(zip(TASK, rate, strict=True)) for rate in rates)
+    return replace(
+        limits,
+        start_rate=start if limits.start_rate else limits.start_rate,
+        end_rate=end if limits.end_rate else limits.end_rate,
+    )
+
+
+def scale(axes: Mapping[str, Axis], name: str) -> float:
+    """Return the increments per rad or m of a joint, or 1 for a joint without a drive."""
+    return axes[name].increments_per_unit if name in axes else 1.0
+
+
+def _columns(joint: Joint, driven: bool) -> tuple[str, ...]:
+    return COLUMNS["csp"] if driven else (f"position_{joint.unit}",)
+
+
+def read_tables(
+    folder: Path,
+    manifest: JsonObject,
+    robot: Robot,
+    time: str,
+    columns: Callable[[Joint, bool], Sequence[str]],
+) -> tuple[dict[str, Axis], Array, dict[str, list[Array]]]:
+    """Read the table of each joint.
+
+    Parameters
+    ----------
+    folder, manifest, robot
+        See `read_epos4`.
+    time : str
+        Column of the time.
+    columns : Callable
+        Function that returns the other columns for a joint, and for whether it is driven.
+
+    Returns
+    -------
+    axes : dict[str, Axis]
+        Axes of the driven joints with the encoders that the manifest states.
+    t : (n,)
+        Time column of all tables.
+    tables : dict[str, list of (n,)]
+        Columns by joint.
+
+    Raises
+    ------
+    TrajectoryError
+        If the manifest states no encoder for a joint, or a table is damaged.
+    """
+    axes = stated_axes(folder, manifest, robot)
+    times = []
+    tables = {}
     for joint in robot.joints:
-        axis = axes[joint.name]
-        name = axis.get("file") if isinstance(axis, dict) else None
-        if not isinstance(name, str) or name not in names:
-            raise TrajectoryError(f"{folder}: the manifest lists no file for joint {joint.name}")
-        yield (
-            joint,
-            folder / name,
-            _per_unit(folder, joint, axis) if "increments_per_unit" in axis else None,
-        )
+        path = folder / f"{joint.name}{suffix_of(manifest)}.csv"
+        t, tables[joint.name] = read_table(path, time, columns(joint, joint.name in axes))
+        times.append(t)
+        if not np.array_equal(t, times[0]):
+            raise TrajectoryError(f"{folder}: the tables of the axes have different times")
+    return axes, times[0], tables
 
 
-def _per_unit(folder: Path, joint: Joint, axis: JsonObject) -> float:
-    """Return the increments per rad or m of a joint.
+def _stated_rounding(axis: Axis, stated: object, period: int) -> dict[str, float]:
+    """Return the effects of rounding that a manifest states, as far as rounding can cause them.
 
-    Raises TrajectoryError if they do not follow from the drive of the joint.
+    They do not follow from rounded positions. An increment bounds them.
     """
-    numbers = axis["increments_per_unit"]
-    turn = axis.get("increments_per_motor_turn")
-    if joint.drive is None or joint.motor is None:
-        raise TrajectoryError(
-            f"{folder}: joint {joint.name} has a stream, but the robot has no drive or no motor "
-            "for it"
-        )
-    if type(turn) is not int or not 0 < turn <= INT32 or type(numbers) not in (int, float):
-        raise TrajectoryError(
-            f"{folder}: the manifest does not give the increments of joint {joint.name}"
-        )
-    expected = joint.motor_direction * joint.drive.ratio * turn / (2 * np.pi)
-    if not math.isclose(numbers, expected, rel_tol=SAME):
-        raise TrajectoryError(
-            f"{folder}: joint {joint.name}: the manifest states {numbers:.9g} increments per "
-            f"{joint.unit}, but the robot's drive and {turn} increments per motor turn give "
-            f"{expected:.9g}"
-        )
-    rated = axis.get("rated_torque_Nm")
-    if not isinstance(rated, (int, float)) or not math.isclose(
-        rated, joint.motor.nominal_torque, rel_tol=SAME
-    ):
-        raise TrajectoryError(
-            f"{folder}: joint {joint.name}: the rated torque differs from that of the robot's motor"
-        )
-    return float(numbers)
+    unit = 1 / abs(axis.increments_per_unit)
+    h = period / 1000
+    bounds = {"position": unit / 2, "speed": unit / h, "acceleration": 2 * unit / h**2}
+    effects = stated if isinstance(stated, dict) else {}
+    return {
+        name: min(max(effect, 0.0), bound * (1 + 1e-6))
+        if isinstance(effect := effects.get(name), float)
+        else 0.0
+        for name, bound in bounds.items()
+    }
 
 
 def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
@@ -459,19 +550,9 @@ def read_table(path: Path, time: str, columns: Sequence[str]) -> tuple[Array, li
 
     Raises TrajectoryError if a column is missing or a value is not a finite number.
     """
-    layout = layout_of(path)
-    selected = []
-    for column in (time, *columns):
-        if column not in layout.names:
-            raise TrajectoryError(
-                f"{path}: no column {column} (streams of the modes csv and cst hold no positions)"
-            )
-        selected.append(Heading(layout.names.index(column), column, 1.0))
-    rows = data_rows(path, layout, selected)
-    times = np.concatenate(rows.times)
-    values = rows.columns(0, len(columns))[:]
-    if len(times) < 2 or not (np.isfinite(times).all() and np.isfinite(values).all()):
+    times, *values = read_columns(path, (time, *columns)).T
+    if len(times) < 2 or not np.isfinite([times, *values]).all():
         raise TrajectoryError(
             f"{path}: the file has fewer than two rows or contains numbers that are not finite"
         )
-    return times, list(values.T)
+    return times, values

@@ -9,15 +9,18 @@ import numpy as np
 from ssm_planner.dynamics import RigidBody, motor_motion
 from ssm_planner.problem import FeedForward, Joint, MotorTorque, Robot
 from ssm_planner.trajectory import Samples
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification.certificate import LimitCheck
 
 NEAR = 2
 """Number of intervals on each side of a setpoint whose accelerations the setpoint may have."""
 AT_REST = ((1.0, True), (-1.0, False), (-1.0, True), (0.0, False))
 """Direction and breakaway flag of a joint at rest, in addition to continued motion."""
-FULL = 0.02
-"""Period (s) from which an acceleration may begin and end between two setpoints."""
+FULL = 0.004
+"""Period (s) from which an acceleration may begin and end between two setpoints of any motion.
+
+Near rest, it may do so at any period, because the motion itself may be that short.
+"""
 
 
 @record
@@ -102,12 +105,12 @@ def _torque_range(
 
     They cover any acceleration near the setpoint and, at rest, any friction.
     """
-    lowest, highest = _accelerations(robot, t, qd, offsets)
-    body = RigidBody.from_robot(robot)
     rest_speed = np.array([_slow(robot, i, offsets) for i in range(4)])
+    standing = np.abs(qd) <= rest_speed
+    lowest, highest = _accelerations(robot, t, qd, offsets, standing=standing)
+    body = RigidBody.from_robot(robot)
     low = np.full(q.shape, np.inf)
     high = np.full(q.shape, -np.inf)
-    standing = np.abs(qd) <= rest_speed
     standing_rows = np.flatnonzero(standing.any(axis=1))
     all_rows = np.arange(len(t))
     # The motor torque is monotonic in each acceleration, except where its effort changes sign.
@@ -133,21 +136,27 @@ def _slow(robot: Robot, i: int, offsets: dict[int, Offsets]) -> float:
 
 
 def _accelerations(
-    robot: Robot, t: Array, qd: Array, offsets: dict[int, Offsets]
+    robot: Robot, t: Array, qd: Array, offsets: dict[int, Offsets], *, standing: Mask
 ) -> tuple[Array, Array]:
-    """Return the extreme accelerations (n, 4) near each setpoint, within the limits."""
+    """Return the extreme accelerations (n, 4) near each setpoint, within the limits.
+
+    `standing` is a mask (n, 4) of the joints at rest.
+    """
     h = np.diff(t)
     mean = np.diff(qd, axis=0) / h[:, None]
     n = len(t)
     low = np.full((n, 4), np.inf)
     high = np.full((n, 4), -np.inf)
+    near_rest = standing.copy()
     for shift in range(-NEAR, NEAR):
         interval = np.clip(np.arange(n) + shift, 0, n - 2)
+        near_rest |= standing[interval] | standing[interval + 1]
         low = np.minimum(low, mean[interval])
         high = np.maximum(high, mean[interval])
     limit = np.array([joint.acceleration for joint in robot.joints])
     rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
-    pad = limit * np.minimum(1.0, h.max() / FULL) + 2 * rounding / h.min()
+    share = np.where(near_rest, 1.0, min(1.0, float(h.max()) / FULL))
+    pad = limit * share + 2 * rounding / h.min()
     # A drive that holds its position needs no acceleration.
     return np.maximum(np.minimum(low - pad, 0.0), -limit), np.minimum(
         np.maximum(high + pad, 0.0), limit

@@ -7,6 +7,7 @@ is listed with a reason.
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -361,3 +362,12 @@ def setup_objects(
         row = {"object": key, "name": name, "value": text, "unit": unit, "reason": reason}
         rows.append({"joint": axis.name, **row, "known": UNVERIFIED if key in DOUBTFUL else QUOTED})
     return rows
+
+
+def objects_text(rows: list[dict[str, str]]) -> str:
+    """Return the rows of `setup_objects` as the text of a CSV file."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=rows[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

@@ -66,6 +66,7 @@ FORMATS = Registry(
                 "counts_per_turn": _COUNTS,
                 "stops": _STOPS,
             },
+            reader="ssm_planner.formats.csv:read_csv_export",
         ),
         Format(
             "epos4",
@@ -95,6 +96,7 @@ FORMATS = Registry(
                 "effort": "add joint efforts",
                 "bag": "no rosbag2",
             },
+            reader="ssm_planner.formats.ros2:read_ros2",
         ),
         Format(
             "urdf", "ssm_planner.formats.urdf:export_urdf", "mechanism and controllers for ROS 2"

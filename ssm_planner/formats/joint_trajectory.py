@@ -79,17 +79,16 @@ def split_time(t: float) -> tuple[int, int]:
     return ticks // TICKS, ticks % TICKS
 
 
-def write_yaml(path: Path, message: Message, comments: Sequence[str], under: str) -> None:
-    """Write a message to a YAML file.
+def yaml_text(message: Message, comments: Sequence[str], under: str) -> str:
+    """Return a message as YAML text.
 
     Parameters
     ----------
-    path : Path
     message : Message
     comments : Sequence[str]
-        Comment lines at the beginning of the file.
+        Comment lines at the beginning.
     under : str
-        Key of the message in the file. If it is empty, the message is at the top level.
+        Key of the message. If it is empty, the message is at the top level.
     """
     indent = "  " if under else ""
     lines = [f"# {comment}" for comment in comments]
@@ -100,7 +99,7 @@ def write_yaml(path: Path, message: Message, comments: Sequence[str], under: str
         sec, nanosec = split_time(float(t))
         values = ", ".join(f"{field}: {_list(getattr(message, field)[k])}" for field in FIELDS)
         lines.append(f"{indent}- {{{values}, time_from_start: {{sec: {sec}, nanosec: {nanosec}}}}}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
 
 
 def _list(values: Sequence[float] | Array) -> str:
@@ -119,19 +118,28 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
 
     Raises TrajectoryError if the file is not such a message or a controller would reject it.
     """
+    return read_message(yaml_message(path), robot, str(path))
+
+
+def yaml_message(path: Path) -> Message:
+    """Return the message in a YAML file. Raises TrajectoryError if there is none."""
+    content = yaml_content(path)
+    for key in ("goal", "trajectory"):
+        if isinstance(content, dict) and isinstance(content.get(key), dict):
+            content = content[key]
+    return message_from(content, str(path))
+
+
+def yaml_content(path: Path) -> Any:
+    """Return the content of a YAML file. Raises TrajectoryError if it cannot be read."""
     data = read_bytes(path, LARGEST_FILE)
     try:
-        content: Any = parse(
-            path, data.decode("utf-8-sig"), LARGEST_TREE, trailing=True, tree=False
-        ).value
+        text = data.decode("utf-8-sig")
+        return parse(path, text, LARGEST_TREE, trailing=True, tree=False).value
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except ProblemError as error:
         raise TrajectoryError(str(error)) from error
-    for key in ("goal", "trajectory"):
-        if isinstance(content, dict) and isinstance(content.get(key), dict):
-            content = content[key]
-    return read_message(message_from(content, str(path)), robot, str(path))
 
 
 def message_from(data: Any, location: str) -> Message:

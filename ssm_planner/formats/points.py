@@ -13,31 +13,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
-from typing import Protocol, cast
+from tempfile import TemporaryFile
 
 import numpy as np
 
 from ssm_planner.errors import TrajectoryError
+from ssm_planner.formats.agreement import Content
 from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, cubics, quintics
-from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
 LONG = 1_000_000
-"""Number of points beyond which the pieces are computed on demand, block by block."""
-
-
-class Blocks(Protocol):
-    """A table that is read from a file or computed block by block."""
-
-    @property
-    def shape(self) -> tuple[int, ...]: ...
-
-    def __getitem__(self, index: Indices | slice, /) -> Array: ...
-
-
-Table = Array | Blocks
+"""Number of points beyond which points and pieces are kept in temporary files."""
 
 
 @record
@@ -48,9 +37,9 @@ class Points:
     """
 
     t: Array
-    q: Table
-    qd: Table | None = None
-    qdd: Table | None = None
+    q: Array
+    qd: Array | None = None
+    qdd: Array | None = None
     has_qd: Mask | None = None
     """Mask (n,) of the points with velocities. None if all points have them, or none has."""
     has_qdd: Mask | None = None
@@ -78,6 +67,8 @@ class Reading:
     """
     end_rate: Mapping[str, float] = field(default_factory=dict)
     """Rates of task coordinates that the file declares at the end, rad/s or m/s."""
+    content: Content | None = None
+    """Content that an export folder with this motion must have. None for a single file."""
 
     def check(self, robot: Robot, limits: TaskLimits) -> Certificate:
         """Check the trajectory and the other data of the file."""
@@ -128,10 +119,13 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     )
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
-    pieces = PiecesOfPoints(points, cubic, quintic)
-    # The pieces have the part of an array's interface that Trajectory needs.
-    coefficients = cast("Array", pieces) if n > LONG else pieces[:]
-    trajectory = Trajectory(points.t, coefficients, ())
+    shape = n - 1, DEGREE + 1, 4
+    with TemporaryFile() as file:  # the system writes and reads the parts of a mapped file
+        coefficients = np.empty(shape) if n <= LONG else np.memmap(file, float, "w+", shape=shape)
+    for start in range(0, n - 1, BLOCK):
+        block = slice(start, min(start + BLOCK, n - 1))
+        coefficients[block] = _pieces(points, block, cubic[block], quintic[block])
+    trajectory = Trajectory(points.t, np.asarray(coefficients), ())
     straight = not cubic.all()
     resolution = None
     if straight:
@@ -192,48 +186,23 @@ def check_points(points: Points, robot: Robot) -> None:
             check_derivatives(t, points.qd, points.qdd, robot, ("velocities", "accelerations"))
 
 
-@record
-class PiecesOfPoints:
-    """Coefficients (n − 1, 6, 4) of the pieces between n points, computed on demand."""
+def _pieces(points: Points, block: slice, cubic: Mask, quintic: Mask) -> Array:
+    """Return the coefficients (m, 6, 4) of m pieces.
 
-    points: Points
-    cubic: Mask
-    """True if the piece is at least cubic, (n − 1,)."""
-    quintic: Mask
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return len(self.points.t) - 1, DEGREE + 1, 4
-
-    def __getitem__(self, index: Indices | slice, /) -> Array:
-        if not isinstance(index, slice):
-            return self._compute(index, index + 1, self.cubic[index], self.quintic[index])
-        begins, end, _ = index.indices(self.shape[0])
-        coefficients = np.empty((max(end - begins, 0), *self.shape[1:]))
-        for start in range(begins, end, BLOCK):
-            block = slice(start, min(start + BLOCK, end))
-            right = slice(block.start + 1, block.stop + 1)
-            coefficients[start - begins : block.stop - begins] = self._compute(
-                block, right, self.cubic[block], self.quintic[block]
-            )
-        return coefficients
-
-    def _compute(
-        self, left: Indices | slice, right: Indices | slice, cubic: Mask, quintic: Mask
-    ) -> Array:
-        points = self.points
-        length = points.t[right] - points.t[left]
-        h = length[:, None]
-        q0 = points.q[left]
-        q1 = points.q[right]
-        coefficients = np.zeros((len(h), DEGREE + 1, 4))
-        coefficients[:, 0], coefficients[:, 1] = q0, (q1 - q0) / h
-        tables = [table for table in (points.q, points.qd, points.qdd) if table is not None]
-        for flags, count, curves in ((cubic & ~quintic, 2, cubics), (quintic, 3, quintics)):
-            if flags.any():
-                ends = (tuple(table[k] for table in tables[:count]) for k in (left, right))
-                coefficients[flags] = curves(length, *ends)[flags]
-        return coefficients
+    `cubic` and `quintic` are masks (m,) of the pieces of at least these degrees.
+    """
+    sides = block, slice(block.start + 1, block.stop + 1)
+    tables = [table for table in (points.q, points.qd, points.qdd) if table is not None]
+    ends = [[table[side] for table in tables] for side in sides]
+    length = points.t[sides[1]] - points.t[block]
+    coefficients = np.zeros((len(length), DEGREE + 1, 4))
+    coefficients[:, 0] = ends[0][0]
+    coefficients[:, 1] = (ends[1][0] - ends[0][0]) / length[:, None]
+    for flags, count, curves in ((cubic & ~quintic, 2, cubics), (quintic, 3, quintics)):
+        if flags.any():
+            states = (tuple(end[:count]) for end in ends)
+            coefficients[flags] = curves(length, *states)[flags]
+    return coefficients
 
 
 LARGEST_ANGLE = 8 * math.pi
@@ -272,7 +241,7 @@ def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], start:
 
 
 def check_derivatives(
-    t: Array, value: Table, derivative: Table, robot: Robot, names: tuple[str, str]
+    t: Array, value: Array, derivative: Array, robot: Robot, names: tuple[str, str]
 ) -> None:
     """Raise TrajectoryError if a derivative has another unit or belongs to another joint.
 

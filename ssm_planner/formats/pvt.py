@@ -11,7 +11,7 @@ plan has nearby. The motion that the drives will execute is then verified.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.epos4 import read_axes, read_table, write_table
+from ssm_planner.formats.agreement import Content, suffix_of
+from ssm_planner.formats.csv import table_text
+from ssm_planner.formats.epos4 import rates_of_rows, read_tables, scale
 from ssm_planner.formats.epos4_setup import (
     INT32,
     Axis,
@@ -30,9 +32,8 @@ from ssm_planner.formats.epos4_setup import (
 )
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import at_times
-from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.plans import Plan
-from ssm_planner.problem import TASK, Joint, Robot, TaskLimits
+from ssm_planner.problem import Joint, Robot, TaskLimits
 from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
@@ -120,62 +121,86 @@ def export_pvt(
     """
     axes = axes_of(plan.robot, counts_per_turn)
     table = _table(plan, certificate, axes)
-    entries: JsonObject = {}
+    t, rows = table.t, table.rows
+    made = content(plan.robot, axes, t, rows, limits=table.limits, suffix=suffix)
+    entries = made.write(folder)
     notes = [
         f"{len(table.t)} rows, {100 * (table.stretch - 1):.2g} % slower than the plan; "
         f"{table.certificate.interpolation}"
     ]
-    for joint in plan.robot.joints:
-        name = f"{joint.name}{suffix}.csv"
-        axis, (position, velocity) = axes.get(joint.name), table.rows[joint.name]
-        if axis is not None:
-            require_range(position, INT32, joint.name, "position", "increments")
-            require_range(velocity, INT24, joint.name, "velocity", "increments/s")
-        times = np.round(np.diff(table.t, prepend=table.t[0]) * 1000)
-        columns = dict(zip(_columns(joint, axis is not None), (position, velocity), strict=True))
-        write_table(
-            folder / name, {TIME: times, **columns}, ("%d", "%d" if axis is not None else "%.17g")
-        )
-        entries[joint.name] = {
-            "file": name,
-            "start": float(position[0]),
-            "start_velocity": float(velocity[0]),
-        }
-        entries[joint.name] |= {"end": float(position[-1]), "end_velocity": float(velocity[-1])}
-        if axis is None:
-            entries[joint.name]["note"] = (
-                "no drive: the file shows the joint's motion for reference"
+    for i, joint in enumerate(plan.robot.joints):
+        if joint.name in axes:
+            planned, _ = _samples(plan, table.t, table.stretch, i)
+            position = table.rows[joint.name][0] / scale(axes, joint.name)
+            deviation = float(np.abs(position - planned).max())
+            entries["axes"][joint.name]["deviation"] = deviation
+            notes.append(
+                f"joint {joint.name}: up to {deviation:.2g} {joint.unit} from the plan at the rows"
             )
-            continue
-        planned_position, _ = _samples(plan, table.t, table.stretch, plan.robot.joints.index(joint))
-        deviation = float(np.abs(position / axis.increments_per_unit - planned_position).max())
-        entries[joint.name] |= {
-            **axis.to_dict(),
-            "mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn,
-        }
-        entries[joint.name]["deviation"] = deviation
-        notes.append(
-            f"joint {joint.name}: up to {deviation:.2g} {joint.unit} from the plan at the rows"
-        )
     return {
-        "rate_hz": None,
-        "units": {
-            "time": "ms",
-            "position": "increments",
-            "velocity": "increments/s; without a drive rad, m and s",
-        },
-        "form": FORM,
-        "axes": entries,
-        "stretch": table.stretch,
-        "start_rate": dict(table.limits.start_rate or {}),
-        "end_rate": dict(table.limits.end_rate or {}),
+        **entries,
         "spline": {
             "interpolation": table.certificate.interpolation,
             "certificate": table.certificate.to_dict(),
         },
+        "form": FORM,
+        "stretch": table.stretch,
         "not_verified": list(NOT_VERIFIED),
         "notes": [*notes, *encoder_notes(axes)],
     }
+
+
+def content(
+    robot: Robot,
+    axes: Mapping[str, Axis],
+    t: Array,
+    rows: Mapping[str, tuple[Array, Array]],
+    *,
+    limits: TaskLimits,
+    suffix: str,
+) -> Content:
+    """Return the files and the entries of the manifest for rows at times t (n,), see `Table`.
+
+    The names of the files end with `suffix`. Raises ExportError if a number does not fit.
+    """
+    files = {}
+    entries: JsonObject = {}
+    times = np.round(np.diff(t, prepend=t[0]) * 1000)
+    for joint in robot.joints:
+        name = f"{joint.name}{suffix}.csv"
+        axis, (position, velocity) = axes.get(joint.name), rows[joint.name]
+        form = "%.17g" if axis is None else "%d"
+        columns = dict(zip(_columns(joint, axis is not None), (position, velocity), strict=True))
+        entries[joint.name] = {
+            "file": name,
+            "start": float(position[0]),
+            "start_velocity": float(velocity[0]),
+            "end": float(position[-1]),
+            "end_velocity": float(velocity[-1]),
+        }
+        if axis is None:
+            note = "no drive: the file shows the joint's motion for reference"
+            entries[joint.name]["note"] = note
+        else:
+            require_range(position, INT32, joint.name, "position", "increments")
+            require_range(velocity, INT24, joint.name, "velocity", "increments/s")
+            mrpm = {"mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn}
+            entries[joint.name] |= {**axis.to_dict(), **mrpm}
+        files[name] = table_text({TIME: times, **columns}, ("%d", form))
+    return Content(
+        {
+            "rate_hz": None,
+            "units": {
+                "time": "ms",
+                "position": "increments",
+                "velocity": "increments/s; without a drive rad, m and s",
+            },
+            "axes": entries,
+            "start_rate": dict(limits.start_rate or {}),
+            "end_rate": dict(limits.end_rate or {}),
+        },
+        files,
+    )
 
 
 def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
@@ -184,25 +209,22 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
     The arguments are those of `read_epos4`. Raises TrajectoryError if a table is damaged or does
     not belong to the robot.
     """
-    q = []
-    qd = []
-    time = None
-    for joint, path, per_unit in read_axes(folder, manifest, names, robot):
-        steps, (position, velocity) = read_table(path, TIME, _columns(joint, per_unit is not None))
-        if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
-            raise TrajectoryError(
-                f"{path}: {TIME} must be 0 in the first row and an integer from 1 to "
-                f"{LARGEST_TIME} in all others"
-            )
-        if time is not None and not np.array_equal(time, steps):
-            raise TrajectoryError(f"{folder}: the tables of the axes have different times")
-        time = steps
-        q.append(position / (per_unit or 1.0))
-        qd.append(velocity / (per_unit or 1.0))
-    assert time is not None
-    t = np.cumsum(time) / 1000
-    row_name = f"{folder}: row {{}}".format
-    return join_points(Points(t, np.stack(q, axis=1), np.stack(qd, axis=1), place=row_name), robot)
+    axes, steps, tables = read_tables(folder, manifest, robot, TIME, _columns)
+    if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
+        raise TrajectoryError(
+            f"{folder}: {TIME} must be 0 in the first row and an integer from 1 to "
+            f"{LARGEST_TIME} in all others"
+        )
+    t = np.cumsum(steps) / 1000
+    scales = [scale(axes, name) for name in tables]
+    state = np.stack(list(tables.values()), axis=2) / scales
+    reading = join_points(Points(t, state[0], state[1], place=f"{folder}: row {{}}".format), robot)
+    declared = TaskLimits(start_rate=manifest.get("start_rate"), end_rate=manifest.get("end_rate"))
+    rows = {name: (table[0], table[1]) for name, table in tables.items()}
+    limits = rates_of_rows(declared, robot, *state)
+    suffix = suffix_of(manifest)
+    derived = content(robot, axes, t, rows, limits=limits, suffix=suffix)
+    return replace(reading, content=derived)
 
 
 def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
@@ -253,25 +275,11 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
                     (position, velocity) if axis is not None else (state[0, :, i], state[1, :, i])
                 )
             reading = join_points(Points(t, *state), plan.robot)
-            limits = _at_ends(plan.limits.slower(stretch), plan.robot, *state)
+            limits = rates_of_rows(plan.limits.slower(stretch), plan.robot, *state)
             certificate = check(
                 reading.trajectory, plan.robot, limits, interpolation=reading.interpolation
             )
             yield Table(t, rows, stretch, limits, certificate)
-
-
-def _at_ends(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
-    """Replace the start and end rates in limits by those of the rounded rows q, qd (n, 4).
-
-    An end without a declared rate remains unchanged.
-    """
-    rates = task_rates(Mechanism.from_geometry(robot.geometry), q[[0, -1]], qd[[0, -1]]).tolist()
-    start, end = (dict(zip(TASK, rate, strict=True)) for rate in rates)
-    return replace(
-        limits,
-        start_rate=start if limits.start_rate else limits.start_rate,
-        end_rate=end if limits.end_rate else limits.end_rate,
-    )
 
 
 def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:

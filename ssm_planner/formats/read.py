@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from ssm_planner.errors import TrajectoryError
+from ssm_planner.formats.agreement import require_agreement, require_robot
 from ssm_planner.formats.csv import read_csv
 from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.joint_trajectory import read_yaml
@@ -14,7 +15,7 @@ from ssm_planner.formats.points import Reading
 from ssm_planner.formats.ros2 import read_rosbag
 from ssm_planner.loading.json_files import read_json
 from ssm_planner.problem import TASK, Robot
-from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, is_inside, sha256
+from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, VERSION, is_inside, sha256
 from ssm_planner.typing import JsonObject
 
 ACCEPTED = (
@@ -78,9 +79,13 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
         return read_rosbag(folder, robot)
     manifest = read_manifest(folder)
     intact = _check_hashes(folder, manifest)
+    require_robot(folder, manifest, robot)
+    start, end = (_declared(folder, manifest, key) for key in ("start_rate", "end_rate"))
     kind = str(manifest.get("kind"))
     form = FORMATS.get(kind)
-    if form and form.reader:
+    if form is None:
+        raise TrajectoryError(f"{folder / MANIFEST}: unknown kind of export: {kind[:80]}")
+    if form.reader:
         reading: Reading = pkgutil.resolve_name(form.reader)(folder, manifest, intact, robot)
     else:
         name = manifest.get("trajectory")
@@ -93,7 +98,8 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
                 f"{folder / MANIFEST}: the trajectory {name[:80]!r} is not in the list of files"
             )
         reading = _read_file(folder / name, robot)
-    start, end = (_declared(folder, manifest, key) for key in ("start_rate", "end_rate"))
+    if reading.content is not None:
+        require_agreement(folder, manifest, reading.content, reading.trajectory.duration)
     return replace(reading, start_rate=start, end_rate=end)
 
 
@@ -108,7 +114,11 @@ def read_manifest(folder: Path) -> JsonObject:
             f"{folder}: neither a rosbag2 nor an export (no {MANIFEST}; allowed: {ACCEPTED})"
         )
     manifest = read_json(path, LARGEST_MANIFEST)
-    if not isinstance(manifest, dict) or manifest.get("format") != EXPORT:
+    expected = EXPORT, VERSION
+    if (
+        not isinstance(manifest, dict)
+        or (manifest.get("format"), manifest.get("version")) != expected
+    ):
         raise TrajectoryError(f"{path}: not the manifest of an export")
     return manifest
 

@@ -6,14 +6,19 @@ the trajectory, joint states, the description of the robot, and transforms.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.agreement import Content, difference, stated_rate, suffix_of
 from ssm_planner.formats.joint_trajectory import (
     FIELDS,
     TICKS,
@@ -22,15 +27,17 @@ from ssm_planner.formats.joint_trajectory import (
     read_message,
     split_time,
     trajectory_message,
-    write_yaml,
+    yaml_content,
+    yaml_message,
+    yaml_text,
 )
 from ssm_planner.formats.points import Reading
-from ssm_planner.formats.spline_points import at_times, spline_points
+from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.formats.urdf import LINKS, TOOL, urdf
 from ssm_planner.kinematics import rotation
 from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.plans import Plan
-from ssm_planner.problem import Robot
+from ssm_planner.problem import Robot, plain
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification.certificate import Certificate
@@ -50,6 +57,7 @@ PUBLISH = (
     "ros2 bag play bag --topics /joint_trajectory --remap \\",
     "  /joint_trajectory:=/joint_trajectory_controller/joint_trajectory",
 )
+GOAL = "Goal of control_msgs/action/FollowJointTrajectory."
 
 
 def export_ros2(
@@ -95,7 +103,10 @@ def export_ros2(
         raise ExportError(
             f"{plan.path}: joint_trajectory_controller would reject the trajectory: {faults[0]}"
         )
-    name = f"joint_trajectory{suffix}.yaml"
+    if bag is None and find_spec("rosbags") is None:
+        remarks = [*remarks, f"no rosbag2 was written: {INSTALL}"]
+    elif bag is not False:
+        write_bag(folder / f"bag{suffix}", plan.robot, message, rate)
     marks = (
         ["UNVERIFIED: the plan has no passed certificate; do not run it on a machine."]
         if suffix
@@ -105,22 +116,8 @@ def export_ros2(
         f"Plan {one_line(plan.path.name)}, SHA-256 {plan.sha256}; rad, m, N*m, N.",
         points.note + ".",
     ]
-    write_yaml(folder / name, message, [*marks, *PUBLISH], "")
-    goal = f"goal{suffix}.yaml"
-    write_yaml(
-        folder / goal,
-        message,
-        [*marks, "Goal of control_msgs/action/FollowJointTrajectory."],
-        "trajectory",
-    )
-    if bag is None and find_spec("rosbags") is None:
-        remarks = [*remarks, f"no rosbag2 was written: {INSTALL}"]
-    elif bag is not False:
-        write_bag(folder / f"bag{suffix}", plan, message, rate)
     return {
-        "trajectory": name,
-        "rate_hz": rate,
-        "units": {"revolute": "rad", "prismatic": "m", "effort": "N*m, N", "time": "s and ns"},
+        **_content(message, rate, suffix, marks).write(folder),
         "stretch": points.stretch,
         "spline": {
             "interpolation": points.certificate.interpolation,
@@ -130,11 +127,81 @@ def export_ros2(
     }
 
 
-def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
+def _content(message: Message, rate: float, suffix: str, marks: Sequence[str] = ()) -> Content:
+    """Return the YAML files, which begin with marks, and the entries of the manifest."""
+    name = f"joint_trajectory{suffix}.yaml"
+    return Content(
+        {
+            "trajectory": name,
+            "rate_hz": rate,
+            "units": {"revolute": "rad", "prismatic": "m", "effort": "N*m, N", "time": "s and ns"},
+        },
+        {
+            name: yaml_text(message, (*marks, *PUBLISH), ""),
+            f"goal{suffix}.yaml": yaml_text(message, (*marks, GOAL), "trajectory"),
+        },
+    )
+
+
+def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
+    """Read the JointTrajectory of an export, and compare its bag with a bag of this message.
+
+    Parameters
+    ----------
+    folder : Path
+    manifest : dict
+    names : Collection[str]
+        Files of the manifest whose content is unchanged since the export.
+    robot : Robot
+
+    Raises
+    ------
+    TrajectoryError
+        If a file is damaged, the bag differs, or it cannot be read without the package rosbags.
+    """
+    suffix = suffix_of(manifest)
+    path = folder / f"joint_trajectory{suffix}.yaml"
+    if path.name not in names:
+        raise TrajectoryError(f"{folder}: the manifest does not list {path.name}")
+    message = yaml_message(path)
+    reading = read_message(message, robot, str(path))
+    rate = stated_rate(folder, manifest, LARGEST_RATE)
+    content = _content(message, rate, suffix)
+    bag = f"bag{suffix}"
+    in_bag = {name for name in names if name.startswith(f"{bag}/")}
+    if in_bag:
+        with TemporaryDirectory() as temporary:
+            expected = Path(temporary) / bag
+            try:
+                write_bag(expected, robot, message, rate)
+            except ExportError as error:
+                raise TrajectoryError(f"{folder / bag}: {INSTALL}") from error
+            fault = difference(_bag_content(folder / bag), _bag_content(expected), bag)
+            if fault:
+                raise TrajectoryError(f"{folder}: changed after the export: {fault}")
+            in_bag = {f"{bag}/{file.name}" for file in expected.iterdir()}
+    files = {**content.files, **dict.fromkeys(in_bag)}
+    return replace(reading, content=Content(content.entries, files))
+
+
+def _bag_content(folder: Path) -> JsonObject:
+    """Return the metadata and the messages of a rosbag2 with their topics and times, ns.
+
+    Raises TrajectoryError if the bag cannot be read.
+    """
+    with _bag_reader(folder) as reader:
+        messages = [
+            [connection.topic, time, plain(reader.deserialize(raw, connection.msgtype))]
+            for connection, time, raw in reader.messages()
+        ]
+    return {"metadata": yaml_content(folder / "metadata.yaml"), "messages": messages}
+
+
+def write_bag(folder: Path, robot: Robot, message: Message, rate: float) -> None:
     """Write a rosbag2 folder whose times begin at 0.
 
-    `rate` is the rate of joint states and transforms, Hz. Raises ExportError if the package rosbags
-    is not installed.
+    The states and transforms are those of a controller that executes the message. `rate` is their
+    rate, Hz. Raises ExportError if the package rosbags is not installed.
     """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
@@ -144,7 +211,9 @@ def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
             f"a rosbag cannot be written: {INSTALL} (or export without it: --no-bag)"
         ) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
-    messages = _Messages(store.types)
+    motion = read_message(message, robot, str(folder)).trajectory
+    times = state_times(motion.duration, rate)
+    s = motion.sample(motion.breaks[0] + times, clamp=True)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
 
         def topic(name: str, message_type: str, latched: bool = False) -> Any:
@@ -155,20 +224,59 @@ def write_bag(folder: Path, plan: Plan, message: Message, rate: float) -> None:
 
         def put(connection: Any, t: float, content: Any) -> None:
             sec, nanosec = split_time(t)
-            writer.write(
-                connection, sec * TICKS + nanosec, store.serialize_cdr(content, connection.msgtype)
-            )
+            data = store.serialize_cdr(content, connection.msgtype)
+            writer.write(connection, sec * TICKS + nanosec, data)
 
         description = topic("/robot_description", "std_msgs/msg/String", latched=True)
-        put(description, 0.0, messages.make("std_msgs/String", data=urdf(plan.robot)))
-        trajectory = topic("/joint_trajectory", TRAJECTORY)
-        put(trajectory, 0.0, messages.trajectory(message))
+        put(description, 0.0, SimpleNamespace(data=urdf(robot)))
+        put(topic("/joint_trajectory", TRAJECTORY), 0.0, _trajectory(message))
         states = topic("/joint_states", STATE)
         transforms = topic("/tf", "tf2_msgs/msg/TFMessage")
-        s = at_times(plan, plan.motion.breaks[0] + state_times(plan.motion.duration, rate))
-        for k, t in enumerate(s.t - plan.motion.breaks[0]):
-            put(states, t, messages.state(t, message.names, s.q[k], s.qd[k]))
-            put(transforms, t, messages.transforms(t, link_poses(plan.robot, s.q[k])))
+        for t, q, qd in zip(times, s.q, s.qd, strict=True):
+            put(states, t, _state(t, message.names, q, qd))
+            put(transforms, t, _transforms(t, link_poses(robot, q)))
+
+
+def _trajectory(message: Message) -> Any:
+    points = [
+        SimpleNamespace(
+            time_from_start=_stamp(float(t)),
+            **{field: np.array(getattr(message, field)[k], dtype=float) for field in FIELDS},
+        )
+        for k, t in enumerate(message.time)
+    ]
+    names = list(message.names)
+    return SimpleNamespace(header=_header(0.0, "base"), joint_names=names, points=points)
+
+
+def _state(t: float, names: Sequence[str], q: Array, qd: Array) -> Any:
+    moving = {"position": np.array(q), "velocity": np.array(qd), "effort": np.zeros(0)}
+    return SimpleNamespace(header=_header(t, "base"), name=list(names), **moving)
+
+
+def _stamp(t: float) -> Any:
+    sec, nanosec = split_time(t)
+    return SimpleNamespace(sec=sec, nanosec=nanosec)
+
+
+def _header(t: float, frame: str) -> Any:
+    return SimpleNamespace(stamp=_stamp(t), frame_id=frame)
+
+
+def _transforms(t: float, poses: list[tuple[str, str, Array, Array]]) -> Any:
+    """Return poses of links, see `link_poses`, as a TFMessage at a time t, s."""
+    transforms = [
+        SimpleNamespace(
+            header=_header(t, parent),
+            child_frame_id=child,
+            transform=SimpleNamespace(
+                translation=SimpleNamespace(**dict(zip("xyz", shift, strict=True))),
+                rotation=SimpleNamespace(**dict(zip("xyzw", quaternion(turn), strict=True))),
+            ),
+        )
+        for parent, child, turn, shift in poses
+    ]
+    return SimpleNamespace(transforms=transforms)
 
 
 def state_times(duration: float, rate: float) -> Array:
@@ -196,69 +304,6 @@ def link_poses(robot: Robot, q: Array) -> list[tuple[str, str, Array, Array]]:
         frame = body.frame
     poses.append((parent, TOOL, frame.T @ geometry.tool_home, np.zeros(3)))
     return poses
-
-
-class _Messages:
-    """Builder of ROS messages from the classes of a type store."""
-
-    def __init__(self, types: Any) -> None:
-        self.types = types
-
-    def make(self, message_type: str, **fields: Any) -> Any:
-        """Build a message of a type such as std_msgs/String."""
-        return self.types[message_type.replace("/", "/msg/")](**fields)
-
-    def time(self, message_type: str, t: float) -> Any:
-        sec, nanosec = split_time(t)
-        return self.make(f"builtin_interfaces/{message_type}", sec=sec, nanosec=nanosec)
-
-    def header(self, t: float, frame: str) -> Any:
-        return self.make("std_msgs/Header", stamp=self.time("Time", t), frame_id=frame)
-
-    def trajectory(self, message: Message) -> Any:
-        points = [
-            self.make(
-                "trajectory_msgs/JointTrajectoryPoint",
-                **{field: np.array(getattr(message, field)[k], dtype=float) for field in FIELDS},
-                time_from_start=self.time("Duration", float(t)),
-            )
-            for k, t in enumerate(message.time)
-        ]
-        header = self.header(0.0, "base")
-        names = list(message.names)
-        return self.make(
-            "trajectory_msgs/JointTrajectory", header=header, joint_names=names, points=points
-        )
-
-    def state(self, t: float, names: tuple[str, ...], q: Array, qd: Array) -> Any:
-        moving = {"position": np.array(q), "velocity": np.array(qd), "effort": np.zeros(0)}
-        return self.make(
-            "sensor_msgs/JointState", header=self.header(t, "base"), name=list(names), **moving
-        )
-
-    def transforms(self, t: float, poses: list[tuple[str, str, Array, Array]]) -> Any:
-        transforms = []
-        for parent, child, orientation, shift in poses:
-            transform = self.make(
-                "geometry_msgs/Transform",
-                translation=self.make(
-                    "geometry_msgs/Vector3", **dict(zip("xyz", shift, strict=True))
-                ),
-                rotation=self.make(
-                    "geometry_msgs/Quaternion",
-                    **dict(zip("xyzw", quaternion(orientation), strict=True)),
-                ),
-            )
-            header = self.header(t, parent)
-            transforms.append(
-                self.make(
-                    "geometry_msgs/TransformStamped",
-                    header=header,
-                    child_frame_id=child,
-                    transform=transform,
-                )
-            )
-        return self.make("tf2_msgs/TFMessage", transforms=transforms)
 
 
 def quaternion(orientation: Array) -> Array:
@@ -299,6 +344,44 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     Raises TrajectoryError if the bag cannot be read, or if it has different trajectories, because
     only one of them was run.
     """
+    with _bag_reader(path) as reader:
+        connections = {
+            message_type: [c for c in reader.connections if c.msgtype == message_type]
+            for message_type in (TRAJECTORY, STATE)
+        }
+        message_type = TRAJECTORY if connections[TRAJECTORY] else STATE
+        selected = connections[message_type]
+        # Without a list of connections, the reader would return all messages.
+        raws = reader.messages(selected) if selected else iter(())
+        messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in raws]
+        converted = (
+            [_of_message(message) for message in messages]
+            if message_type == TRAJECTORY
+            else _of_states(messages)
+        )
+    if not messages:
+        raise TrajectoryError(f"{path}: the bag contains no JointTrajectory and no JointState")
+    if isinstance(converted, Message):
+        return read_message(
+            converted, robot, str(path), ("the JointStates of the bag are its points",)
+        )
+    if any(difference(plain(later), plain(converted[0]), "") for later in converted[1:]):
+        raise TrajectoryError(
+            f"{path}: the bag contains {len(converted)} different JointTrajectory messages: only "
+            "one motion can be checked"
+        )
+    notes = (
+        () if len(converted) == 1 else (f"{len(converted)} JointTrajectory messages, all the same",)
+    )
+    return read_message(converted[0], robot, str(path), notes)
+
+
+@contextmanager
+def _bag_reader(path: Path) -> Iterator[Any]:
+    """Open a rosbag2 for reading.
+
+    Raises TrajectoryError, also for faults that are found in the block, if it cannot be read.
+    """
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -312,49 +395,12 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     read_bytes(folder / "metadata.yaml", LARGEST_METADATA)
     try:
         with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            connections = {
-                message_type: [c for c in reader.connections if c.msgtype == message_type]
-                for message_type in (TRAJECTORY, STATE)
-            }
-            message_type = TRAJECTORY if connections[TRAJECTORY] else STATE
-            selected = connections[message_type]
-            # Without a list of connections, the reader would return all messages.
-            raws = reader.messages(selected) if selected else iter(())
-            messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in raws]
-            converted = (
-                [_of_message(message) for message in messages]
-                if message_type == TRAJECTORY
-                else _of_states(messages)
-            )
+            yield reader
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
     except (Exception, RecursionError) as error:  # rosbags raises many types for damaged bags.
         reason = f"{type(error).__name__}: {str(error)[:200]}"
         raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {reason}") from error
-    if not messages:
-        raise TrajectoryError(f"{path}: the bag contains no JointTrajectory and no JointState")
-    if isinstance(converted, Message):
-        return read_message(
-            converted, robot, str(path), ("the JointStates of the bag are its points",)
-        )
-    if any(_differ(converted[0], later) for later in converted[1:]):
-        raise TrajectoryError(
-            f"{path}: the bag contains {len(converted)} different JointTrajectory messages: only "
-            "one motion can be checked"
-        )
-    notes = (
-        () if len(converted) == 1 else (f"{len(converted)} JointTrajectory messages, all the same",)
-    )
-    return read_message(converted[0], robot, str(path), notes)
-
-
-def _differ(message: Message, reference: Message) -> bool:
-    if message.names != reference.names or not np.array_equal(message.time, reference.time):
-        return True
-    return any(
-        len(a) != len(b) or any(not np.array_equal(x, y) for x, y in zip(a, b, strict=True))
-        for a, b in ((getattr(message, key), getattr(reference, key)) for key in FIELDS)
-    )
 
 
 def _of_message(message: Any) -> Message:

@@ -5,11 +5,25 @@ from __future__ import annotations
 import copy
 import json
 import random
+import re
+import shutil
 import tempfile
+from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ssm_planner.formats.agreement import EXPLANATIONS, _interpreted
+from ssm_planner.publishing import hashes
+from ssm_planner.verification.visits import NEAR
 
 from .rows import ROBOT, Count, Row, command
+
+if TYPE_CHECKING:
+    from ssm_planner.formats.points import Reading
+    from ssm_planner.problem.robot import Robot
+    from ssm_planner.trajectory import Trajectory
 
 JUDGED = (
     ("trajectory", "breaks_s"),
@@ -22,11 +36,12 @@ LIMITS = ("limits", "tip_speed", "rates", "eye", "start_rate", "end_rate")
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """Half of the count are plans, shown and exported; half are export folders."""
+    """A third of the count each: plans, shown and exported; export folders; the same with new hashes."""
     with tempfile.TemporaryDirectory() as name:
         return [
-            _plans(Path(name), count // 2, random.Random(f"{seed} plans")),
-            *_exports(Path(name), count // 2, seed),
+            _plans(Path(name), count // 3, random.Random(f"{seed} plans")),
+            *_exports(Path(name), count // 3, seed),
+            *resealed(Path(name) / "resealed", count // 3, seed),
         ]
 
 
@@ -137,6 +152,194 @@ def _shown(path: Path, place: str, page: bool) -> str | None:
     return None
 
 
+FORMS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("csv", {}),
+    ("ros2", {"rate": 10.0}),
+    ("epos4", {"counts_per_turn": 4096, "rate": 100.0}),
+    ("pvt", {}),
+)
+"""Formats with a motion, and the options of their exports."""
+UNREAD = {"file", "software", "speed", "warning"} | EXPLANATIONS
+"""Entries that explain, or that tell where the motion comes from; only a signature is of them."""
+SAME_MOTION = 1e-9
+"""rad or m; relative to the largest value, where a table has velocities."""
+
+
+def resealed(folder: Path, count: int, seed: int, kinds: Counter[str] | None = None) -> list[Row]:
+    """Single changes of manifest, objects and tables, with hashes made again.
+
+    Each is found, or harmless: nothing that a client interprets is different. A motion that differs
+    and keeps every limit is harmless too if it stays close to the one that was exported.
+    """
+    from ssm_planner.formats.export import export
+    from ssm_planner.loading.load import load_robot
+    from tests.support.plans import smooth, trapezoids, write_plan
+
+    robot = load_robot(ROBOT)
+    folder.mkdir()
+    rows = []
+    for form, options in FORMS:
+        motion = smooth(robot) if form == "csv" else trapezoids(robot)  # rows at a rate miss jumps
+        plan = write_plan(folder / "plan.json", robot, motion)
+        if form == "csv":
+            options = {"rate": 50.0, "columns": ["q", "qd", "qdd", "torque", "counts"]}
+        rng = random.Random(f"{seed} {form} resealed")
+        counted = Count(f"export folders changed with their hashes: {form}")
+        export(plan, form, folder / form, **options)
+        reference = judged(folder / form, robot)
+        for _ in range(count // len(FORMS)):
+            shutil.rmtree(folder / "changed", ignore_errors=True)
+            shutil.copytree(folder / form, folder / "changed")
+            where = change_folder(rng, folder / "changed")
+            outcome = compared(folder / form, folder / "changed", robot, reference)
+            if kinds is not None:
+                kinds[f"{form}: {outcome}"] += 1
+            counted.add(f"{where}: {outcome}" if outcome == "missed" else None)
+        rows.append(counted.row)
+    return rows
+
+
+def judged(folder: Path, robot: Robot) -> Reading | None:
+    """The motion of a folder, or None if the check does not accept it."""
+    from ssm_planner.errors import SsmPlannerError
+    from ssm_planner.formats.read import read_trajectory
+    from ssm_planner.problem import TaskLimits
+
+    try:
+        reading = read_trajectory(folder, robot)
+    except SsmPlannerError:
+        return None
+    limits = reading.ends_on(TaskLimits(robot.limits))
+    return None if reading.check(robot, limits).violations else reading
+
+
+def compared(original: Path, folder: Path, robot: Robot, reference: Reading | None) -> str:
+    """What became of a change.
+
+    It is found, or it is harmless: identical for every client; close to the motion that was
+    exported, by the tolerance of a target; or a feed-forward offset that the motor law allows.
+    Otherwise it is missed.
+    """
+    assert reference is not None
+    reading = judged(folder, robot)
+    if reading is None:
+        return "found"
+    apart = farthest(reading.trajectory, reference.trajectory)
+    if apart > SAME_MOTION:
+        return "close" if apart <= 1 else "missed"
+    before, after = (
+        json.loads((place / "manifest.json").read_text(encoding="utf-8"))
+        for place in (original, folder)
+    )
+    for document in (before, after):
+        # The check has compared plan and stretch with the motion. A missing rate is zero.
+        for key in ("files", "plan", "stretch"):
+            document.pop(key, None)
+        document |= {key: document.get(key, {}) for key in ("start_rate", "end_rate")}
+    if _different(before, after):
+        return "missed"
+    for name in {file.name for file in folder.rglob("*.csv")}:
+        texts = ((place / name).read_text(encoding="utf-8") for place in (original, folder))
+        before[name], after[name] = map(_interpreted, texts)
+    return "offsets within their tolerance" if _different(before, after) else "identical"
+
+
+def farthest(motion: Trajectory, reference: Trajectory) -> float:
+    """The largest distance of two motions at equal times, as a multiple of the tolerance of a target."""
+    end = min(motion.breaks[-1], reference.breaks[-1])
+    t = np.union1d(motion.breaks, reference.breaks)
+    t = np.append(t, np.linspace(t[0], end, 2000))
+    a, b = (m.sample(t[t <= end], clamp=True).q for m in (motion, reference))
+    late = abs(float(motion.breaks[-1] - reference.breaks[-1]))
+    return float(np.abs((a - b) / NEAR).max()) + 1e3 * late
+
+
+def _different(before: Any, after: Any) -> bool:
+    if isinstance(before, dict) and isinstance(after, dict):
+        keys = (before.keys() | after.keys()) - UNREAD
+        return any(_different(before.get(key), after.get(key)) for key in keys)
+    if isinstance(before, float) and isinstance(after, (int, float)):
+        return not np.isclose(before, after, rtol=1e-9, atol=1e-11)
+    return bool(before != after)
+
+
+def change_folder(rng: random.Random, folder: Path) -> str:
+    """Change one entry of the manifest or one place of a file; where it was. The hashes are made again."""
+    path = folder / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    names = sorted(manifest["files"])
+    if rng.random() < 0.5:
+        where = _change_entry(rng, manifest)
+    else:
+        where = rng.choice(names)
+        _change_file(rng, folder, where, names)
+    manifest["files"] = hashes(folder)
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+    return where
+
+
+def _change_entry(rng: random.Random, manifest: dict[str, Any]) -> str:
+    """Change, remove or exchange an entry of the manifest."""
+    while True:
+        place: Any = manifest
+        keys: list[Any] = []
+        while isinstance(place, (dict, list)) and place:
+            parent = place
+            key = rng.choice(list(place) if isinstance(place, dict) else range(len(place)))
+            keys.append(key)
+            place = place[key]
+            if len(keys) > 1 and rng.random() < 0.1:
+                break
+        if keys[0] in ("files", "certificate") or UNREAD & set(keys):
+            continue
+        way = rng.random()
+        other = rng.choice(list(parent) if isinstance(parent, dict) else range(len(parent)))
+        if way < 0.15:
+            del parent[key]
+        elif way < 0.3 and other != key:
+            parent[key], parent[other] = parent[other], parent[key]
+        else:
+            _change(rng, parent, key)
+        return ".".join(map(str, keys))
+
+
+def _change_file(rng: random.Random, folder: Path, name: str, names: list[str]) -> None:
+    """Change a number of a text or a bit of a bag; or remove a line or the file, or exchange two files."""
+    file = folder / name
+    way = rng.random()
+    if way < 0.05:
+        file.unlink()
+    elif way < 0.1:
+        other = folder / rng.choice(names)
+        data, theirs = file.read_bytes(), other.read_bytes()
+        file.write_bytes(theirs)
+        other.write_bytes(data)
+    elif file.suffix == ".mcap":
+        data = bytearray(file.read_bytes())
+        data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        file.write_bytes(data)
+    else:
+        text = file.read_text(encoding="utf-8")
+        lines = text.splitlines(keepends=True)
+        if way < 0.2:
+            del lines[rng.randrange(len(lines))]
+            text = "".join(lines)
+        else:
+            numbers = list(re.finditer(r"-?\d+(\.\d+)?(e[+-]?\d+)?", text))
+            match = rng.choice(numbers)
+            text = text[: match.start()] + _other(rng, match.group()) + text[match.end() :]
+        file.write_text(text, encoding="utf-8")
+
+
+def _other(rng: random.Random, number: str) -> str:
+    """Another number of the same kind."""
+    share = 10 ** rng.uniform(-6, 0.5) * rng.choice((-1, 1))
+    if re.fullmatch(r"-?\d+", number):
+        step = round(float(number) * share) or rng.choice((-1, 1))
+        return str(int(number) + step)
+    return repr(float(number) * (1 + share) or share)
+
+
 def _exports(folder: Path, count: int, seed: int) -> list[Row]:
     from ssm_planner.formats.export import export
     from ssm_planner.loading.load import load_robot
@@ -145,13 +348,7 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
     robot = load_robot(ROBOT)
     plan = write_plan(folder / "plan.json", robot, trapezoids(robot))
     rows = []
-    forms: tuple[tuple[str, dict[str, Any]], ...] = (
-        ("csv", {}),
-        ("ros2", {"rate": 10.0}),
-        ("epos4", {"counts_per_turn": 4096, "rate": 20.0}),
-        ("pvt", {}),
-    )
-    for form, options in forms:
+    for form, options in FORMS:
         rng, counted = (
             random.Random(f"{seed} {form}"),
             Count(f"export folders changed by hand: {form}"),
@@ -161,7 +358,7 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
         healthy = command("check", str(folder / form), "--robot", str(ROBOT))
         if healthy[0] not in (0, 4):
             counted.add(f"the healthy folder does not pass: {healthy[2][-200:]}")
-        for _ in range(count // len(forms)):
+        for _ in range(count // len(FORMS)):
             file = folder / form / rng.choice(names)
             data = file.read_bytes()
             at = rng.randrange(len(data))

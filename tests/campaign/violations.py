@@ -185,9 +185,7 @@ class Violations:
         """The same points as a rosbag2."""
         from ssm_planner.formats.joint_trajectory import Message
         from ssm_planner.formats.ros2 import write_bag
-        from tests.support.plans import read_back
 
-        plan = read_back(self.folder / "plan.json", self.robot, self.trajectory)
         empty: list[Any]
         for k in range(count):
             healthy, excess = k % 3 == 0, self.excess()
@@ -196,7 +194,7 @@ class Violations:
             names = tuple(joint.name for joint in self.robot.joints)
             message = Message(names, t, q.tolist(), qd.tolist(), accelerations=empty, effort=empty)
             folder = self.folder / f"bag{k}"
-            write_bag(folder, plan, message, 1.0)
+            write_bag(folder, self.robot, message, 1.0)
             self.judge("bags", folder, healthy, f"{where}, {excess:.1e}")
 
     def epos4(self, count: int) -> None:

@@ -96,16 +96,28 @@ def test_accelerations_near_a_setpoint_are_those_of_the_intervals_around(robot: 
     mean = np.array([0.1, 0.2, -0.3, 0.4, 0.0, 0.1, -0.2])[:, None] * limit
     qd = np.vstack([np.zeros(4), np.cumsum(mean * np.diff(t)[:, None], axis=0)])
     offsets = {0: Offsets(qd[:, 0], 0 * t, 1e-6 * limit[0], 0.0)}
-    low, high = module._accelerations(robot, t, qd, offsets)
+    moving = np.zeros((8, 4), dtype=bool)
+    low, high = module._accelerations(robot, t, qd, offsets, standing=moving)
     pad = limit * 1e-3 / module.FULL
     pad[0] += 2 * 1e-6 * limit[0] / 0.5e-3
     for k in range(8):
         near = mean[np.clip(np.arange(k - 2, k + 2), 0, 6)]
         assert low[k] == pytest.approx(np.minimum(near.min(axis=0) - pad, 0.0))
         assert high[k] == pytest.approx(np.maximum(near.max(axis=0) + pad, 0.0))
-    low, high = module._accelerations(robot, 100 * t, 100 * qd, offsets)
+    low, high = module._accelerations(robot, 100 * t, 100 * qd, offsets, standing=moving)
     assert low.min(axis=0) == pytest.approx(-limit)
     assert high.max(axis=0) == pytest.approx(limit)
+
+
+def test_near_rest_a_motion_may_be_shorter_than_a_period(robot: Robot) -> None:
+    """The acceleration may then have either sign, up to two setpoints away from rest."""
+    limit = np.array([joint.acceleration for joint in robot.joints])
+    t = np.arange(8) * 1e-3
+    standing = np.zeros((8, 4), dtype=bool)
+    standing[0, 1] = True
+    low, high = module._accelerations(robot, t, np.zeros((8, 4)), {}, standing=standing)
+    full = (low == -limit) & (high == limit)
+    assert np.argwhere(full).tolist() == [[0, 1], [1, 1], [2, 1]]
 
 
 def test_a_torque_may_exceed_the_motor_law_by_its_rounding_and_a_thousandth(plan: Plan) -> None:

@@ -158,7 +158,7 @@ def test_a_manifest_that_does_not_fit_its_folder_is_refused(
         ({"files": {"a\\b": digest}}, "is not the name of a file"),
         ({"files": {"": digest}}, "is not the name of a file"),
         ({"files": {}}, "is not in the list of files"),
-        ({"trajectory": None}, "does not contain a trajectory"),
+        ({"trajectory": None}, "trajectory is None, but the motion gives"),
     ):
         files["manifest"].write_text(json.dumps({**manifest, **changes}), encoding="utf-8")
         with pytest.raises(TrajectoryError, match=message):
@@ -306,9 +306,9 @@ def test_an_interruption_midway_leaves_nothing(
     # in the middle: after the first of several files, or while the only one is judged
     place, count = {
         "csv": ("_as_read", 0),
-        "epos4": ("write_table", 2),
-        "pvt": ("write_table", 2),
-        "ros2": ("write_yaml", 1),
+        "epos4": ("table_text", 2),
+        "pvt": ("table_text", 2),
+        "ros2": ("yaml_text", 1),
     }[module]
     target = f"ssm_planner.formats.{module}"
     monkeypatch.setattr(f"{target}.{place}", after(count, getattr(import_module(target), place)))

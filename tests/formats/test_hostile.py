@@ -18,12 +18,14 @@ import pytest
 from ssm_planner import api
 from ssm_planner.cli import main
 from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.agreement import difference
 from ssm_planner.formats.export import export
 from ssm_planner.formats.joint_trajectory import Message, message_from
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.formats.ros2 import _differ, _of_states
+from ssm_planner.formats.ros2 import _of_states, _state, _trajectory
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.serialization import plain
 from ssm_planner.reporting.html.report import report_page, verdict
 from ssm_planner.trajectory import Trajectory
 from tests.support.paths import ROOT
@@ -139,11 +141,11 @@ def test_a_manifest_of_an_unknown_kind_is_named(
         ("increments_per_motor_turn", 0, "does not give the increments of joint roll"),
         ("increments_per_motor_turn", 2.5, "does not give the increments of joint roll"),
         ("increments_per_motor_turn", 2**31, "does not give the increments of joint roll"),
-        ("increments_per_unit", "x", "does not give the increments of joint roll"),
-        ("increments_per_unit", True, "does not give the increments of joint roll"),
-        ("increments_per_unit", 1.0, "joint roll: the manifest states 1 increments per rad"),
-        ("rated_torque_Nm", None, "joint roll: the rated torque differs"),
-        ("rated_torque_Nm", 1.0, "joint roll: the rated torque differs"),
+        ("increments_per_unit", "x", r"roll\.increments_per_unit is 'x', but the motion gives"),
+        ("increments_per_unit", True, r"roll\.increments_per_unit is True, but the motion"),
+        ("increments_per_unit", 1.0, r"roll\.increments_per_unit is 1\.0, but the motion"),
+        ("rated_torque_Nm", None, r"roll\.rated_torque_Nm is None, but the motion gives"),
+        ("rated_torque_Nm", 1.0, r"roll\.rated_torque_Nm is 1\.0, but the motion gives"),
     ],
 )
 def test_a_manifest_states_the_scales_of_the_robot(
@@ -163,13 +165,11 @@ def bag(folder: Path, plan: Plan, *messages: Message) -> Path:
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    from ssm_planner.formats.ros2 import _Messages
-
     store = get_typestore(Stores.ROS2_HUMBLE)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         topic = writer.add_connection("/t", "trajectory_msgs/msg/JointTrajectory", typestore=store)
         for k, message in enumerate(messages):
-            content = _Messages(store.types).trajectory(message)
+            content = _trajectory(message)
             writer.write(topic, k, store.serialize_cdr(content, topic.msgtype))
     return folder
 
@@ -197,15 +197,11 @@ def test_a_bag_of_joint_states_is_the_motion_of_its_states(robot: Robot, tmp_pat
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    from ssm_planner.formats.ros2 import _Messages
-
     store, message = get_typestore(Stores.ROS2_HUMBLE), message_of(robot)
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         topic = writer.add_connection("/s", "sensor_msgs/msg/JointState", typestore=store)
         for k, (q, qd) in enumerate(zip(message.positions, message.velocities, strict=True)):
-            state = _Messages(store.types).state(
-                5.0 + k, message.names, np.asarray(q), np.asarray(qd)
-            )
+            state = _state(5.0 + k, message.names, np.asarray(q), np.asarray(qd))
             writer.write(topic, k, store.serialize_cdr(state, topic.msgtype))
     reading = read_trajectory(tmp_path / "bag", robot)
     assert any("JointStates of the bag" in note for note in reading.notes)
@@ -221,10 +217,10 @@ def test_messages_differ_in_any_of_their_parts(robot: Robot, key: str) -> None:
     turned = value[::-1] if key in ("names", "time") else [[1.0] * 4, *value[1:]]
     changed = replace(one, **{key: turned})
     missing = replace(one, velocities=[[], *one.velocities[1:]])
-    assert not _differ(one, message_of(robot))
-    assert _differ(one, shorter)
-    assert _differ(one, changed)
-    assert _differ(one, missing)
+    assert difference(plain(one), plain(message_of(robot)), "message") is None
+    for other in (shorter, changed, missing):
+        place = f"message.{'velocities' if other is missing else key}"
+        assert (difference(plain(other), plain(one), "message") or "").startswith(place)
 
 
 def test_times_of_joint_states_count_from_the_first() -> None:
@@ -277,24 +273,15 @@ def test_joint_names_are_a_list_of_texts(names: object) -> None:
 
 def test_joints_in_another_order_in_mid_bag(made: Plan, robot: Robot) -> None:
     pytest.importorskip("rosbags")
-    from rosbags.typesys import Stores, get_typestore
-
-    from ssm_planner.formats.ros2 import _Messages
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
     names, rows = tuple(joint.name for joint in robot.joints), np.arange(12.0).reshape(3, 4)
-    states = [
-        _Messages(store.types).state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)
-    ]
-    turned = _Messages(store.types).state(1.0, names[::-1], rows[1, ::-1], 0.1 * rows[1, ::-1])
+    states = [_state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)]
+    turned = _state(1.0, names[::-1], rows[1, ::-1], 0.1 * rows[1, ::-1])
     assert isinstance(whole := _of_states(states), Message)
     assert isinstance(mixed := _of_states([states[0], turned, states[2]]), Message)
     assert np.array_equal(mixed.positions, whole.positions)
     assert np.array_equal(mixed.velocities, whole.velocities)
     with pytest.raises(TrajectoryError, match="other joints"):
-        _of_states(
-            [states[0], _Messages(store.types).state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])]
-        )
+        _of_states([states[0], _state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])])
 
 
 def test_damaged_bags_are_refused(made: Plan, robot: Robot, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from ssm_planner.formats.joint_trajectory import (
     read_message,
     read_yaml,
     split_time,
-    write_yaml,
+    yaml_text,
 )
 from ssm_planner.problem.robot import Robot
 
@@ -57,7 +57,7 @@ def test_what_is_written_is_what_any_reader_of_yaml_finds(
     rows = [numbers[:4], numbers[4:]]
     message = message_of(2, velocities=rows, effort=rows[::-1])
     path = tmp_path_factory.mktemp("yaml") / "t.yaml"
-    write_yaml(path, message, ["one: two", "three"], under)
+    path.write_text(yaml_text(message, ["one: two", "three"], under), encoding="utf-8")
     text = path.read_text(encoding="utf-8")
     assert text.startswith("# one: two\n# three\n")
     content = yaml.safe_load(text)
@@ -75,7 +75,9 @@ def test_what_is_written_is_what_any_reader_of_yaml_finds(
 def test_a_goal_is_the_message_below_its_key(tmp_path: Path) -> None:
     """Line for line, with two more blanks; both are read as the same motion."""
     for name, under in (("a", ""), ("b", "trajectory")):
-        write_yaml(tmp_path / f"{name}.yaml", message_of(), ["comment"], under)
+        (tmp_path / f"{name}.yaml").write_text(
+            yaml_text(message_of(), ["comment"], under), encoding="utf-8"
+        )
     plain, goal = (
         (tmp_path / f"{name}.yaml").read_text(encoding="utf-8").splitlines() for name in "ab"
     )
@@ -86,7 +88,7 @@ def test_a_goal_is_the_message_below_its_key(tmp_path: Path) -> None:
 
 def test_goals_are_read_at_any_usual_depth(robot: Robot, tmp_path: Path) -> None:
     path = tmp_path / "t.yaml"
-    write_yaml(path, message_of(), [], "")
+    path.write_text(yaml_text(message_of(), [], ""), encoding="utf-8")
     text = path.read_text(encoding="utf-8")
     plain = read_yaml(path, robot)
     for above in (["trajectory"], ["goal"], ["goal", "trajectory"]):
