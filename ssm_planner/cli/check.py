@@ -64,6 +64,12 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
         "if other limits could not be judged",
     )
     parser.add_argument(
+        "--key",
+        type=Path,
+        metavar="PUBLIC.pem",
+        help="public Ed25519 key; an export folder that it does not confirm fails",
+    )
+    parser.add_argument(
         "--speed",
         metavar="PERCENT",
         help="playback speed such as 10%%, or a range of speeds such as 1%%..100%%",
@@ -74,15 +80,21 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
 def run_check(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.trajectory}"))
+    document: dict[str, Any]
     from ssm_planner.verification.visits import with_task
 
+    if options.key is not None and (fault := _signature_fault(options.trajectory, options.key)):
+        refused = {"passed": False, "verdict": "violated", "reason": fault, "limits": []}
+        document = {"trajectory": str(options.trajectory), **refused}
+        show(options.json, document, lambda: [f"check: FAILED: {fault}"])
+        return FAILED
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
     problem = ssm.load_problem(options.problem) if options.problem else None
     if options.tip_speed:
         limits = ssm.TipSpeed(options.tip_speed).on(limits)
     limits = reading.ends_on(_declared(options, limits))
     progress(Step("checking"))
-    document: dict[str, Any] = {
+    document = {
         "trajectory": str(options.trajectory),
         "robot": robot.name,
         "notes": list(reading.notes),
@@ -97,6 +109,17 @@ def run_check(options: argparse.Namespace) -> int:
     document |= certificate.to_dict()
     show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
     return STATUS[certificate.verdict]
+
+
+def _signature_fault(folder: Path, key: Path) -> str | None:
+    """Return why a folder is not an export that was signed with a key, or None."""
+    from ssm_planner.formats.read import read_manifest
+    from ssm_planner.formats.signature import signature_fault
+
+    try:
+        return signature_fault(folder, read_manifest(folder), key)
+    except ssm.TrajectoryError as error:
+        return str(error)
 
 
 def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 import ssm_planner as ssm
@@ -30,6 +31,9 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         help="export an unverified plan as well; its files are marked",
     )
     quantity_option(parser, "--speed", "share", "speed of the exported motion, such as 10%%")
+    parser.add_argument(
+        "--sign", type=Path, metavar="KEY.pem", help="private Ed25519 key that signs the export"
+    )
     for option, texts in _options().items():
         parsed = PARSED.get(option, {})
         flag = f"--{'no-' if parsed.get('action') == 'store_false' else ''}{option}"
@@ -56,7 +60,7 @@ def run_export(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.plan}"))
 
-    stated = {name: getattr(options, name) for name in ("speed", *_options())}
+    stated = {name: getattr(options, name) for name in ("speed", "sign", *_options())}
     settings = {name: value for name, value in stated.items() if value is not None}
     if "counts_per_turn" in settings:
         settings["counts_per_turn"] = _counts(options.counts_per_turn)

@@ -16,10 +16,12 @@ import numpy as np
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
+from ssm_planner.formats.agreement import UNVERIFIED
 from ssm_planner.formats.format import FORMATS
+from ssm_planner.formats.signature import SIGNATURE, signature_of
 from ssm_planner.plans import Plan, as_plan, software
 from ssm_planner.problem import Robot, robot_hash
-from ssm_planner.publishing import EXPORT, MANIFEST, hashes, publishing
+from ssm_planner.publishing import EXPORT, MANIFEST, VERSION, hashes, publishing
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject
@@ -27,10 +29,6 @@ from ssm_planner.verification.certificate import Certificate, sealed
 from ssm_planner.verification.check import check
 from ssm_planner.verification.slower import check_slower
 
-UNVERIFIED = "_unverified"
-"""Suffix of the file names of an unverified plan."""
-VERSION = 1
-"""Version of the manifest."""
 WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
 
 
@@ -44,6 +42,7 @@ def export(
     speed: float = 1.0,
     stops: int | None = None,
     robot: Robot | None = None,
+    sign: str | Path | None = None,
     **options: Any,
 ) -> tuple[dict[str, Path], JsonObject]:
     """Export a plan or a trajectory in one of `FORMATS`.
@@ -68,6 +67,8 @@ def export(
         only).
     robot : Robot, optional
         Robot of a trajectory. A plan names its robot.
+    sign : str or Path, optional
+        PEM file with the private Ed25519 key that signs the manifest.
     **options
         Options of the format, see `Format.options`.
 
@@ -123,7 +124,13 @@ def export(
                 source, temporary / f"stops{suffix}.csv", stops, details.get("axes", {})
             )
         manifest = write_manifest(
-            temporary, to, plan=source, certificate=certificate, verified=passed, details=details
+            temporary,
+            to,
+            plan=source,
+            certificate=certificate,
+            verified=passed,
+            details=details,
+            sign=None if sign is None else Path(sign),
         )
     files = {name: folder / name for name in manifest["files"]}
     return {**files, "manifest": folder / MANIFEST}, manifest
@@ -253,10 +260,11 @@ def write_manifest(
     certificate: Certificate,
     verified: bool,
     details: JsonObject,
+    sign: Path | None = None,
 ) -> JsonObject:
     """Write manifest.json beside the files that it lists and return its content.
 
-    kind: format of the export. details: entries that this format adds.
+    kind: format of the export. details: entries that this format adds. sign: file of a private key.
     """
     ends = plan.limits.slower(details.get("stretch", 1.0))
     manifest = {
@@ -275,6 +283,8 @@ def write_manifest(
         "certificate": certificate.to_dict(),
         "files": hashes(folder),
     }
+    if sign is not None:
+        manifest[SIGNATURE] = signature_of(manifest, sign)
     (folder / MANIFEST).write_text(
         json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8"
     )

@@ -1,0 +1,74 @@
+"""Sign the manifest of an export with Ed25519 (RFC 8032), and verify the signature.
+
+The signature covers the whole manifest, which contains the hashes of the plan, of the robot and of
+all files, and the versions of the program.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ssm_planner.errors import ExportError
+from ssm_planner.publishing import hashes
+from ssm_planner.typing import JsonObject
+
+SIGNATURE = "signature"
+"""Key of the signature in the manifest."""
+
+
+def signature_of(manifest: JsonObject, key: Path) -> str:
+    """Return the signature of a manifest in hexadecimal.
+
+    `key` is a PEM file with a private key. Raises ExportError if it cannot be used.
+    """
+    return str(_read_key(key, "private").sign(_signed_bytes(manifest)).hex())
+
+
+def signature_fault(folder: Path, manifest: JsonObject, key: Path) -> str | None:
+    """Return why a folder is not the one that was signed, or None.
+
+    `key` is a PEM file with the public key. Raises ExportError if it cannot be used.
+    """
+    public = _read_key(key, "public")
+    from cryptography.exceptions import InvalidSignature
+
+    signature = manifest.get(SIGNATURE)
+    if not isinstance(signature, str):
+        return "the folder is not signed"
+    try:
+        public.verify(bytes.fromhex(signature), _signed_bytes(manifest))
+    except (InvalidSignature, ValueError):
+        return f"the manifest was changed, or the signature belongs to another key than {key}"
+    changes = set(hashes(folder).items()) ^ set(manifest["files"].items())
+    return f"{min(changes)[0]} was changed after the signature" if changes else None
+
+
+def _signed_bytes(manifest: JsonObject) -> bytes:
+    """Return the manifest without its signature as canonical JSON."""
+    signed = {key: value for key, value in manifest.items() if key != SIGNATURE}
+    return json.dumps(signed, sort_keys=True, separators=(",", ":")).encode()
+
+
+def _read_key(path: Path, kind: str) -> Any:
+    """Read a private or a public key. Raises ExportError if it cannot be used."""
+    try:
+        from cryptography.exceptions import UnsupportedAlgorithm
+        from cryptography.hazmat.primitives import serialization
+        from cryptography.hazmat.primitives.asymmetric import ed25519
+    except ImportError as error:
+        raise ExportError(
+            "signatures need the package cryptography: pip install 'ssm-planner[sign]'"
+        ) from error
+    try:
+        data = path.read_bytes()
+        if kind == "private":
+            key: Any = serialization.load_pem_private_key(data, None)
+        else:
+            key = serialization.load_pem_public_key(data)
+    except (OSError, ValueError, TypeError, UnsupportedAlgorithm):
+        key = None
+    if not isinstance(key, (ed25519.Ed25519PrivateKey, ed25519.Ed25519PublicKey)):
+        raise ExportError(f"{path}: not an Ed25519 {kind} key (allowed: PEM without password)")
+    return key
