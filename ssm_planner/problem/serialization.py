@@ -32,6 +32,7 @@ from ssm_planner.problem.value import (
     Interval,
     Names,
     Positive,
+    attributes,
     built,
     check_mapping,
     converted,
@@ -124,8 +125,8 @@ def _point(point: Point) -> JsonObject:
     """Return a point as plan.json states it: one of task, joints and tip (with spin)."""
     return {
         "task": point.set_coordinates if isinstance(point, Task) else None,
-        "joints": list(point.values) if isinstance(point, Joints) else None,
-        "tip": list(point.position) if isinstance(point, Tip) else None,
+        "joints": plain(getattr(point, "values", None)),
+        "tip": plain(getattr(point, "position", None)),
         "spin": point.spin if isinstance(point, Tip) else None,
         "line": point.line,
     }
@@ -133,30 +134,22 @@ def _point(point: Point) -> JsonObject:
 
 def _motion(motion: Motion) -> JsonObject:
     """Return an entry of the motion list as plan.json states it, whatever its kind."""
-    scan: Any = None
-    target: Point | None = None
+    target = getattr(motion, "to", getattr(motion, "at", None))
+    scan = None
     if isinstance(motion, Scan):
-        target = motion.at
-        scan = {name: plain(getattr(motion, name)) for name in _SCAN}
+        scan = plain(attributes(motion, _SCAN))
         scan |= {"order": motion.order} if motion.order != "given" else {}
-    elif not isinstance(motion, Dwell):
-        target = motion.to
-    entry = {
+    of_kind = attributes(motion, _OF_KIND.get(motion.kind, ()))
+    return {
         "kind": motion.kind,
         "name": motion.name,
-        "target": None if target is None else _point(target),
+        "target": plain(target),
         "duration": motion.duration,
         "line": motion.line,
-        "through": [_point(point) for point in motion.through]
-        if isinstance(motion, (Free, Follow))
-        else [],
+        "through": plain(getattr(motion, "through", ())),
         "scan": scan,
+        **{name: value for name, value in of_kind.items() if value or name in _ALWAYS},
     }
-    for name in _OF_KIND.get(motion.kind, ()):
-        value = getattr(motion, name)
-        if value or name in _ALWAYS:
-            entry[name] = value
-    return entry
 
 
 _SCAN = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
@@ -168,7 +161,7 @@ _OF_KIND: dict[str, tuple[str, ...]] = {
 """Keys that only motions of one kind have."""
 _ALWAYS = ("curve", "file")
 """Those that are present even if they have no value."""
-_KINDS = {"straight": Straight, "free": Free, "path": Follow, "dwell": Dwell, "scan": Scan}
+_KINDS = {kind.kind: kind for kind in (Straight, Free, Follow, Dwell, Scan)}
 
 
 def _point_from(data: Any, location: str) -> Point:
@@ -186,29 +179,24 @@ def _point_from(data: Any, location: str) -> Point:
 
 
 def _motion_from(data: Any, location: str) -> Motion:
-    of_kind = _OF_KIND.get(str(data.get("kind")), ()) if isinstance(data, Mapping) else ()
-    check_mapping(
-        data, ("kind", "name", "target", "duration", "line", "through", "scan", *of_kind), location
-    )
-    cls: Any = _KINDS.get(data.get("kind"))
+    kind = str(data.get("kind")) if isinstance(data, Mapping) else ""
+    own_keys = ("name", "line", *_OF_KIND.get(kind, ()))
+    check_mapping(data, ("kind", "target", "duration", "through", "scan", *own_keys), location)
+    cls: Any = _KINDS.get(kind)
     if cls is None:
         raise wrong(f"{location}.kind", data.get("kind"), ", ".join(_KINDS))
-    values = {
-        "name": data.get("name", ""),
-        "line": data.get("line"),
-        "duration": data.get("duration"),
-    }
+    values = {name: data[name] for name in own_keys if name in data}
     if cls is Scan:
-        del values["duration"]
         check_mapping(data.get("scan"), (*_SCAN, "order"), f"{location}.scan")
         values |= data["scan"]
+    else:
+        values["duration"] = data.get("duration")
     if cls is not Dwell:
         target = _point_from(data.get("target"), f"{location}.target")
         if cls is Straight and isinstance(target, Task):
             values |= target.set_coordinates
         else:
             values["at" if cls is Scan else "to"] = target
-    values |= {name: data[name] for name in of_kind if name in data}
     if cls in (Free, Follow):
         through = data.get("through") or ()
         values["through"] = tuple(
