@@ -134,7 +134,7 @@ class TrajectoryError(SsmPlannerError):
     ...     ssm.load_plan("no_such_folder")
     ... except ssm.TrajectoryError as error:
     ...     print(error)
-    no_such_folder: cannot be read: No such file or directory
+    no_such_folder: no such file
     """
 
 

@@ -125,31 +125,33 @@ def follow(section: Section, *path: str | int, file_kind: str | None = None) -> 
     return read(target)
 
 
-def text_of(file: Path) -> str:
-    """Return the content of a text file. Raises ProblemError if the file cannot be read."""
+def bytes_of(file: Path, largest: int = LARGEST_FILE) -> bytes:
+    """Return the content of a regular file of at most `largest` bytes.
 
-    def refused(reason: str, allowed: str | None = None, line: int | None = None) -> ProblemError:
-        return ProblemError(reason, file=file, line=line, allowed=allowed)
-
+    Raises ProblemError if the file is missing, too large or unreadable.
+    """
     try:
         if not file.is_file():
             fault = "this is a directory, not a file" if file.is_dir() else "not a regular file"
-            raise refused(fault if file.exists() else "no such file")
+            raise ProblemError(fault if file.exists() else "no such file", file=file)
         size = file.stat().st_size
-        if size > LARGEST_FILE:
-            raise refused(
-                f"the file has {size} bytes, too large for a file of this kind", "at most 10 MB"
-            )
-        data = file.read_bytes()
+        if size > largest:
+            reason = f"the file has {size} bytes, too large for a file of this kind"
+            raise ProblemError(reason, file=file, allowed=f"at most {largest / 1e6:g} MB")
+        return file.read_bytes()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise refused(f"cannot be read: {reason}") from None
+        raise ProblemError(f"cannot be read: {reason}", file=file) from None
+
+
+def text_of(file: Path) -> str:
+    """Return the content of a text file. Raises ProblemError if the file cannot be read."""
+    data = bytes_of(file)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise refused(
-            "not a text file in UTF-8", line=data.count(b"\n", 0, error.start) + 1
-        ) from None
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ProblemError("not a text file in UTF-8", file=file, line=line) from None
     if not text.strip():
-        raise refused("the file is empty", line=1)
+        raise ProblemError("the file is empty", file=file, line=1)
     return text

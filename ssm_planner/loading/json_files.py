@@ -18,7 +18,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ssm_planner.errors import TrajectoryError
+from ssm_planner.errors import ProblemError, TrajectoryError
+from ssm_planner.loading.files import bytes_of
 from ssm_planner.typing import Array
 
 IN_PARTS = 20 * 2**20
@@ -139,19 +140,9 @@ def read_bytes(path: Path, max_size: int) -> bytes:
     Raises TrajectoryError if the file is missing, too large or unreadable.
     """
     try:
-        if path.is_dir():
-            raise TrajectoryError(f"{path}: is a folder, not a file")
-        if path.exists() and not path.is_file():
-            raise TrajectoryError(f"{path}: not a regular file")
-        size = path.stat().st_size
-        if size > max_size:
-            raise TrajectoryError(
-                f"{path}: {size} bytes are too many for this kind of file (allowed: {max_size})"
-            )
-        return path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
-        raise TrajectoryError(f"{path}: cannot be read: {reason}") from error
+        return bytes_of(path, max_size)
+    except ProblemError as error:
+        raise TrajectoryError(str(error)) from error
 
 
 def parse_json(path: Path, data: bytes) -> Any:
