@@ -120,7 +120,7 @@ class RecordingError(SsmPlannerError):
     ...     ssm.predict("rig1_lead_screw", ["no_such_file.csv"])
     ... except ssm.RecordingError as error:
     ...     print(error)
-    no_such_file.csv: cannot be read (No such file or directory)
+    no_such_file.csv: no such file
     """
 
 

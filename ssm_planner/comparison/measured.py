@@ -10,7 +10,7 @@ import numpy as np
 
 from ssm_planner.errors import RecordingError
 from ssm_planner.formats.epos4_setup import QUADRATURE
-from ssm_planner.identification import parse_table, read_recording
+from ssm_planner.identification import parse_table, read_recording, read_text
 from ssm_planner.problem import Joint, Robot
 from ssm_planner.typing import Array, record
 from ssm_planner.units import TIMES
@@ -104,7 +104,7 @@ def _recorded_position(
     Both are in rad or m. The result is (None, 0.0) if no channel contains the position. Raises
     RecordingError if the unit or the number of increments per turn is unknown.
     """
-    table = parse_table(path.read_text(encoding="utf-8", errors="replace").lstrip("\ufeff"), path)
+    table = parse_table(read_text(path), path)
     names = [name.strip().lower() for name in table.names]
     units = [unit.strip().lower() for unit in table.units]
     column = next((names.index(name) for name in POSITION if name in names), None)

@@ -29,6 +29,7 @@ from .recorder_csv import (
 from .recordings import (
     read_recording as read_recording,
     read_recordings as read_recordings,
+    read_text as read_text,
 )
 from .torque_map import (
     TABLE as TABLE,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.dynamics import STANDSTILL
-from ssm_planner.errors import RecordingError
+from ssm_planner.errors import ProblemError, RecordingError
 from ssm_planner.identification.recorder_csv import (
     MOST_LEFT_OUT,
     NUMBER,
@@ -22,6 +22,7 @@ from ssm_planner.identification.recorder_csv import (
     find_columns,
     parse_table,
 )
+from ssm_planner.loading.files import bytes_of
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, record
 
@@ -109,7 +110,7 @@ def read_recording(
         If the file cannot be used. The message has file, line and fault.
     """
     path = Path(path)
-    table = parse_table(_read_text(path), path)
+    table = parse_table(read_text(path), path)
     columns = find_columns(table, path)
     channels = np.array(
         [
@@ -244,18 +245,12 @@ def find_spikes(values: Array) -> NDArray[np.intp]:
     return np.sort(np.concatenate([order[:low], order[high:]]))
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
     """Return the text of a recording. Raises RecordingError for large, empty and binary files."""
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise RecordingError(
-                f"{path}: {size / 1e6:.0f} MB; recordings up to {MAX_BYTES / 1e6:.0f} MB are read, "
-                "cut it into parts"
-            )
-        raw = path.read_bytes()
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raw = bytes_of(path, MAX_BYTES)
+    except ProblemError as error:
+        raise RecordingError(str(error)) from None
     if not raw.strip():
         raise RecordingError(f"{path}: the file is empty")
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):

@@ -129,7 +129,7 @@ def test_candidates_for_all_joints_and_for_one(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["nothing.json"], "cannot be read"),
+        (["nothing.json"], "no such file"),
         ([SHIPPED / "tilt_insert.yaml"], "plan it first"),
         ([SHIPPED / "motorisation/paper.yaml", "--motor", "nothing.yaml"], "no such file"),
         ([SHIPPED / "motorisation/paper.yaml", "--motor", f"spin={EC_MAX}"], "no drive"),

@@ -91,6 +91,17 @@ def executed(
     )
 
 
+def test_positions_of_a_recording_in_utf_16(plan: Plan, tmp_path: Path) -> None:
+    """Excel writes text with tabs and all characters in UTF-16."""
+    path = executed(plan, "roll").write(tmp_path / "roll.csv", position=True)
+    other = tmp_path / "roll.txt"
+    other.write_text(path.read_text(encoding="utf-8"), encoding="utf-16")
+    a, b = (read_measured(file, plan.robot, "roll", COUNTS) for file in (path, other))
+    assert a.q is not None
+    assert b.q is not None
+    assert np.array_equal(a.q, b.q)
+
+
 @pytest.mark.parametrize("name", ["roll", "tilt", "insertion"])
 def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
     path = executed(plan, name, delay=0.31, noise=0.005).write(

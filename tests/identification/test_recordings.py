@@ -304,11 +304,9 @@ def test_huge_and_missing_files_are_refused_at_once(tmp_path):
     path = tmp_path / "huge.csv"
     with path.open("wb") as stream:
         stream.truncate(1_000_000_000)
-    with pytest.raises(
-        RecordingError, match=f"1000 MB; recordings up to {MAX_BYTES // 1_000_000} MB"
-    ):
+    with pytest.raises(RecordingError, match=f"too large .*at most {MAX_BYTES // 1_000_000} MB"):
         read(path)
-    with pytest.raises(RecordingError, match="cannot be read"):
+    with pytest.raises(RecordingError, match="no such file"):
         read(tmp_path / "absent.csv")
     (tmp_path / "folder").mkdir()
     with pytest.raises(RecordingError, match=r"no \.csv"):
