@@ -31,6 +31,7 @@ from ssm_planner.formats.epos4_setup import (
     objects_text,
     pdo_mapping,
     require_range,
+    rounding_bounds,
     setup_objects,
     sync_setup,
 )
@@ -91,10 +92,6 @@ def export_epos4(
     axes = axes_of(plan.robot, counts_per_turn)
     t, stretch = setpoint_times(plan, period)
     motion = _motion(plan, t, stretch)
-    rounding = {}
-    for name, axis in axes.items():
-        q = motion["q"][:, JOINTS.index(name)]
-        rounding[name] = rounding_effects(axis.increments(q), q, axis, period / 1000)
     points = Setpoints(
         robot=plan.robot,
         axes=axes,
@@ -102,7 +99,6 @@ def export_epos4(
         period=period,
         q=motion["q"],
         streams=_streams(axes, motion, mode),
-        rounding=rounding,
         limits=plan.limits.slower(stretch),
     )
     if mode == "csp" and certificate.passed:
@@ -128,8 +124,6 @@ class Setpoints:
     q: Array
     """Positions (n, 4), rad and m."""
     streams: Mapping[str, Stream]
-    rounding: Mapping[str, dict[str, float]]
-    """Effects of rounding by joint, see `rounding_effects`."""
     limits: TaskLimits
     """Limits with the rates of the motion at both ends."""
 
@@ -154,15 +148,14 @@ class Setpoints:
                 )
                 continue
             counts = axis.increments(q)
-            effects = self.rounding[joint.name]
             files[name] = table_text({TIME: t, **self.streams[joint.name]})
             if self.mode == "csp":
                 columns = {"time": t, "position": counts}
                 files[f"{joint.name}_time_position{suffix}.csv"] = table_text(columns)
-            rows += setup_objects(axis, self.mode, self.period, effects)
+            rows += setup_objects(axis, self.mode, self.period)
             entries[joint.name] |= {
                 **axis.to_dict(),
-                "rounding": effects,
+                "rounding": rounding_bounds(axis, self.period),
                 "homing": homing(axis, counts[0]),
             }
         files[f"objects{suffix}.csv"] = objects_text(rows)
@@ -280,32 +273,6 @@ def period_ms(rate: float) -> int:
             f"ms from 1 to {LARGEST_PERIOD} (allowed: 1000, 500, 250, 200, 125, 100 Hz and so on)"
         )
     return round(period)
-
-
-def rounding_effects(counts: Array, q: Array, axis: Axis, period: float) -> dict[str, float]:
-    """Return the largest errors that result from rounding positions to increments.
-
-    Parameters
-    ----------
-    counts : (n,)
-        Rounded positions, increments.
-    q : (n,)
-        Exact joint positions, rad or m.
-    axis : Axis
-    period : float
-        Interval between the positions, s.
-
-    Returns
-    -------
-    dict[str, float]
-        Errors of the joint's position, speed and acceleration, rad or m and s.
-    """
-    error = counts / axis.increments_per_unit - q
-    return {
-        "position": float(np.abs(error).max()),
-        "speed": float(np.abs(np.diff(error)).max(initial=0.0)) / period,
-        "acceleration": float(np.abs(np.diff(error, 2)).max(initial=0.0)) / period**2,
-    }
 
 
 def _moving_notes(plan: Plan) -> list[str]:
@@ -442,10 +409,6 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
         period=period,
         q=np.stack([columns[0] / scale(axes, name) for name, columns in tables.items()], axis=1),
         streams={name: dict(zip(COLUMNS["csp"], tables[name], strict=True)) for name in axes},
-        rounding={
-            name: _stated_rounding(axis, manifest["axes"][name].get("rounding"), period)
-            for name, axis in axes.items()
-        },
         limits=TaskLimits(start_rate=manifest.get("start_rate"), end_rate=manifest.get("end_rate")),
     )
     reading = points.reading(f"{folder}: setpoint {{}}")
@@ -517,23 +480,6 @@ def read_tables(
         if not np.array_equal(t, times[0]):
             raise TrajectoryError(f"{folder}: the tables of the axes have different times")
     return axes, times[0], tables
-
-
-def _stated_rounding(axis: Axis, stated: object, period: int) -> dict[str, float]:
-    """Return the effects of rounding that a manifest states, as far as rounding can cause them.
-
-    They do not follow from rounded positions. An increment bounds them.
-    """
-    unit = 1 / abs(axis.increments_per_unit)
-    h = period / 1000
-    bounds = {"position": unit / 2, "speed": unit / h, "acceleration": 2 * unit / h**2}
-    effects = stated if isinstance(stated, dict) else {}
-    return {
-        name: min(max(effect, 0.0), bound * (1 + 1e-6))
-        if isinstance(effect := effects.get(name), float)
-        else 0.0
-        for name, bound in bounds.items()
-    }
 
 
 def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:

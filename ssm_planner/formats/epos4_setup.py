@@ -305,9 +305,29 @@ with Path(__file__).with_name("epos4_objects.csv").open(encoding="utf-8") as _ta
 """Object, name, unit, largest value and reason of each setup object."""
 
 
-def setup_objects(
-    axis: Axis, mode: str, period: int, effects: dict[str, float]
-) -> list[dict[str, str]]:
+def rounding_bounds(axis: Axis, period: int) -> dict[str, float]:
+    """Return bounds of the errors that result from rounding positions to increments.
+
+    Every position is wrong by at most half an increment, so a difference of two positions is wrong
+    by one increment, and a second difference by two.
+
+    Parameters
+    ----------
+    axis : Axis
+    period : int
+        Interval between the positions, ms.
+
+    Returns
+    -------
+    dict[str, float]
+        Bounds for the joint's position, speed and acceleration, rad or m and s.
+    """
+    increment = 1 / abs(axis.increments_per_unit)
+    h = period / 1000
+    return {"position": increment / 2, "speed": increment / h, "acceleration": 2 * increment / h**2}
+
+
+def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     """Return the table of the setup objects for one axis.
 
     Each row has the columns joint, object, name, value, unit, reason and known.
@@ -317,10 +337,7 @@ def setup_objects(
     axis : Axis
     mode : str
     period : int
-        Interpolation period, ms.
-    effects : dict[str, float]
-        Largest rounding effects on position, speed and acceleration, see `rounding_effects`. The
-        limits in the drive leave room for them.
+        Interpolation period, ms. The limits in the drive leave room for `rounding_bounds`.
 
     Raises
     ------
@@ -342,7 +359,9 @@ def setup_objects(
         "0x607D:01": math.floor(low + 1e-6),
         "0x607D:02": math.ceil(high - 1e-6),
         "0x6065:00": following_error_window(axis, period),
-        "0x607F:00": math.ceil((joint.velocity + effects["speed"]) * turns * 1000),
+        "0x607F:00": math.ceil(
+            (joint.velocity + rounding_bounds(axis, period)["speed"]) * turns * 1000
+        ),
         "0x6080:00": math.ceil(motor.max_speed / rpm),
         "0x60C5:00": math.ceil(joint.acceleration * turns),
     }

@@ -10,7 +10,7 @@ import pytest
 
 from ssm_planner.errors import ExportError
 from ssm_planner.formats import epos4_setup as module
-from ssm_planner.formats.epos4 import period_ms, rounding_effects
+from ssm_planner.formats.epos4 import period_ms
 from ssm_planner.formats.epos4_setup import (
     INT16,
     axes_of,
@@ -19,6 +19,7 @@ from ssm_planner.formats.epos4_setup import (
     homing,
     pdo_mapping,
     require_range,
+    rounding_bounds,
     setup_objects,
     sync_setup,
 )
@@ -87,16 +88,15 @@ def test_numbers_fit_up_to_the_largest_either_way() -> None:
 
 
 def test_rounding_moves_positions_speeds_and_accelerations(robot: Robot) -> None:
+    """The bounds hold for any positions, and positions between two increments come close to them."""
+    rng = np.random.default_rng(0)
     axis = axes_of(robot, 4096)["roll"]
-    error = np.array([0.3, -0.2, 0.4, 0.1]) / axis.increments_per_unit
-    counts = np.array([0.0, 5.0, 9.0, 12.0])
-    effects = rounding_effects(counts, counts / axis.increments_per_unit - error, axis, 2e-3)
-    unit = 1 / abs(axis.increments_per_unit)
-    assert effects["position"] == pytest.approx(0.4 * unit)
-    assert effects["speed"] == pytest.approx(0.6 * unit / 2e-3)
-    assert effects["acceleration"] == pytest.approx(1.1 * unit / 2e-3**2)
-    one = rounding_effects(counts[:1], counts[:1], axis, 1e-3)
-    assert one["speed"] == one["acceleration"] == 0.0
+    bounds = rounding_bounds(axis, 2)
+    q = rng.uniform(-1.0, 1.0, (3000, 3))
+    error = axis.increments(q) / axis.increments_per_unit - q
+    for order, bound in enumerate(bounds.values()):
+        largest = np.abs(np.diff(error, order, axis=1)).max() / 2e-3**order
+        assert 0.9 * bound <= largest <= bound * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(("rate", "period"), [(1000.0, 1), (10.0, 100), (125.0, 8), (40.0, 25)])
@@ -138,8 +138,7 @@ def test_setup_objects_are_the_limits_of_the_joint_in_the_units_of_the_drive(rob
     for direction in (1, -1):
         turned = replace(joint, motor_direction=direction, motor=motor)
         axis = axes_of(replace(robot, joints=(*robot.joints[:3], turned)), 4096)["insertion"]
-        effects = {"position": 1e-9, "speed": 1e-4, "acceleration": 0.1}
-        rows = {row["object"]: row for row in setup_objects(axis, "csp", 4, effects)}
+        rows = {row["object"]: row for row in setup_objects(axis, "csp", 4)}
         values = {key: int(row["value"], 0) for key, row in rows.items()}
         per_metre = 60 * abs(axis.increments_per_unit) / 4096  # rpm of the motor
         low, high = sorted(axis.increments_per_unit * end for end in joint.position)
@@ -149,7 +148,8 @@ def test_setup_objects_are_the_limits_of_the_joint_in_the_units_of_the_drive(rob
         assert low - 1 < values["0x607D:01"] <= low + 1e-6
         assert high - 1e-6 <= values["0x607D:02"] < high + 1
         assert values["0x6065:00"] == following_error_window(axis, 4)
-        speed = 1000 * (joint.velocity + 1e-4) * per_metre
+        allowed = joint.velocity + rounding_bounds(axis, 4)["speed"]
+        speed = 1000 * allowed * per_metre
         assert 0 <= values["0x607F:00"] - speed < 1
         assert values["0x6080:00"] == math.ceil(100.0 * 30 / math.pi)
         assert 0 <= values["0x60C5:00"] - joint.acceleration * per_metre < 1
@@ -159,11 +159,11 @@ def test_setup_objects_are_the_limits_of_the_joint_in_the_units_of_the_drive(rob
         assert [key for key, row in rows.items() if row["known"] != "quoted"] == ["0x6080:00"]
         unknown = replace(turned, motor=replace(motor, torque_constant=None))
         other = axes_of(replace(robot, joints=(*robot.joints[:3], unknown)), 4096)["insertion"]
-        rest = setup_objects(other, "csv", 4, effects)
+        rest = setup_objects(other, "csv", 4)
         assert {row["object"] for row in rest} == set(rows) - {"0x3001:02"}
     fast = replace(axis, joint=replace(turned, acceleration=1e12))
     with pytest.raises(ExportError, match=r"joint insertion: .* \(0x60C5:00\) = \d+ does not fit"):
-        setup_objects(fast, "csp", 4, effects)
+        setup_objects(fast, "csp", 4)
     without = replace(robot, joints=(replace(robot.joints[0], motor=None), *robot.joints[1:]))
     with pytest.raises(ExportError, match=r"joints\.roll\.motor is missing"):
         axes_of(without, 4096)
@@ -176,8 +176,7 @@ def test_values_fit_their_objects_up_to_the_largest(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     axis = axes_of(robot, 4096)["insertion"]
-    effects = {"position": 0.0, "speed": 0.0, "acceleration": 0.0}
-    rows = {row["object"]: int(row["value"], 0) for row in setup_objects(axis, "csp", 4, effects)}
+    rows = {row["object"]: int(row["value"], 0) for row in setup_objects(axis, "csp", 4)}
     for key in ("0x60C2:02", "0x6065:00", "0x607D:01"):
         largest = abs(rows[key])
         for reduced, fits in ((0, True), (1, False)):
@@ -187,11 +186,11 @@ def test_values_fit_their_objects_up_to_the_largest(
             )
             monkeypatch.setattr(module, "OBJECTS", table)
             if fits:
-                assert len(setup_objects(axis, "csp", 4, effects)) == len(rows)
+                assert len(setup_objects(axis, "csp", 4)) == len(rows)
                 continue
             message = rf"= {rows[key]} does not fit \(allowed: up to {largest - 1}\)"
             with pytest.raises(ExportError, match=message):
-                setup_objects(axis, "csp", 4, effects)
+                setup_objects(axis, "csp", 4)
         monkeypatch.undo()
 
 
@@ -199,10 +198,9 @@ def test_the_current_limit_of_the_drive_is_not_above_that_of_the_motor(robot: Ro
     """Limits that protect the motor are rounded down, those that leave room are rounded up."""
     joint = robot.joints[3]
     assert joint.motor is not None
-    effects = {"position": 0.0, "speed": 0.0, "acceleration": 0.0}
     for constant in (0.03, 0.007, 0.0123):
         motor = replace(joint.motor, torque_constant=constant)
         changed = replace(robot, joints=(*robot.joints[:3], replace(joint, motor=motor)))
-        rows = setup_objects(axes_of(changed, 4096)["insertion"], "csp", 1, effects)
+        rows = setup_objects(axes_of(changed, 4096)["insertion"], "csp", 1)
         (value,) = (int(row["value"]) for row in rows if row["object"] == "0x3001:02")
         assert value <= 1000 * motor.max_torque / constant < value + 1
