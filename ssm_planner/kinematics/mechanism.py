@@ -163,14 +163,18 @@ class Mechanism:
         return read_only_array([self.omega1, across, np.cross(self.omega1, across)], (3, 3))
 
     @cached_property
+    def toward_omega1(self) -> Array:
+        """Unit vector (3,) from the axis ω2 towards ω1, perpendicular to ω2."""
+        return math.sin(self.alpha) * self.omega1 - math.cos(self.alpha) * self.tilt_axis
+
+    @cached_property
     def delta(self) -> float:
         """Angle δ in [−π, π]: the θ2 at which the tool is nearest to ω1.
 
         It is the zero of x = θ2 − δ.
         """
-        toward_omega1 = math.sin(self.alpha) * self.omega1 - math.cos(self.alpha) * self.tilt_axis
         return -math.atan2(
-            -float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ toward_omega1)
+            -float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ self.toward_omega1)
         )
 
     @cached_property
@@ -229,9 +233,8 @@ class Mechanism:
 
         It is measured from the side of ω2 that faces ω1 to the tool's x axis.
         """
-        toward_omega1 = math.sin(self.alpha) * self.omega1 - math.cos(self.alpha) * self.tilt_axis
-        pointing = math.cos(self.beta) * self.omega2 + math.sin(self.beta) * toward_omega1
-        zero = math.cos(self.beta) * toward_omega1 - math.sin(self.beta) * self.omega2
+        pointing = math.cos(self.beta) * self.omega2 + math.sin(self.beta) * self.toward_omega1
+        zero = math.cos(self.beta) * self.toward_omega1 - math.sin(self.beta) * self.omega2
         tool_x = rotation(self.omega2, self.delta) @ self.tool_home[:, 0]
         return math.atan2(float(tool_x @ np.cross(pointing, zero)), float(tool_x @ zero))
 

@@ -53,6 +53,7 @@ LONGEST_DWELL = 3600.0
 """Longest dwell, s."""
 LARGEST_PAYLOAD = 0.5
 """Largest payload, kg."""
+LARGEST_POSE: Pose = 4 * math.pi, math.pi, 4 * math.pi, 1.0
 LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
 
 
@@ -363,18 +364,9 @@ def pose(request: Mapping[str, Any], key: str) -> Pose:
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
-    reach = {
-        "roll": (4 * math.pi, "rad"),
-        "tilt": (math.pi, "rad"),
-        "spin": (4 * math.pi, "rad"),
-        "depth": (1.0, "m"),
-    }
-    bounded = [
-        (value, f"{key}.{name}", *reach[name]) for name, value in zip(TASK, values, strict=True)
-    ]
     roll, tilt, spin, depth = (
-        _number_within(value, name, -largest, largest, unit)
-        for value, name, largest, unit in bounded
+        _number_within(value, f"{key}.{name}", -largest, largest, "m" if name == "depth" else "rad")
+        for name, value, largest in zip(TASK, values, LARGEST_POSE, strict=True)
     )
     return roll, tilt, spin, depth
 
