@@ -14,7 +14,7 @@ from ssm_planner.comparison.measured import assign, read_measured
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.loading import load_motor
-from ssm_planner.plans import Plan, as_plan
+from ssm_planner.plans import FILE, Plan, as_plan
 from ssm_planner.problem import Motor, Robot, TaskLimits
 from ssm_planner.sizing import Conditions, DutyCycle, Sizing, pause_of
 from ssm_planner.sizing.size import size as size_duty
@@ -69,11 +69,13 @@ def check(
     """
     if speed != 1.0:
         return check_slower(*_smooth(motion, robot, limits), speed)
-    if isinstance(motion, (str, Path)) and Path(motion).suffix.lower() != ".json":
-        robot = _require_robot(robot, Path(motion))
-        reading = read_trajectory(Path(motion), robot)
-        limits = reading.ends_on(limits or TaskLimits(robot.limits))
-        return reading.check(robot, limits)
+    if isinstance(motion, (str, Path)):
+        path = Path(motion)
+        if path.suffix.lower() != ".json" and not (path / FILE).is_file():
+            robot = _require_robot(robot, path)
+            reading = read_trajectory(path, robot)
+            limits = reading.ends_on(limits or TaskLimits(robot.limits))
+            return reading.check(robot, limits)
     return checking.check(*_smooth(motion, robot, limits), seal=True)
 
 

@@ -271,6 +271,14 @@ def test_a_trajectory_needs_a_robot(tmp_path: Path) -> None:
         ssm_planner.check(file)
 
 
+def test_the_folder_of_a_plan_is_checked_like_its_file() -> None:
+    folder = ROOT / "results/tilt_insert"
+    assert ssm_planner.check(folder) == ssm_planner.check(folder / "plan.json")
+    assert ssm_planner.check(folder, speed=0.5) == ssm_planner.check(
+        folder / "plan.json", speed=0.5
+    )
+
+
 @pytest.mark.slow
 def test_identify_and_predict_give_values() -> None:
     found = ssm_planner.identify(ROOT / "problems/drives/rig3_worm.yaml")
