@@ -25,6 +25,7 @@ ROOMS = (
         "children",
         "native",
         "trajectory",
+        "toppra_passes",
         "problem",
         "codegen",
         "interior",

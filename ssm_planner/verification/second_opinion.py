@@ -20,7 +20,6 @@ Reachability Analysis, IEEE T-RO 34(3), 2018.
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 
 import numpy as np
@@ -36,6 +35,7 @@ from ssm_planner.dynamics import (
 )
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.problem import TASK, Dwell, Problem, Robot, TaskLimits
+from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 
@@ -55,7 +55,7 @@ CONVERGED = 2e-6
 FASTEST = 10.0
 """Largest ṡ. No limit bounds it where nothing moves."""
 TINY = 1e-9
-"""Smallest coefficient of a row, and smallest ṡ² at which a tangent is taken."""
+"""Smallest use of a speed limit, and smallest ṡ² at which a tangent is taken."""
 PROBES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 """Values of (s̈, ṡ) at which the laws are evaluated. They determine the coefficients of a row."""
 
@@ -203,12 +203,14 @@ class _Path:
 
         `ceiling` (n + 1,) bounds ṡ² at the grid points.
         """
-        squares = np.ones(len(self.width) + 1)
+        squares, grid = np.ones(len(self.width) + 1), np.append(0.0, np.cumsum(self.width))
         duration = self.width.sum()
         for _ in range(PASSES):
             previous, rows = duration, self._rows(squares)
-            result = _largest_speeds(self.width, rows, ceiling)
-            if result is None:
+            begin, end = zip(*(np.split(values, 2) for values in rows), strict=True)
+            # The ends may be slower than those of the motion, which may exceed a limit by rounding.
+            result = largest_speeds(grid, begin, end, ceiling, speeds=(1.0, 1.0), exact=False)
+            if result is None or result.min() <= 0:
                 return None
             squares, root = result, np.sqrt(result)
             duration = float((2 * self.width / (root[1:] + root[:-1])).sum())
@@ -272,47 +274,3 @@ def _coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
         at_rest,
         (forwards - backwards) / 2,
     )
-
-
-def _largest_speeds(width: Array, rows: tuple[Array, Array, Array], ceiling: Array) -> Array | None:
-    """Return the largest ṡ² (n + 1,) by the package toppra, or None if it finds no motion."""
-    import toppra
-    from toppra.constraint import LinearConstraint
-    from toppra.interpolator import AbstractGeometricPath
-
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)
-    (a, a_end), (b, b_end), (c, c_end) = (np.split(values, 2) for values in rows)
-    # The end of an interval has ṡ² = x + 2 u Δ.
-    a, b, c = (
-        np.hstack([a, a_end + 2 * width[:, None] * b_end]),
-        np.hstack([b, b_end]),
-        np.hstack([c, c_end]),
-    )
-    largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
-    scaled = [
-        np.vstack([values, values[-1:]]) for values in (a / largest, b / largest, (c - 1) / largest)
-    ]
-    grid = np.append(0.0, np.cumsum(width))
-
-    class Path(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
-        dof = 4
-        path_interval = grid[[0, -1]]
-        waypoints = None
-
-    class Rows(LinearConstraint):  # type: ignore[misc, no-any-unimported]
-        def compute_constraint_params(self, *_: Any) -> tuple[Any, ...]:
-            count = a.shape[1]
-            bounds = np.column_stack([np.zeros_like(ceiling), ceiling])
-            return *scaled, np.eye(count), np.zeros(count), None, bounds
-
-    constraint = Rows()
-    constraint.identical = True
-    algorithm = toppra.algorithm.TOPPRA([constraint], Path(), grid, solver_wrapper="seidel")
-    # The ends may be slower than those of the motion, which may exceed a limit by rounding.
-    controllable = algorithm.compute_controllable_sets(0.0, 1.0)
-    algorithm.compute_controllable_sets = lambda *_: controllable
-    start = np.sqrt(min(1.0, controllable[0, 1]))
-    _, speed, _, _ = algorithm.compute_parameterization(start, 1.0, return_data=True)
-    if speed is None or not np.all(np.isfinite(speed)) or speed.min() <= 0:
-        return None
-    return np.asarray(speed, dtype=float) ** 2

@@ -26,14 +26,13 @@ interpolation scheme).
 from __future__ import annotations
 
 import ctypes
-import logging
-from typing import Any
 
 import numpy as np
 
 from ssm_planner.native import library
 from ssm_planner.planning.retiming.constraints import LinearConstraints
 from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.typing import Array
 
 
@@ -65,41 +64,15 @@ def _fastest_by_toppra(
     """Return the result of `fastest_profile` by the package toppra.
 
     Its tolerances are absolute, about 1e-8. ṡ² is therefore given in thousandths of its typical
-    size, and every row is divided by its largest coefficient.
+    size.
     """
-    import toppra
-    from toppra.constraint import LinearConstraint
-    from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
-    from toppra.interpolator import AbstractGeometricPath
-
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)
+    if speeds[1] ** 2 > (1 + ROUNDING) * rows.ceiling[-1]:
+        return None
     strongest = np.abs(rows.a).max(axis=1, initial=ROUNDING)
     unit = 1e-3 * float(np.median(np.minimum(rows.ceiling, 1 / strongest)))
-    constant = (rows.a == 0) & (rows.b == 0)
-    if (rows.c[constant] > 1).any() or speeds[1] ** 2 > (1 + ROUNDING) * rows.ceiling[-1]:
-        return None
-    count = 2 * rows.a.shape[1]
-
-    class Path(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
-        dof, path_interval, waypoints = 1, grid[[0, -1]], None
-
-    class Rows(LinearConstraint):  # type: ignore[misc, no-any-unimported]
-        def compute_constraint_params(self, *_: Any) -> tuple[Any, ...]:
-            half = np.eye(count // 2), np.ones(count // 2)
-            collocated = unit * rows.a, unit * rows.b, rows.c, *half
-            a, b, c, *_ = canlinear_colloc_to_interpolate(
-                *collocated, None, None, grid, identical=True
-            )
-            largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), ROUNDING)
-            scaled = a / largest, b / largest, (c - 1) / largest
-            bounds = np.column_stack([0 * grid, rows.ceiling / unit])
-            return *scaled, np.eye(count), np.zeros(count), None, bounds
-
-    constraint = Rows()
-    constraint.identical = True
-    algorithm = toppra.algorithm.TOPPRA([constraint], Path(), grid, solver_wrapper="seidel")
-    ends = (speed / np.sqrt(unit) for speed in speeds)
-    _, speed, _, _ = algorithm.compute_parameterization(*ends, return_data=True)
-    if speed is None or not np.isfinite(speed).all():
-        return None
-    return unit * np.asarray(speed, dtype=float) ** 2
+    terms = unit * rows.a, unit * rows.b, rows.c
+    begin, end = zip(*((values[:-1], values[1:]) for values in terms), strict=True)
+    start, last = (speed / np.sqrt(unit) for speed in speeds)
+    ceiling = rows.ceiling / unit
+    result = largest_speeds(grid, begin, end, ceiling, speeds=(start, last), exact=True)
+    return None if result is None else unit * result

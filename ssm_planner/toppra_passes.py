@@ -1,0 +1,71 @@
+"""The two passes of TOPP-RA over a path, by the package toppra."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+
+from ssm_planner.typing import Array
+
+Rows = tuple[Array, Array, Array]
+"""a, b and c of rows a s̈ + b ṡ² + c ≤ 1 at n points, (n, rows) each."""
+TINY = 1e-9
+"""Smallest coefficient by which a row is divided."""
+
+
+def largest_speeds(
+    grid: Array, begin: Rows, end: Rows, ceiling: Array, *, speeds: tuple[float, float], exact: bool
+) -> Array | None:
+    """Return the largest ṡ² (n + 1,) on a grid of n intervals, or None if there is no motion.
+
+    s̈ is constant in an interval.
+
+    Parameters
+    ----------
+    grid : (n + 1,) array
+        Ends of the intervals.
+    begin, end : Rows
+        Rows at the beginning and at the end of every interval.
+    ceiling : (n + 1,) array
+        Largest ṡ² that speed limits allow.
+    speeds : (float, float)
+        ṡ at both ends.
+    exact : bool
+        If false, the motion may be slower at its ends.
+    """
+    import toppra
+    from toppra.constraint import LinearConstraint
+    from toppra.interpolator import AbstractGeometricPath
+
+    logging.getLogger("toppra").setLevel(logging.CRITICAL)
+    # The end of an interval has ṡ² = x + 2 u Δ.
+    a, b, c = (np.hstack(pair) for pair in zip(begin, end, strict=True))
+    a[:, begin[0].shape[1] :] += 2 * np.diff(grid)[:, None] * end[1]
+    largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
+    if ((largest == TINY) & (c > 1 + TINY)).any():
+        return None
+    scaled = [
+        np.vstack([values, values[-1:]]) for values in (a / largest, b / largest, (c - 1) / largest)
+    ]
+
+    class Path(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
+        dof, path_interval, waypoints = 1, grid[[0, -1]], None
+
+    class Limits(LinearConstraint):  # type: ignore[misc, no-any-unimported]
+        def compute_constraint_params(self, *_: Any) -> tuple[Any, ...]:
+            count = a.shape[1]
+            bounds = np.column_stack([np.zeros_like(ceiling), ceiling])
+            return *scaled, np.eye(count), np.zeros(count), None, bounds
+
+    constraint = Limits()
+    constraint.identical = True
+    algorithm = toppra.algorithm.TOPPRA([constraint], Path(), grid, solver_wrapper="seidel")
+    start, last = speeds
+    controllable = algorithm.compute_controllable_sets(last if exact else 0.0, last)
+    algorithm.compute_controllable_sets = lambda *_: controllable
+    if not exact:
+        start = np.sqrt(min(start**2, controllable[0, 1]))
+    _, speed, _, _ = algorithm.compute_parameterization(start, last, return_data=True)
+    return None if speed is None or not np.isfinite(speed).all() else np.square(speed)
