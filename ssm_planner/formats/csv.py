@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import math
 import re
-import tempfile
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -31,7 +30,7 @@ from ssm_planner.formats.epos4_setup import (
     encoder_notes,
     require_range,
 )
-from ssm_planner.formats.points import LONG, Points, Reading, join_points
+from ssm_planner.formats.points import Points, Reading, join_points, large_array
 from ssm_planner.formats.spline_points import ROUNDED, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
 from ssm_planner.kinematics import Mechanism, task_from_joints, tip_position
@@ -408,48 +407,17 @@ def read_csv(path: Path, robot: Robot) -> Reading:
     # The sorted keys begin with the time. Positions, velocities and accelerations follow.
     selected = [columns[key] for key in sorted(columns)]
     rows = data_rows(path, layout, selected)
-    q = rows.columns(0)
-    qd, qdd = (rows.columns(4 * order) if (order, 0) in columns else None for order in (1, 2))
+    t, q = rows[:, 0].copy(), rows[:, 1:5]
+    qd, qdd = (
+        rows[:, 1 + 4 * order : 5 + 4 * order] if (order, 0) in columns else None
+        for order in (1, 2)
+    )
     resolution = None if qd is not None else _resolution(path, layout, selected[1:])
-    t = np.concatenate(rows.times)
     points = Points(
         t, q, qd, qdd, resolution=resolution, place=lambda k: f"{path}:{_line_of(path, layout, k)}"
     )
     notes = (f"columns not used: {', '.join(ignored)}",) if ignored else ()
     return join_points(points, robot, notes)
-
-
-class _Rows:
-    """Rows of a table. More than `LONG` rows are kept in a temporary file."""
-
-    def __init__(self) -> None:
-        self.times: list[Array] = []
-        self.blocks: list[Array] = []
-        self.count = 0
-        self.file: IO[bytes] | None = None
-
-    def add(self, rows: Array) -> None:
-        """Append rows (m, 1 + k). The first column is the time."""
-        self.times.append(rows[:, 0].copy())
-        self.blocks.append(rows[:, 1:])
-        self.count += len(rows)
-        if self.count > LONG:
-            self.file = self.file or tempfile.TemporaryFile()  # noqa: SIM115 - reader closes it
-            for block in self.blocks:
-                self.file.write(block.tobytes())
-            self.blocks = [rows[:0, 1:]]
-
-    def columns(self, start: int, count: int = 4) -> Array:
-        """Return `count` columns (n, count). The column after the time has the index 0.
-
-        Columns in the file are read on demand. The file is deleted together with the last of them.
-        """
-        selected = slice(start, start + count)
-        if self.file is None:
-            return np.concatenate([block[:, selected] for block in self.blocks])
-        self.file.flush()
-        shape = self.count, self.blocks[0].shape[1]
-        return np.asarray(np.memmap(self.file, float, "r", shape=shape)[:, selected])
 
 
 def layout_of(path: Path) -> Layout:
@@ -476,61 +444,62 @@ def layout_of(path: Path) -> Layout:
     raise TrajectoryError(f"{path}: the file is empty")
 
 
-def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> _Rows:
-    """Read the selected columns of all rows, and convert them to SI units.
+def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
+    """Return the selected columns (n, k) of all rows in SI units.
 
     Raises TrajectoryError if a row is invalid.
     """
     columns = [heading.column for heading in selected]
     factors = [heading.factor for heading in selected]
-    # Rows with extra columns can be detected only if all columns are read.
-    all_columns = sorted(columns) == list(range(len(layout.names)))
-    rows = _Rows()
-    block = None
+    count, last_width = _row_count(path, layout)
+    table = large_array((count, len(columns)))
+    start = 0
     try:
         with path.open(encoding="utf-8-sig") as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # numpy warns about an empty last block.
+            warnings.simplefilter("ignore", UserWarning)  # numpy warns about empty lines.
             for _ in range(layout.header + 1):
                 file.readline()
-            while block is None or len(block) == BLOCK:
-                used = None if all_columns else columns
+            for start in range(0, len(table), BLOCK):
                 block = np.loadtxt(
                     file,
                     comments=None,
                     delimiter=layout.separator,
-                    usecols=used,
+                    usecols=columns,
                     ndmin=2,
                     max_rows=BLOCK,
                 )
-                if len(block) and all_columns and block.shape[1] != len(columns):
-                    raise ValueError("the rows and the header differ in their number of columns")
-                if len(block):
-                    rows.add((block[:, columns] if all_columns else block) * factors)
+                table[start : start + BLOCK] = block * factors
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except ValueError as error:
-        raise TrajectoryError(_fault(path, layout, str(error), rows.count)) from error
+        raise TrajectoryError(_fault(path, layout, str(error), start)) from error
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
     except OverflowError as error:
         raise TrajectoryError(f"{path}: a number is too large for a float") from error
-    if not rows.count:
-        raise TrajectoryError(f"{path}: no row follows the header")
-    _check_widths(path, layout)
-    return rows
+    if last_width < len(layout.names):
+        raise TrajectoryError(
+            f"{path}: the last row has fewer than {len(layout.names)} columns: the file is "
+            "incomplete"
+        )
+    return table
 
 
-def _check_widths(path: Path, layout: Layout) -> None:
-    """Raise TrajectoryError for a row with surplus columns, or an incomplete last row."""
+def _row_count(path: Path, layout: Layout) -> tuple[int, int]:
+    """Return the number of rows, and the number of columns of the last row.
+
+    Raises TrajectoryError if there is no row, or if a row has surplus columns.
+    """
     width = len(layout.names)
+    rows, line = 0, ""
     for k, line in _data_lines(path, layout):
+        rows += 1
         count = len(line.rstrip(layout.separator).split(layout.separator))
         if count > width:
             raise TrajectoryError(_column_fault(path, k, count, width))
-    if len(line.split(layout.separator)) < width:
-        raise TrajectoryError(
-            f"{path}: the last row has fewer than {width} columns: the file is incomplete"
-        )
+    if not rows:
+        raise TrajectoryError(f"{path}: no row follows the header")
+    return rows, len(line.split(layout.separator))
 
 
 def read_columns(path: Path, names: Sequence[str]) -> Array:
@@ -545,8 +514,7 @@ def read_columns(path: Path, names: Sequence[str]) -> Array:
                 f"{path}: no column {name} (streams of the modes csv and cst hold no positions)"
             )
     selected = [Heading(layout.names.index(name), name, 1.0) for name in names]
-    rows = data_rows(path, layout, selected)
-    return np.column_stack([np.concatenate(rows.times), rows.columns(0, len(names) - 1)])
+    return data_rows(path, layout, selected)
 
 
 def _fault(path: Path, layout: Layout, message: str, start: int) -> str:

@@ -119,18 +119,27 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     )
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
-    shape = n - 1, DEGREE + 1, 4
-    with TemporaryFile() as file:  # the system writes and reads the parts of a mapped file
-        coefficients = np.empty(shape) if n <= LONG else np.memmap(file, float, "w+", shape=shape)
+    coefficients = large_array((n - 1, DEGREE + 1, 4))
     for start in range(0, n - 1, BLOCK):
         block = slice(start, min(start + BLOCK, n - 1))
         coefficients[block] = _pieces(points, block, cubic[block], quintic[block])
-    trajectory = Trajectory(points.t, np.asarray(coefficients), ())
+    trajectory = Trajectory(points.t, coefficients, ())
     straight = not cubic.all()
     resolution = None
     if straight:
         resolution = np.zeros(4) if points.resolution is None else points.resolution
     return Reading(trajectory, describe(cubic, quintic), resolution, notes)
+
+
+def large_array(shape: tuple[int, ...]) -> Array:
+    """Return an array (n, …) of a given shape without values.
+
+    More than `LONG` rows are in a temporary file. The system reads and writes its parts on demand.
+    """
+    if shape[0] <= LONG:
+        return np.empty(shape)
+    with TemporaryFile() as file:
+        return np.asarray(np.memmap(file, float, "w+", shape=shape))
 
 
 def describe(cubic: Mask, quintic: Mask) -> str:

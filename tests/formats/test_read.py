@@ -491,7 +491,6 @@ def test_memory_of_a_long_file_grows_with_its_times_alone(
 
 
 def in_blocks(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
-    for module in ("formats.csv", "formats.points"):
-        monkeypatch.setattr(f"ssm_planner.{module}.LONG", size)
+    monkeypatch.setattr("ssm_planner.formats.points.LONG", size)
     for module in ("formats.csv", "formats.points", "trajectory"):
         monkeypatch.setattr(f"ssm_planner.{module}.BLOCK", size)
