@@ -28,7 +28,6 @@ from ssm_planner.pipeline.folder import NO_PLAN, write_folder
 from ssm_planner.pipeline.mission import StopAt, plan_mission
 from ssm_planner.pipeline.relaxation import changes_of_limits, find_relaxation
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
-from ssm_planner.planning.cache import cache_scope
 from ssm_planner.planning.candidates.stop_first import stopping_point
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.planner import PlannerResult, plan_motion
@@ -137,7 +136,7 @@ def plan(
         logging.getLogger("ssm_planner").info(step)
         progress(step)
 
-    with _ONE_AT_A_TIME, cache_scope():
+    with _ONE_AT_A_TIME:
         return _plan(
             problem,
             _report,

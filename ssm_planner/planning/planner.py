@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism
-from ssm_planner.planning.cache import IdentityKey, cached
 from ssm_planner.planning.candidates.candidate import PhaseEvaluation
 from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
@@ -23,7 +22,7 @@ from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.prechecks import bounded_duration, feasible_phases
 from ssm_planner.planning.reason import Reason, duration_too_short, durations_disagree
-from ssm_planner.planning.retiming.paths import PolylinePath, StraightPath
+from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.planning.work import Work
@@ -193,29 +192,11 @@ def _cannot_move(planner: PhasePlanner) -> bool:
 
 
 def _estimated_duration(planner: PhasePlanner, cutoff: float) -> float:
-    """Estimate how long a phase takes, s. Infinite if it takes `cutoff` seconds or longer.
-
-    Alternative joints at one target do not change most phases, so the estimates are cached.
-    """
-    phase = planner.phase
-    problem = planner.problem
-    path = phase.path
-    if phase.stands:
-        return phase.motion.duration or 0.0
-    by_ends = path is None or isinstance(path, StraightPath)
-    arrays = phase.points, phase.start, phase.end, phase.qd_start, phase.qd_end, phase.qdd_start
-    key = (
-        "sketch",
-        *map(IdentityKey, (problem.robot, problem.eye, None if by_ends else path)),
-        *(problem.limits, problem.planner, phase.motion.duration, path is None),
-        *(array.tobytes() for array in arrays),
-    )
-
-    def estimate() -> float:
-        result, _ = plan_phase(planner)
-        return np.inf if isinstance(result, Reason) else result.duration
-
-    duration: float = cached(key, estimate)
+    """Estimate how long a phase takes, s. Infinite if it takes `cutoff` seconds or longer."""
+    if planner.phase.stands:
+        return planner.phase.motion.duration or 0.0
+    result, _ = plan_phase(planner)
+    duration = np.inf if isinstance(result, Reason) else result.duration
     return duration if duration < cutoff else np.inf
 
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism, task_rates
-from ssm_planner.planning.cache import IdentityKey, cached
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.motor_strength import motor_too_hot
@@ -31,26 +28,6 @@ def feasible_phases(
     ProblemError
         If a point is out of reach, or if no motion goes anywhere.
     """
-    return cached(("feasible", *geometry_of(problem)), lambda: _feasible_phases(problem, mechanism))
-
-
-def geometry_of(problem: Problem) -> tuple[Hashable, ...]:
-    """Return a key of everything that the phases of a problem and their bounds depend on.
-
-    Motors and the requested duration of the whole motion are not part of it.
-    """
-    robot = problem.robot
-    joints = (
-        (j.position, j.velocity, j.acceleration, j.jerk, IdentityKey(j.drive)) for j in robot.joints
-    )
-    rates = (tuple(sorted(rate.items())) for rate in (problem.start_rate, problem.end_rate))
-    inputs = problem.start, problem.start_acceleration, problem.limits, robot.limits, *rates
-    return *map(IdentityKey, (robot.geometry, problem.eye, *problem.motion)), *joints, *inputs
-
-
-def _feasible_phases(
-    problem: Problem, mechanism: Mechanism
-) -> tuple[tuple[Phase, ...], Reason | None]:
     reasons = []
     for q in start_configurations(problem, mechanism):
         phases = phases_from(problem, mechanism, q)

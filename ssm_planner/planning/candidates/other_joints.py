@@ -16,7 +16,6 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import Mechanism, task_from_joints
-from ssm_planner.planning.cache import cached
 from ssm_planner.planning.candidates.candidate import Candidate, Evaluation
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase, other_ends
@@ -24,7 +23,6 @@ from ssm_planner.planning.planner import estimated_duration
 from ssm_planner.planning.prechecks import (
     bounded_duration,
     feasible_phases,
-    geometry_of,
     least_duration,
 )
 from ssm_planner.planning.reason import Reason
@@ -95,15 +93,12 @@ class JointsPlanner:
         There are no phases if the problem is then infeasible.
         """
 
-        def build() -> tuple[tuple[Motion, ...], tuple[Phase, ...]]:
-            start = Joints(tuple(self.phases[0].q_start.tolist()))
-            problem = _with_target(unchecked(self.problem, start=start), *self.target, q)
-            try:
-                return problem.motion, feasible_phases(problem, self.mechanism)[0]
-            except ProblemError:  # A straight motion after the target has no line from there.
-                return problem.motion, ()
-
-        return cached((*self.target, q.tobytes(), *geometry_of(self.problem)), build)
+        start = Joints(tuple(self.phases[0].q_start.tolist()))
+        problem = _with_target(unchecked(self.problem, start=start), *self.target, q)
+        try:
+            return problem.motion, feasible_phases(problem, self.mechanism)[0]
+        except ProblemError:  # A straight motion after the target has no line from there.
+            return problem.motion, ()
 
     def known_duration(self, phase: Phase) -> float:
         """Return the duration of a phase if the best motion contains it, else its bound, s."""
