@@ -151,11 +151,7 @@ def _slower(plan: Plan, violation: LimitCheck) -> float:
     If a motion is slowed down a little, a quantity that depends on the nth derivative decreases at
     least with the nth power of the speed. The result is infinite if a slower motion does not help.
     """
-    for limit in plan.problem.all_limits:
-        if (
-            limit.key == (violation.name, violation.joint)
-            and isinstance(limit, Symmetric)
-            and not isinstance(limit, ContinuousTorque)
-        ):
-            return float((1 - 1.2 * violation.margin + 1e-7) ** (1 / limit.order))
+    limit = plan.problem.limit(violation.name, violation.joint)
+    if isinstance(limit, Symmetric) and not isinstance(limit, ContinuousTorque):
+        return float((1 - 1.2 * violation.margin + 1e-7) ** (1 / limit.order))
     return np.inf

@@ -14,7 +14,6 @@ from ssm_planner.problem import (
     JUMPS,
     ContinuousTorque,
     Jump,
-    Limit,
     Problem,
     SelfLocking,
     unchecked,
@@ -176,10 +175,7 @@ def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
     """
     strict = problem
     for violation in certificate.violations:
-        limit = next(
-            (item for item in strict.all_limits if item.key == (violation.name, violation.joint)),
-            None,
-        )
+        limit = strict.limit(violation.name, violation.joint)
         stricter = None if limit is None else limit.tightened(violation.worst, violation.limit)
         if stricter is not None:
             try:
@@ -192,9 +188,7 @@ def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
 def exceeded(problem: Problem, certificate: Certificate) -> Reason:
     """Return the worst violation, which tightening did not cure, as a reason."""
     violation = certificate.worst
-    limit: Limit | None = next(
-        (item for item in problem.all_limits if item.key == (violation.name, violation.joint)), None
-    )
+    limit = problem.limit(violation.name, violation.joint)
     if violation.name in JUMPS and violation.joint is not None:
         limit = Jump(violation.joint, violation.limit, derivative=JUMPS.index(violation.name))
     joint = "" if violation.joint is None else f" of joint {violation.joint}"

@@ -408,9 +408,7 @@ def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
     """Return the relaxation of the limit in a reason, or None if a change of it does not help."""
     if reason.limit is None or reason.required is None or reason.available is None:
         return None
-    limit = next(
-        (item for item in problem.all_limits if item.key == reason.limit.key), reason.limit
-    )
+    limit = problem.limit(*reason.limit.key) or reason.limit
     # For a floor, the required value is the bound, which is lowered to the available value.
     needed = limit.sufficient_bound(reason.available if limit.is_floor else reason.required)
     return None if limit.relaxed(needed) is None else Relaxation(problem, limit, needed)

@@ -134,7 +134,7 @@ def retiming_problem(
         run[:, still] = run[0, still]
     mechanism = Mechanism.from_geometry(robot.geometry)
     deviations = [SplinePath(mechanism, run, scale).off_lines for run in runs]
-    points = [[Joints((a, b, c, d)) for a, b, c, d in run.tolist()] for run in runs]
+    points = [list(map(Joints.from_array, run)) for run in runs]
     motion = tuple(
         Follow(run[-1], tuple(run[1:-1]), f"path {k}") for k, run in enumerate(points, 1)
     )

@@ -309,28 +309,22 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     entries, largest_rate = problem.motion, np.abs(rates).max()
     if qd.any() and not isinstance(entries[0], Free):
         stop = stopping_point(robot, q, qd)
-        entries = (Free(Joints(_four(stop)), name="stop"), *entries)
+        entries = (Free(Joints.from_array(stop), name="stop"), *entries)
     start_rate = {
         name: float(rate)
         for name, rate in zip(TASK, rates, strict=True)
         if abs(rate) > ROUNDING * largest_rate
     }
     jerk = any(joint.jerk is not None for joint in robot.joints)
-    acceleration = _four(state.qdd[0]) if jerk and qd.any() else (0.0, 0.0, 0.0, 0.0)
-    start = Joints(_four(q))
+    a, b, c, d = (state.qdd[0] * (jerk and qd.any())).tolist()
+    start = Joints.from_array(q)
     return replace(
         problem,
         start=start,
         start_rate=start_rate,
-        start_acceleration=acceleration,
+        start_acceleration=(a, b, c, d),
         motion=entries,
     )
-
-
-def _four(values: Array) -> tuple[float, float, float, float]:
-    """Return the four values as floats."""
-    a, b, c, d = values.tolist()
-    return a, b, c, d
 
 
 def _merged(base: Point, point: Point) -> Point:

@@ -256,7 +256,7 @@ class _PhaseBuilder:
 
     def _approach(self, motion: Follow, target: Array) -> tuple[Phase, _PhaseBuilder]:
         """Return the free motion to joints `target` (4,), and the builder that continues there."""
-        lead = Free(_as_joints(target), name=f"{motion.name}, approach", line=motion.line)
+        lead = Free(Joints.from_array(target), name=f"{motion.name}, approach", line=motion.line)
         end = task_from_joints(self.mechanism, target[None], near=self.start)[0]
         phase = Phase(lead, self.start, end, np.stack([self.q, target]), None)
         return phase, replace(self, start=end, q=target)
@@ -340,12 +340,6 @@ def _rounded_phase(problem: Problem, chain: list[Phase], keys: list[str]) -> Pha
     assert not isinstance(motion, Scan)
     points = path.sample(path.directions[0]).q
     return Phase(replace(motion, name=name), chain[0].start, chain[-1].end, points, path)
-
-
-def _as_joints(q: Array) -> Joints:
-    """Return joints (4,) as a point of a problem."""
-    a, b, c, d = q.tolist()
-    return Joints((a, b, c, d))
 
 
 def straight_path(

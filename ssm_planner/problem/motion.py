@@ -17,7 +17,7 @@ from ssm_planner.problem.value import (
     Value,
     check_name,
 )
-from ssm_planner.typing import record
+from ssm_planner.typing import Array, record
 
 LARGEST_GRID = 50
 """Largest number of rows or columns of a scan."""
@@ -77,6 +77,12 @@ class Joints(Value):
 
     values: tuple[float, float, float, float]
     line: Line | None = field(default=None, compare=False)
+
+    @classmethod
+    def from_array(cls, q: Array) -> Joints:
+        """Return the point with joint positions q (4,)."""
+        a, b, c, d = q.tolist()
+        return cls((a, b, c, d))
 
 
 @record

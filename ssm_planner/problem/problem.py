@@ -384,6 +384,10 @@ class Problem(Value, Limited):
         of_joints = (limit for joint in self.robot.joints for limit in joint.limits)
         return (*of_joints, *self.task_limits.all_limits)
 
+    def limit(self, name: str, joint: str | None) -> Limit | None:
+        """Return the limit with a name, of a joint or of the tool. None if there is none."""
+        return next((item for item in self.all_limits if item.key == (name, joint)), None)
+
     def _check(self) -> None:
         limits = task_limits(self.limits, "Problem.limits")
         remaining = (limit for limit in limits if not isinstance(limit, TaskRange))

@@ -93,7 +93,7 @@ class JointsPlanner:
         There are no phases if the problem is then infeasible.
         """
 
-        start = Joints(tuple(self.phases[0].q_start.tolist()))
+        start = Joints.from_array(self.phases[0].q_start)
         problem = _with_target(unchecked(self.problem, start=start), *self.target, q)
         try:
             return problem.motion, feasible_phases(problem, self.mechanism)[0]
@@ -275,9 +275,8 @@ def _with_target(problem: Problem, entry: int, index: int, q: Array) -> Problem:
     """Return the problem whose free motion `entry` has joints q (4,) as its target `index`."""
     motion = problem.motion[entry]
     assert isinstance(motion, Free)
-    a, b, c, d = q.tolist()
     targets = [*motion.through, motion.to]
-    targets[index] = Joints((a, b, c, d), targets[index].line)
+    targets[index] = replace(Joints.from_array(q), line=targets[index].line)
     spin_free = motion.spin_free and index < len(motion.through)
     changed: Motion = unchecked(
         motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free

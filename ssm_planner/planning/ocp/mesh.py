@@ -21,10 +21,6 @@ from ssm_planner.typing import Array, Indices, record
 
 SHORTEST_ARC = 0.01
 """Arcs shorter than this share of the duration are joined with their neighbour."""
-UP_TO_SPEED = 0.5
-"""Short arcs at the ends remain if ṡ reaches this share of its maximum, since slow motions spend
-little time on them.
-"""
 FEWEST = 5
 """Number of elements of the shortest arc."""
 Side = Literal["left", "right"]
@@ -70,13 +66,7 @@ class Mesh:
         """
         times = guess.times
         turns = np.interp(knots, guess.s, times)
-        speed = np.sqrt(guess.speed_squared)
-        begins = _short_start(times, speed, guess.active)
-        stops = [
-            times[-1] - t
-            for t in _short_start(times[-1] - times[::-1], speed[::-1], guess.active[::-1])
-        ]
-        ends = [*turns, *begins, *stops]
+        ends = [*turns]
         for switch in times[1:-1][guess.active[1:] != guess.active[:-1]]:
             if np.min(np.abs(np.array(ends) - switch)) > SHORTEST_ARC * times[-1]:
                 ends.append(float(switch))
@@ -100,22 +90,6 @@ def _interval(instants: Array, turns: Array) -> Indices:
     """Return the interval between reversals of each element."""
     middles = (instants[1:] + instants[:-1]) / 2
     return np.clip(np.searchsorted(turns, middles) - 1, 0, len(turns) - 2)
-
-
-def _short_start(times: Array, speed: Array, active: Array) -> list[float]:
-    """Return the instant at which a motion is up to speed, s, if it has a short start.
-
-    Otherwise the list is empty. `times` and `speed` are given at grid points, and `active` is the
-    row that binds between them. The switch lies behind the last grid point before it.
-    """
-    fast = speed[1:-1] >= UP_TO_SPEED * speed.max()
-    for k in 1 + np.flatnonzero(
-        fast & (active[1:] != active[:-1]) & (times[1:-1] <= SHORTEST_ARC * times[-1])
-    ):
-        pull = (speed[k] - speed[k - 1]) / (times[k] - times[k - 1])
-        if pull > 0:
-            return [float(min(times[k] + max(speed[k + 1] - speed[k], 0.0) / pull, times[k + 1]))]
-    return []
 
 
 def _element_ends(borders: Array, count: int) -> Array:
