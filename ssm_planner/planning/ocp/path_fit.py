@@ -1,7 +1,6 @@
 """Polynomials that approximate a path and its load near the elements of a mesh.
 
-They are the parameters of `elements.straight_element.StraightElement`. A fit is renewed if a
-solution has left its range.
+They are the parameters of `elements.straight_element.StraightElement`.
 """
 
 from __future__ import annotations
@@ -18,8 +17,6 @@ from ssm_planner.typing import Array
 
 NARROWEST = 0.004
 """Smallest half width of a fit in s. It leaves room for the optimisation to move an element."""
-WIDER = 2.0
-"""Largest ratio of the width of a fit to that of a new one."""
 
 
 def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
@@ -59,10 +56,3 @@ def _nodes() -> tuple[Array, Array]:
     """Return the nodes ξ_j (DEGREE + 1,) of a fit, and the inverse of their powers ξ_j^d."""
     chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
     return chebyshev, np.linalg.inv(np.vander(chebyshev, increasing=True))
-
-
-def fits_hold(parameters: Array, low: Array, high: Array) -> Array:
-    """Return whether fits are valid on [low, high] (n,), and not much too wide, (n,)."""
-    centre, half_width = parameters[:, 0], parameters[:, 1]
-    contained = (low >= centre - half_width) & (high <= centre + half_width)
-    return np.asarray(contained & (half_width <= WIDER * np.maximum(high - low, NARROWEST)))

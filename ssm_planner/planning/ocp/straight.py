@@ -23,7 +23,7 @@ from ssm_planner.elements.rows import (
     tool_names,
     torque_names,
 )
-from ssm_planner.elements.straight_element import StraightElement, fit_of
+from ssm_planner.elements.straight_element import StraightElement
 from ssm_planner.kinematics import task_rates
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.ocp.mesh import Mesh
@@ -37,7 +37,7 @@ from ssm_planner.planning.ocp.nlp import (
     cubics,
 )
 from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
-from ssm_planner.planning.ocp.path_fit import fit, fits_hold
+from ssm_planner.planning.ocp.path_fit import fit
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
@@ -254,29 +254,14 @@ class _StraightProblem(OcpProblem):
         limits = StraightElement.layout.pack(
             **self.joint_limits, **tool_limits(self.limited), time_scale=self.time_scale
         )
-        return self.sigma, self._fitted(elements), limits
+        low = elements[:, 0]
+        fits = fit(self.path, self._bodies, low, np.append(low[1:], 1.0))
+        return self.sigma, fits, limits
 
     @cached_property
     def _bodies(self) -> tuple[RigidBody, ...]:
         """Bodies with every load."""
         return tuple(RigidBody.from_robot(load) for load in self.robot.loads)
-
-    @cached_property
-    def _fit_cache(self) -> Array:
-        """Fits of the elements, NaN at the beginning."""
-        return np.full((self.structure.elements, fit_of(len(self._bodies)).size), np.nan)
-
-    def _fitted(self, elements: Array) -> Array:
-        """Return the fits of path and load around elements, (n, size of `fit_of`).
-
-        A fit is renewed if its element has left it.
-        """
-        low = elements[:, 0]
-        high = np.append(elements[1:, 0], 1.0)
-        outdated = np.logical_not(fits_hold(self._fit_cache, low, high))
-        if outdated.any():
-            self._fit_cache[outdated] = fit(self.path, self._bodies, low[outdated], high[outdated])
-        return self._fit_cache
 
 
 def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
