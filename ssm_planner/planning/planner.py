@@ -13,7 +13,6 @@ from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.motor_strength import (
     motor_too_hot,
-    motor_too_weak,
     motor_too_weak_to_brake,
 )
 from ssm_planner.planning.ocp.motion import PhaseSolution
@@ -22,7 +21,6 @@ from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.prechecks import bounded_duration, feasible_phases
 from ssm_planner.planning.reason import Reason, duration_too_short, durations_disagree
-from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.planning.work import Work
@@ -172,7 +170,7 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
         for phase in phases
     ]
     takes = [bounded_duration(problem, mechanism, phase) for phase in phases]
-    if reason is not None or sum(takes) >= cutoff or any(map(_cannot_move, planners)):
+    if reason is not None or sum(takes) >= cutoff:
         return np.inf
     # Whether there is a motion along a line is known soon, so paths come first.
     for k in sorted(range(len(phases)), key=lambda k: phases[k].path is None):
@@ -180,15 +178,6 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
         if sum(takes) >= cutoff:
             return np.inf
     return problem.duration or sum(takes)
-
-
-def _cannot_move(planner: PhasePlanner) -> bool:
-    """Return True if a motor is too weak to move at all, on any path of a free phase."""
-    phase = planner.phase
-    if phase.stands or phase.path is not None or not phase.begins_and_ends_at_rest:
-        return False
-    line = PolylinePath(planner.mechanism, phase.points)
-    return motor_too_weak(planner.problem, phase, line) is not None
 
 
 def _estimated_duration(planner: PhasePlanner, cutoff: float) -> float:
