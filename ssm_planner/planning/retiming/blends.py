@@ -30,7 +30,6 @@ from ssm_planner.planning.retiming.paths import (
     PathSamples,
     joint_starts,
     sign_change,
-    with_knots,
 )
 from ssm_planner.planning.tolerances import ROUNDING, SAMPLES
 from ssm_planner.trajectory import quintics
@@ -124,21 +123,7 @@ class BlendedPath(JointPath):
     @cached_property
     def directions(self) -> tuple[Array, Array]:
         """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
-        grid = np.unique(
-            np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(self.breaks)])
-        )
-        dq = self.sample(grid).dq
-        moving = (np.abs(dq).max(axis=0) > ROUNDING) & np.isin(np.arange(4), self.pieces[0].watched)
-        # A joint that rests on one piece and moves on the next starts at the end of the piece,
-        # which is a knot.
-        signs = np.where(np.abs(dq) > ROUNDING, np.sign(dq), 0.0)
-        turns = signs[1:] * signs[:-1] < 0
-        roots = (
-            self.turning_point(int(i), grid[k], grid[k + 1]) for k, i in np.argwhere(turns & moving)
-        )
-        knots = with_knots(self.breaks, roots)
-        middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
-        return knots, np.where(np.abs(middle) > ROUNDING, np.sign(middle), 0.0) * moving
+        return self.smooth_directions(self.pieces[0].watched)
 
     def starts(self, samples: PathSamples) -> Mask:
         """Return where joints start at s (n,), (n, 4), also those that stood before or reverse."""

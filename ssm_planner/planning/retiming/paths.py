@@ -107,6 +107,24 @@ class JointPath(ABC):
         """Return the root of q'(s) of one joint between two points with different signs."""
         return sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
+    def smooth_directions(self, watched: tuple[int, ...]) -> tuple[Array, Array]:
+        """Return `directions` of a path that is smooth between its breaks, of `watched` joints."""
+        s = np.unique(
+            np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(self.breaks)])
+        )
+        dq = self.sample(s).dq
+        rests = np.abs(dq) <= ROUNDING
+        moving = ~rests.all(axis=0) & np.isin(np.arange(4), watched)
+        # A joint that rests on one piece and moves on the next starts at a break, which is a knot.
+        turns = (np.signbit(dq[1:]) != np.signbit(dq[:-1])) & ~(rests[1:] & rests[:-1])
+        roots = (
+            round(self.turning_point(int(i), s[k], s[k + 1]), 12)
+            for k, i in np.argwhere(turns & moving)
+        )
+        knots = with_knots(self.breaks, roots)
+        middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
+        return knots, np.where(np.abs(middle) > ROUNDING, np.sign(middle), 0.0) * moving
+
     def starts(self, samples: PathSamples) -> Mask:
         """Return where joints start from rest if the motion does, (n, 4). This is at s = 0."""
         return np.tile((samples.s == 0.0)[:, None], 4)
@@ -141,16 +159,7 @@ class ClosedPath(JointPath):
     @cached_property
     def directions(self) -> tuple[Array, Array]:
         """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
-        s = np.linspace(0.0, 1.0, SAMPLES)
-        dq = self.sample(s).dq
-        moving = (np.abs(dq).max(axis=0) > ROUNDING) & np.isin(np.arange(4), self.watched)
-        turns = np.signbit(dq[1:]) != np.signbit(dq[:-1])
-        roots = (
-            round(self.turning_point(int(i), s[k], s[k + 1]), 12)
-            for k, i in np.argwhere(turns & moving)
-        )
-        knots = with_knots(np.array([0.0, 1.0]), roots)
-        return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq) * moving
+        return self.smooth_directions(self.watched)
 
     @cached_property
     def _turns(self) -> Array:
