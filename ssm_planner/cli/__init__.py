@@ -118,11 +118,7 @@ COMMANDS = {
         "print the JSON schema of a kind of file, for editors that complete and check",
         "schema robot",
     ),
-    "reproduce": (
-        "pages",
-        "recompute the tables and figures of the paper",
-        "reproduce -o results",
-    ),
+    "reproduce": ("pages", "recompute the tables and figures of the paper", "reproduce -o results"),
 }
 """Module in ssm_planner.cli, help text and example of every command.
 

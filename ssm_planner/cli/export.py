@@ -98,10 +98,7 @@ def _counts(words: list[str]) -> int | dict[str, int]:
 
 PARSED: dict[str, dict[str, Any]] = {
     "rate": {"type": rate_argument, "metavar": "HZ"},
-    "columns": {
-        "type": lambda text: [word.strip() for word in text.split(",")],
-        "metavar": "LIST",
-    },
+    "columns": {"type": lambda text: [word.strip() for word in text.split(",")], "metavar": "LIST"},
     "mode": {"choices": ("csp", "csv", "cst")},
     "counts_per_turn": {"nargs": "+", "metavar": "[JOINT=]N"},
     "effort": {"action": "store_true"},

@@ -32,9 +32,7 @@ def plan_argument(
 
 
 def output_arguments(
-    parser: argparse.ArgumentParser,
-    text: str | None = None,
-    default: Path | None = None,
+    parser: argparse.ArgumentParser, text: str | None = None, default: Path | None = None
 ) -> None:
     """Add the option --json, and --output if the command writes files.
 

@@ -40,9 +40,7 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of instants for --power-loss everywhere (default 1000)",
     )
     parser.add_argument(
-        "--payload",
-        metavar="MASS[@TIME]",
-        help="point mass at the tip after a time (default 0 s)",
+        "--payload", metavar="MASS[@TIME]", help="point mass at the tip after a time (default 0 s)"
     )
     parser.add_argument("--stall", metavar="JOINT@TIME", help="block a motor after a time")
     quantity_option(parser, "--supply", "voltage", "supply voltage (default: nominal)")
@@ -61,10 +59,7 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of random frictions from the drive files",
     )
     quantity_option(
-        parser,
-        "--spread",
-        "share",
-        "range of the friction without uncertainty in the drive files",
+        parser, "--spread", "share", "range of the friction without uncertainty in the drive files"
     )
     parser.add_argument(
         "--compliance",

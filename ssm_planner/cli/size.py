@@ -166,10 +166,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     adequate = None if 0 in best or not best else True
     if -1 in best:
         adequate = False
-    notes = [
-        *duty.notes,
-        "gears without friction get the friction of the joint's present drive",
-    ]
+    notes = [*duty.notes, "gears without friction get the friction of the joint's present drive"]
     document: dict[str, Any] = {
         "motion": duty.name,
         "adequate": adequate,

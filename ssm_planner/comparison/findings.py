@@ -478,13 +478,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
 
 
 def _limit_result(
-    limit: Limit,
-    bound: float,
-    value: float,
-    margin: float,
-    *,
-    noise: float,
-    window: float = 0.0,
+    limit: Limit, bound: float, value: float, margin: float, *, noise: float, window: float = 0.0
 ) -> Kept:
     """Build the result of one limit from the worst measured value and its possible noise."""
     verdict: Verdict = "cannot tell"

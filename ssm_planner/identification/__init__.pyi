@@ -1,20 +1,9 @@
 """Names of `identification` that other packages use, and the modules that define them."""
 
-from .drive_file import (
-    unit_of as unit_of,
-)
-from .fit import (
-    MapFit as MapFit,
-    fit_map as fit_map,
-)
-from .identify import (
-    friction_origin as friction_origin,
-    predict as predict,
-)
-from .parameters import (
-    map_torque as map_torque,
-    with_parameters as with_parameters,
-)
+from .drive_file import unit_of as unit_of
+from .fit import MapFit as MapFit, fit_map as fit_map
+from .identify import friction_origin as friction_origin, predict as predict
+from .parameters import map_torque as map_torque, with_parameters as with_parameters
 from .prediction import (
     Motion as Motion,
     Prediction as Prediction,
@@ -23,9 +12,7 @@ from .prediction import (
     nrmsd as nrmsd,
     predict_recording as predict_recording,
 )
-from .recorder_csv import (
-    parse_table as parse_table,
-)
+from .recorder_csv import parse_table as parse_table
 from .recordings import (
     read_recording as read_recording,
     read_recordings as read_recordings,

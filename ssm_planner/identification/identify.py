@@ -213,9 +213,7 @@ def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> 
 
 @checked
 def predict(
-    drive: str | Path,
-    recordings: Sequence[str | Path],
-    progress: Progress = silent,
+    drive: str | Path, recordings: Sequence[str | Path], progress: Progress = silent
 ) -> list[Prediction]:
     """Predict the motor torque of recordings from their measured speed, with the drive in a file.
 

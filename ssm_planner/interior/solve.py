@@ -133,11 +133,7 @@ def solve(
     if status > _CONVERGED:
         raise MemoryError("the structured solver ran out of memory")
     return Outcome(
-        status == _CONVERGED,
-        native_state.iterations,
-        state,
-        z,
-        objective=native_state.objective,
+        status == _CONVERGED, native_state.iterations, state, z, objective=native_state.objective
     )
 
 

@@ -7,9 +7,7 @@ from .eye import (
     lens_row as lens_row,
     retina_row as retina_row,
 )
-from .family import (
-    Family as Family,
-)
+from .family import Family as Family
 from .forward import (
     JACOBIANS as JACOBIANS,
     forward_symbolic as forward_symbolic,
@@ -18,26 +16,16 @@ from .forward import (
     tip_position_symbolic as tip_position_symbolic,
     tool_speed as tool_speed,
 )
-from .inverse import (
-    inverse_task as inverse_task,
-    inverse_tip as inverse_tip,
-)
-from .mechanism import (
-    Mechanism as Mechanism,
-)
-from .of_robot import (
-    fk as fk,
-)
+from .inverse import inverse_task as inverse_task, inverse_tip as inverse_tip
+from .mechanism import Mechanism as Mechanism
+from .of_robot import fk as fk
 from .rotations import (
     batch as batch,
     constant as constant,
     rotation as rotation,
     rotation_symbolic as rotation_symbolic,
 )
-from .solutions import (
-    Solutions as Solutions,
-    nearest_turn as nearest_turn,
-)
+from .solutions import Solutions as Solutions, nearest_turn as nearest_turn
 from .task import (
     joint_rates as joint_rates,
     joints_from_task_symbolic as joints_from_task_symbolic,

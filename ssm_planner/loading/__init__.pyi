@@ -7,10 +7,7 @@ from .catalogues import (
     motors_of as motors_of,
     stated_beside as stated_beside,
 )
-from .drives import (
-    drive_from as drive_from,
-    drive_model as drive_model,
-)
+from .drives import drive_from as drive_from, drive_model as drive_model
 from .files import (
     find as find,
     follow as follow,
@@ -18,10 +15,7 @@ from .files import (
     read as read,
     shipped_folder as shipped_folder,
 )
-from .json_files import (
-    parse_json as parse_json,
-    read_json_in_parts as read_json_in_parts,
-)
+from .json_files import parse_json as parse_json, read_json_in_parts as read_json_in_parts
 from .load import (
     file_keys as file_keys,
     json_schema as json_schema,
@@ -32,15 +26,9 @@ from .load import (
     load_robot as load_robot,
     problem_from_dict as problem_from_dict,
 )
-from .motors import (
-    motor_from as motor_from,
-)
-from .problems import (
-    problem_from as problem_from,
-)
-from .robots import (
-    robot_from as robot_from,
-)
+from .motors import motor_from as motor_from
+from .problems import problem_from as problem_from
+from .robots import robot_from as robot_from
 from .schema import (
     Field as Field,
     Key as Key,
@@ -54,10 +42,5 @@ from .schema import (
     quantity as quantity,
     validated as validated,
 )
-from .tables import (
-    table_rows as table_rows,
-)
-from .yaml_nodes import (
-    Section as Section,
-    plain_node as plain_node,
-)
+from .tables import table_rows as table_rows
+from .yaml_nodes import Section as Section, plain_node as plain_node

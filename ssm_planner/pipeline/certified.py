@@ -10,14 +10,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.work import Work
-from ssm_planner.problem import (
-    JUMPS,
-    ContinuousTorque,
-    Jump,
-    Problem,
-    SelfLocking,
-    unchecked,
-)
+from ssm_planner.problem import JUMPS, ContinuousTorque, Jump, Problem, SelfLocking, unchecked
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record

@@ -16,11 +16,7 @@ from ssm_planner.atomic import first_interruption
 from ssm_planner.kinematics import Mechanism
 from ssm_planner.pipeline.certified import Outcome
 from ssm_planner.pipeline.thermal import quickly
-from ssm_planner.planning.candidates.other_joints import (
-    JointsPlanner,
-    MissionMotion,
-    OtherJoints,
-)
+from ssm_planner.planning.candidates.other_joints import JointsPlanner, MissionMotion, OtherJoints
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.prechecks import eye_forbids_target, feasible_phases
 from ssm_planner.planning.reason import Reason
@@ -193,9 +189,5 @@ def targets(problem: Problem) -> list[tuple[int, int]]:
 def _phases(problem: Problem) -> tuple[Phase, ...]:
     """Return the planned phases, or those of the first start configuration."""
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    phases, reason = feasible_phases(problem, mechanism)
-    return (
-        phases
-        if reason is None
-        else phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
-    )
+    phases, _ = feasible_phases(problem, mechanism)
+    return phases or phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])

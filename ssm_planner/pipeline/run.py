@@ -319,11 +319,7 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     a, b, c, d = (state.qdd[0] * (jerk and qd.any())).tolist()
     start = Joints.from_array(q)
     return replace(
-        problem,
-        start=start,
-        start_rate=start_rate,
-        start_acceleration=(a, b, c, d),
-        motion=entries,
+        problem, start=start, start_rate=start_rate, start_acceleration=(a, b, c, d), motion=entries
     )
 
 
@@ -409,12 +405,7 @@ def _attempt(
         return plan_and_check(candidate, silent, silent, weights, work=work)
 
     outcome = plan_and_check(
-        problem,
-        progress,
-        on_motion,
-        may_overheat=may_overheat,
-        may_reverse=may_reverse,
-        work=work,
+        problem, progress, on_motion, may_overheat=may_overheat, may_reverse=may_reverse, work=work
     )
     if (
         not outcome.hot_joints

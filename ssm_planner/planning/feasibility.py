@@ -136,19 +136,13 @@ def _beyond_ranges(problem: Problem, mechanism: Mechanism, phase: Phase) -> Iter
             )
 
 
-def _task_range(problem: Problem, name: str) -> TaskRange | None:
-    """Return the range of a task coordinate, if the problem has one."""
-    ranges = (limit for limit in problem.limits if isinstance(limit, TaskRange))
-    return next((limit for limit in ranges if limit.coordinate == name), None)
-
-
 def _past_boundary(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
     """Return the tilt range if joint 2 must leave it at the workspace boundary.
 
     Tilt depends on joint 2 alone. Its extremes are where the branches of the inverse kinematics
     meet, at δ + k π. Every motion between points on both sides of an extreme passes it.
     """
-    limit = _task_range(problem, "tilt")
+    limit = problem.limit(TaskRange.name_of("tilt"), None)
     if phase.path is not None or limit is None:
         return None
     for k, (start, end) in enumerate(pairwise(phase.points)):
@@ -358,10 +352,11 @@ def _beyond_room(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason
             continue
         limit: Limit = joint.limit(JointPosition)
         value, name = float(reached[i]), f"joint {joint.name}"
-        task_range = _task_range(problem, {1: "tilt", 3: "depth"}.get(i, ""))
+        coordinate = {1: "tilt", 3: "depth"}.get(i, "")
+        task_range = problem.limit(TaskRange.name_of(coordinate), None)
         if limit.contains(value) and task_range is not None:
             # The task coordinate that follows this joint alone leaves its range.
-            limit, name = task_range, task_range.coordinate
+            limit, name = task_range, coordinate
             value = float(task_from_joints(mechanism, reached[None])[0, TASK.index(name)])
         velocity, acceleration = joint.limit(JointVelocity), joint.limit(JointAcceleration)
         text = (

@@ -418,20 +418,11 @@ def other_ends(problem: Problem, mechanism: Mechanism, phase: Phase, index: int)
     ranges = np.array([joint.position for joint in problem.robot.joints[:3]])
     ends = []
     for q in solutions.joints[0, solutions.valid[0]]:
-        turns = [
-            _turns_within(float(angle), *limits) for angle, limits in zip(q, ranges, strict=False)
-        ]
+        turned = q[:3, None] + 2 * np.pi * np.array([0, -1, 1])
+        inside = (turned >= ranges[:, :1] - ROUNDING) & (turned <= ranges[:, 1:] + ROUNDING)
+        turns = [angles[mask] for angles, mask in zip(turned, inside, strict=True)]
         ends += [np.array([*angles, q[3]]) for angles in product(*turns)]
     return [q for q in ends if np.abs(q - point).max() > ROUNDING]
-
-
-def _turns_within(angle: float, low: float, high: float) -> list[float]:
-    """Return the angles within a range that differ from `angle` by −1, 0 or 1 whole turns."""
-    return [
-        candidate
-        for k in (0, -1, 1)
-        if low - ROUNDING <= (candidate := angle + 2 * np.pi * k) <= high + ROUNDING
-    ]
 
 
 def _solutions(

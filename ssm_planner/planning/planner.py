@@ -11,10 +11,7 @@ from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.candidates.candidate import PhaseEvaluation
 from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
-from ssm_planner.planning.motor_strength import (
-    motor_too_hot,
-    motor_too_weak_to_brake,
-)
+from ssm_planner.planning.motor_strength import motor_too_hot, motor_too_weak_to_brake
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase

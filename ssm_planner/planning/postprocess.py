@@ -14,11 +14,7 @@ from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
-from ssm_planner.planning.retiming.retime import (
-    motion_along,
-    retime,
-    retime_motion,
-)
+from ssm_planner.planning.retiming.retime import motion_along, retime, retime_motion
 from ssm_planner.trajectory import Trajectory
 
 TOPPRA = "TOPP-RA"

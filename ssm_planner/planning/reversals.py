@@ -33,9 +33,7 @@ NEGLIGIBLE = 1e-3
 
 
 def refine_directions(
-    phase: Phase,
-    motion: PhaseSolution,
-    solve: Callable[[Borders, float], PhaseSolution | None],
+    phase: Phase, motion: PhaseSolution, solve: Callable[[Borders, float], PhaseSolution | None]
 ) -> PhaseSolution | None:
     """Return the fastest motion found with reversals, or None if none saves time.
 

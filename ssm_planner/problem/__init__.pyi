@@ -16,13 +16,8 @@ from .drive import (
     Rig as Rig,
     ScrewEnds as ScrewEnds,
 )
-from .drive_geometry import (
-    BadGeometry as BadGeometry,
-)
-from .limit import (
-    Symmetric as Symmetric,
-    in_words as in_words,
-)
+from .drive_geometry import BadGeometry as BadGeometry
+from .limit import Symmetric as Symmetric, in_words as in_words
 from .limits import (
     ENDS as ENDS,
     JUMPS as JUMPS,
@@ -76,9 +71,7 @@ from .motion import (
     Tip as Tip,
     key_of as key_of,
 )
-from .motor import (
-    Motor as Motor,
-)
+from .motor import Motor as Motor
 from .posterior import (
     CONFIDENCE as CONFIDENCE,
     LAW as LAW,
@@ -114,10 +107,7 @@ from .serialization import (
     robot_hash as robot_hash,
     robot_text as robot_text,
 )
-from .transmissions import (
-    TRANSMISSIONS as TRANSMISSIONS,
-    Transmission as Transmission,
-)
+from .transmissions import TRANSMISSIONS as TRANSMISSIONS, Transmission as Transmission
 from .value import (
     Ascending as Ascending,
     Bound as Bound,

@@ -248,10 +248,7 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
     file is named in messages. Raises ProblemError with the key, its value and the allowed values.
     """
     task = task_limits_from_plain(data, file)
-    resolved = {
-        "robot": robot_from_plain(data.get("robot", {}), file),
-        "limits": task.limits,
-    }
+    resolved = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
     with _name_file(file):
         resolved |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
         resolved |= {"start": _point_from(data.get("start"), "problem.start")}

@@ -11,9 +11,7 @@ from pydantic import Field
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading import (
-    Field as Share,
-)
+from ssm_planner.loading import Field as Share
 from ssm_planner.loading import (
     Model,
     Reference,

@@ -16,15 +16,7 @@ import numpy as np
 
 from ssm_planner.dynamics import self_locking_margin, spread_of
 from ssm_planner.kinematics import Mechanism
-from ssm_planner.problem import (
-    ENDS,
-    JUMPS,
-    ContinuousTorque,
-    Joint,
-    Robot,
-    SelfLocking,
-    TaskLimits,
-)
+from ssm_planner.problem import ENDS, JUMPS, ContinuousTorque, Joint, Robot, SelfLocking, TaskLimits
 from ssm_planner.trajectory import BLOCK, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.cases import worst_cases

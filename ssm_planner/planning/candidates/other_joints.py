@@ -20,11 +20,7 @@ from ssm_planner.planning.candidates.candidate import Candidate, Evaluation
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase, other_ends
 from ssm_planner.planning.planner import estimated_duration
-from ssm_planner.planning.prechecks import (
-    bounded_duration,
-    feasible_phases,
-    least_duration,
-)
+from ssm_planner.planning.prechecks import bounded_duration, feasible_phases, least_duration
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
 from ssm_planner.planning.work import Work

@@ -8,23 +8,12 @@ from functools import partial
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.elements.rows import (
-    joint_limits,
-    limits_jerk,
-)
-from ssm_planner.kinematics import (
-    Mechanism,
-    retina_row,
-    tip_position,
-)
+from ssm_planner.elements.rows import joint_limits, limits_jerk
+from ssm_planner.kinematics import Mechanism, retina_row, tip_position
 from ssm_planner.planning.ocp.free_problem import FreeProblem
-from ssm_planner.planning.ocp.mesh import (
-    SegmentGuess,
-)
+from ssm_planner.planning.ocp.mesh import SegmentGuess
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
-from ssm_planner.planning.ocp.nlp import (
-    Method,
-)
+from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
 from ssm_planner.planning.ocp.segments import (
     KINEMATIC,
@@ -36,11 +25,7 @@ from ssm_planner.planning.ocp.segments import (
 from ssm_planner.planning.ocp.turning import SegmentGuesses
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.planning.work import Work
-from ssm_planner.problem import (
-    Objective,
-    Problem,
-    Robot,
-)
+from ssm_planner.problem import Objective, Problem, Robot
 from ssm_planner.typing import Array, Mask, keyword_record
 
 ELEMENTS = 40
@@ -156,10 +141,7 @@ def find_best_free(
 
 
 def _limits(
-    problem: Problem,
-    limits: dict[str, Array],
-    displacements: Array,
-    ends: tuple[Array, Array],
+    problem: Problem, limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
 ) -> dict[str, Array]:
     """Return the limits of the joints with the rate of depth, and with jerk limits for all."""
     limits = dict(limits)

@@ -17,13 +17,7 @@ import numpy as np
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.elements.element import shared
 from ssm_planner.elements.free_element import RATED, WATCHED, FreeElement
-from ssm_planner.elements.rows import (
-    UNLIMITED,
-    RowName,
-    tool_limits,
-    tool_names,
-    torque_names,
-)
+from ssm_planner.elements.rows import UNLIMITED, RowName, tool_limits, tool_names, torque_names
 from ssm_planner.kinematics import (
     Mechanism,
     retina_row,
@@ -45,13 +39,7 @@ from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest
 from ssm_planner.planning.ocp.segments import KINEMATIC, SegmentChain
 from ssm_planner.planning.phases import reversal_ranges
 from ssm_planner.planning.tolerances import ROUNDING, SAME
-from ssm_planner.problem import (
-    TASK,
-    Problem,
-    RetinaClearance,
-    TaskRange,
-    TaskRate,
-)
+from ssm_planner.problem import TASK, Problem, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 

@@ -87,19 +87,18 @@ class PhaseSolution:
 
     def slower(self, factor: float) -> PhaseSolution:
         """Return the same motion from rest to rest with its duration multiplied by `factor`."""
-        coefficients = self.coefficients / factor ** np.arange(6.0)[:, None]
-        breaks = self.breaks * factor
-        borders = self.border_instants * factor
         multipliers = self.direction_multipliers
         if multipliers is not None:
-            instants = multipliers.instants * factor
-            points = multipliers.points * factor
-            multipliers = replace(multipliers, instants=instants, points=points)
+            multipliers = replace(
+                multipliers,
+                instants=multipliers.instants * factor,
+                points=multipliers.points * factor,
+            )
         return replace(
             self,
-            breaks=breaks,
-            coefficients=coefficients,
-            border_instants=borders,
+            breaks=self.breaks * factor,
+            coefficients=self.coefficients / factor ** np.arange(6.0)[:, None],
+            border_instants=self.border_instants * factor,
             direction_multipliers=multipliers,
         )
 

@@ -11,18 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.elements.rows import (
-    UNLIMITED,
-)
-from ssm_planner.planning.ocp.mesh import (
-    SegmentGuess,
-    closed_form_guess,
-    sampled_guess,
-)
-from ssm_planner.planning.ocp.nlp import (
-    NlpStructure,
-    blocks_of,
-)
+from ssm_planner.elements.rows import UNLIMITED
+from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, sampled_guess
+from ssm_planner.planning.ocp.nlp import NlpStructure, blocks_of
 from ssm_planner.planning.ocp.turning import SegmentGuesses, braking, guess_with_reversals
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.trajectory import Trajectory

@@ -195,13 +195,7 @@ class PathLimits:
     """|J q'| / (2d), (n,), for a limit d on the distance to stop. None without such a limit."""
 
     @classmethod
-    def on_grid(
-        cls,
-        path: JointPath,
-        grid: Array,
-        robot: Robot,
-        limits: TaskLimits,
-    ) -> PathLimits:
+    def on_grid(cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits) -> PathLimits:
         """Evaluate the limits at the points s (n,) of a grid."""
         knots, signs = path.directions
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)

@@ -104,13 +104,7 @@ def retime(
         if rough is None or not rough.solved
         else np.interp(grid, rough.s, rough.speed_squared)
     )
-    return _retimed(
-        grid,
-        path_limits,
-        tangent,
-        speeds,
-        static=speeds[0] == 0.0,
-    )
+    return _retimed(grid, path_limits, tangent, speeds, static=speeds[0] == 0.0)
 
 
 def stays_at(retiming: Retiming, path: JointPath, speed: float) -> bool:
@@ -124,11 +118,7 @@ def stays_at(retiming: Retiming, path: JointPath, speed: float) -> bool:
 
 
 def retime_motion(
-    path: MotionPath,
-    robot: Robot,
-    limits: TaskLimits,
-    points: int = FEW,
-    speed_ratio: float = 1.0,
+    path: MotionPath, robot: Robot, limits: TaskLimits, points: int = FEW, speed_ratio: float = 1.0
 ) -> Retiming:
     """Return the time-optimal motion along the path of a motion.
 
