@@ -85,7 +85,7 @@ def test_an_installed_package_adds_a_drive_and_a_format(site: Path, tmp_path: Pa
         return done.stdout + done.stderr
 
     plans = {}
-    for kind, key in (("rack", "pinion"), ("cable_slide", "pulley")):
+    for kind, key in (("cable_slide", "pulley"), ("rack", "pinion")):
         text = (tmp_path / "rack.yaml").read_text(encoding="utf-8")
         text = re.sub(r"kind: \w+", f"kind: {kind}", text)
         text = re.sub(r"\w+_diameter", f"{key}_diameter", text)
