@@ -24,7 +24,8 @@ UNVERIFIED = "_unverified"
 """Suffix of the file names of an unverified plan."""
 EXPLANATIONS = frozenset(
     ("note", "notes", "known", "reason", "encoder", "convention", "form", "not_verified")
-) | {"certificate", "deviation", "spline"}
+    + ("certificate", "deviation", "spline")
+)
 """Keys and columns that explain. No program interprets them."""
 RELATIVE = 1e-10
 ABSOLUTE = 1e-11

@@ -16,6 +16,7 @@ from ssm_planner.atomic import first_interruption
 from ssm_planner.kinematics import Mechanism
 from ssm_planner.pipeline.certified import Outcome
 from ssm_planner.pipeline.thermal import quickly
+from ssm_planner.planning.candidates.candidate import CandidateEntry
 from ssm_planner.planning.candidates.other_joints import JointsPlanner, MissionMotion, OtherJoints
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.prechecks import eye_forbids_target, feasible_phases
@@ -106,7 +107,7 @@ class _Search:
     best: Outcome
     best_problem: Problem
     hint: str = ""
-    entries: dict[int, list[dict[str, str | float | None]]] = field(default_factory=dict)
+    entries: dict[int, list[CandidateEntry]] = field(default_factory=dict)
     """Alternatives by the index of their phase, as `Evaluation.to_dict` returns them."""
 
     @property
@@ -162,6 +163,7 @@ class _Search:
         solution, evaluations = find_fastest(
             [OtherJoints],
             planner,
+            self.work,
             best.duration * (1 - GAP),
             gap=1.0 if self.any_suffices else GAP,
             budget=SEARCH_BUDGET + begin - self.work.spent,

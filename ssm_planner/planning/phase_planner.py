@@ -164,11 +164,7 @@ class PhasePlanner(PhaseTask):
         """
 
         def with_tip_speed(limit_speed: float) -> PhasePlanner:
-            caps = [limit.largest for limit in self.problem.limits if isinstance(limit, TipSpeed)]
-            other_limits = (
-                limit for limit in self.problem.limits if not isinstance(limit, TipSpeed)
-            )
-            limits = (*other_limits, TipSpeed(min([limit_speed, *caps])))
+            limits = (*self.problem.limits, TipSpeed(limit_speed))
             return replace(self, problem=unchecked(self.problem, limits=limits))
 
         def is_feasible(limit_speed: float) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism
-from ssm_planner.planning.candidates.candidate import PhaseEvaluation
+from ssm_planner.planning.candidates.candidate import CandidateEntry, PhaseEvaluation
 from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.motor_strength import motor_too_hot, motor_too_weak_to_brake
@@ -39,7 +39,7 @@ class PlannerResult:
     trajectory: Trajectory | None
     phases: tuple[PlannedPhase, ...]
     reason: Reason | None
-    candidates: tuple[tuple[dict[str, str | float | None], ...], ...] = ()
+    candidates: tuple[tuple[CandidateEntry, ...], ...] = ()
     """Candidates of every phase as `Evaluation.to_dict` returns them."""
 
 
@@ -130,7 +130,9 @@ def plan_phase(
         standing = PhaseSolution("solved", "", 0, *motion)
         return PlannedPhase(phase, standing, duration), []
     reason = motor_too_weak_to_brake(planner.problem, phase) if phase.path is None else None
-    return (reason, []) if reason is not None else find_fastest(KINDS, planner, cutoff)
+    return (
+        (reason, []) if reason is not None else find_fastest(KINDS, planner, planner.work, cutoff)
+    )
 
 
 def joined(phases: Sequence[PlannedPhase]) -> Trajectory:

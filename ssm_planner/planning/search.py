@@ -11,11 +11,13 @@ import numpy as np
 from ssm_planner.planning.candidates.candidate import Candidate, Evaluation, P, R
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP
+from ssm_planner.planning.work import Work
 
 
 def find_fastest(
     kinds: Sequence[type[Candidate[P, R]]],
     planner: P,
+    work: Work,
     cutoff: float = np.inf,
     *,
     gap: float = GAP,
@@ -33,6 +35,8 @@ def find_fastest(
         They suggest the candidates, in this order.
     planner : P
         The task and its solvers.
+    work : Work
+        Counter of the planner's work.
     cutoff : float
         Duration in s. Motions that take as long or longer are of no use.
     gap : float
@@ -49,7 +53,7 @@ def find_fastest(
     """
     evaluations: list[Evaluation[P, R]] = []
     queue: list[tuple[float, int, Evaluation[P, R]]] = []
-    order, solution, begin = count(), None, planner.work.spent
+    order, solution, begin = count(), None, work.spent
 
     def suggest(evaluation: Evaluation[P, R] | None) -> None:
         for kind in kinds:
@@ -63,12 +67,12 @@ def find_fastest(
         limit = cutoff if solution is None else min(cutoff, (1 - gap) * solution.duration)
         if duration >= limit:
             continue
-        if limit < np.inf and planner.work.spent - begin > budget:
+        if limit < np.inf and work.spent - begin > budget:
             evaluation.result = Reason(message="not solved: the work budget is spent")
             continue
-        spent = planner.work.spent
+        spent = work.spent
         evaluation.advance(limit)
-        evaluation.effort += planner.work.spent - spent
+        evaluation.effort += work.spent - spent
         if evaluation.result is None:
             heappush(queue, (evaluation.known_duration, next(order), evaluation))
         elif not isinstance(evaluation.result, Reason) and evaluation.result.duration < limit:

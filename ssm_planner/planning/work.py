@@ -6,7 +6,6 @@ Unlike time, it does not depend on the machine or its load, so neither changes a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 SOLVE = 0.02
 """Work of a solve without its iterations, approximately in s."""
@@ -31,11 +30,3 @@ class Work:
     def add_iterations(self, solver: str, iterations: int, elements: int, *, costs: bool) -> None:
         """Add iterations of a solver on a mesh. `costs` tells whether heat or effort counts."""
         self.spent += PRICES[solver, costs] * iterations * elements
-
-
-class Working(Protocol):
-    """A planner that counts its work."""
-
-    @property
-    def work(self) -> Work:
-        """Work spent so far."""

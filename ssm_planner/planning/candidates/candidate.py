@@ -17,7 +17,6 @@ from typing import ClassVar, Generic, Protocol, TypeVar
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.work import Working
 from ssm_planner.typing import record
 
 
@@ -29,7 +28,9 @@ class Timed(Protocol):
         """Duration, s."""
 
 
-P = TypeVar("P", bound=Working)
+CandidateEntry = dict[str, str | float | None]
+"""Entry of `candidates` in plan.json."""
+P = TypeVar("P")
 R = TypeVar("R", bound=Timed)
 
 
@@ -123,7 +124,7 @@ class Evaluation(Generic[P, R]):
         else:
             self.estimate = estimate
 
-    def to_dict(self, solution: R | Reason) -> dict[str, str | float | None]:
+    def to_dict(self, solution: R | Reason) -> CandidateEntry:
         """Return the entry of `candidates` in plan.json.
 
         `solution` is the result of the whole search.

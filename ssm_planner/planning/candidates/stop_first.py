@@ -55,7 +55,7 @@ class StopFirst(PhaseCandidate):
         motions = []
         kinds: list[type[PhaseCandidate]] = [Direct, Detour]
         for stage in (stopping, onward):
-            result, _ = find_fastest(kinds, replace(planner, phase=stage))
+            result, _ = find_fastest(kinds, replace(planner, phase=stage), planner.work)
             if isinstance(result, Reason):
                 return result
             motions.append(result.motion)

@@ -92,13 +92,16 @@ def solve_free(
     displacements = np.diff(borders.points, axis=0)
     displacements[np.abs(displacements) <= ROUNDING] = 0.0
     ends = speeds or (np.zeros(4), np.zeros(4))
+    limits = joint_limits(strict or problem.robot, cooling)
+    if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
+        limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
+    if limits_jerk(problem.robot):
+        limits["jerk"] = jerk_for_all(limits, displacements, ends)
     builder = _FreeProblemBuilder(
         problem=problem,
         mechanism=mechanism,
         displacements=displacements,
-        limits=_limits(
-            problem, joint_limits(strict or problem.robot, cooling), displacements, ends
-        ),
+        limits=limits,
         ends=ends,
         start_acceleration=np.zeros(4) if start_acceleration is None else start_acceleration,
         method=method,
@@ -138,18 +141,6 @@ def find_best_free(
     return ocp.result(
         find_best_motion(motion.refined, objective, takes, cutoff=cutoff / ocp.time_scale)
     )
-
-
-def _limits(
-    problem: Problem, limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
-) -> dict[str, Array]:
-    """Return the limits of the joints with the rate of depth, and with jerk limits for all."""
-    limits = dict(limits)
-    if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
-        limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
-    if limits_jerk(problem.robot):
-        limits["jerk"] = jerk_for_all(limits, displacements, ends)
-    return limits
 
 
 @keyword_record
