@@ -129,9 +129,6 @@ def retiming_problem(
     runs = smooth_runs(q, scale)
     if not runs:
         raise ProblemError("this path goes nowhere", key="path")
-    for run in runs:
-        still = np.ptp(run, axis=0) <= SAME
-        run[:, still] = run[0, still]
     mechanism = Mechanism.from_geometry(robot.geometry)
     deviations = [SplinePath(mechanism, run, scale).off_lines for run in runs]
     points = [list(map(Joints.from_array, run)) for run in runs]
