@@ -231,7 +231,7 @@ def read_csv_export(
     Raises
     ------
     TrajectoryError
-        If there is no table of positions, or if a file is damaged.
+        If the table of positions is missing, or if a file is damaged.
     """
     suffix = suffix_of(manifest)
     name = f"trajectory{suffix}.csv"
@@ -276,7 +276,7 @@ def stated_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, A
             raise TrajectoryError(
                 f"{folder}: the manifest does not give the increments of joint {joint.name}"
             )
-        turns[joint.name] = turn or 0  # joints without a drive need none
+        turns[joint.name] = turn or 0  # A joint without a drive has no encoder.
     return axes_of(robot, turns)
 
 
@@ -488,7 +488,7 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
 def _row_count(path: Path, layout: Layout) -> tuple[int, int]:
     """Return the number of rows, and the number of columns of the last row.
 
-    Raises TrajectoryError if there is no row, or if a row has surplus columns.
+    Raises TrajectoryError if the file has no rows, or if a row has surplus columns.
     """
     width = len(layout.names)
     rows, line = 0, ""

@@ -468,7 +468,7 @@ def read_tables(
     Raises
     ------
     TrajectoryError
-        If the manifest states no encoder for a joint, or a table is damaged.
+        If the manifest does not state the encoder of a joint, or if a table is damaged.
     """
     axes = stated_axes(folder, manifest, robot)
     times = []

@@ -337,7 +337,7 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     axis : Axis
     mode : str
     period : int
-        Interpolation period, ms. The limits in the drive leave room for `rounding_bounds`.
+        Interpolation period, ms. The limits in the drive allow for `rounding_bounds`.
 
     Raises
     ------

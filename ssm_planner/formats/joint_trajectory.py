@@ -122,7 +122,7 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
 
 
 def yaml_message(path: Path) -> Message:
-    """Return the message in a YAML file. Raises TrajectoryError if there is none."""
+    """Return the message in a YAML file. Raises TrajectoryError if the file contains none."""
     content = yaml_content(path)
     for key in ("goal", "trajectory"):
         if isinstance(content, dict) and isinstance(content.get(key), dict):

@@ -20,7 +20,7 @@ def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
     """Yield line and cells of each row of a table, first those of the headings.
 
     The separator is the one that occurs most often in the headings. Rows of empty cells and lines
-    that begin with # are skipped. Cells may be quoted, and have no spaces at their ends.
+    that begin with # are skipped. Cells may be quoted. Spaces at their ends are removed.
 
     Raises
     ------

@@ -37,7 +37,7 @@ SHARP = 0.9
 CHANGES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
 RELAXATION_BUDGET, TRIAL = 4.0, 0.1
-"""Work after which no further change is tried, and the work of a trial besides its solves."""
+"""Work after which no further change is tried, and the work of a trial without its solves."""
 SHARES = (1.0, 1.5, 2.0, 3.0)
 """Multiples of a relaxation that pages offer."""
 OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)

@@ -93,7 +93,7 @@ class JointsPlanner:
         problem = _with_target(unchecked(self.problem, start=start), *self.target, q)
         try:
             return problem.motion, feasible_phases(problem, self.mechanism)[0]
-        except ProblemError:  # A straight motion after the target has no line from there.
+        except ProblemError:  # A straight motion cannot begin at these joints.
             return problem.motion, ()
 
     def known_duration(self, phase: Phase) -> float:

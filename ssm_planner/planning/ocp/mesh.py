@@ -293,7 +293,7 @@ def guess_of_curves(
     Parameters
     ----------
     curves : sequence of SCurve or None
-        Motion of every joint. None for a joint that stands.
+        Motion of every joint. None for a joint at rest.
     switches : sequence of float
         Switching instants, s.
     density : float
