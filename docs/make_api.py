@@ -130,7 +130,8 @@ def _signature(name: str, node: ast.FunctionDef) -> str:
         if first and first[0].arg in ("self", "cls"):
             del first[0]
     returns = f" -> {ast.unparse(node.returns)}" if node.returns and node.name != "__init__" else ""
-    return f"{name}({re.sub(NO_SPACE, ' = ', ast.unparse(arguments))}){returns}"
+    text = ast.unparse(arguments).replace("lambda :", "lambda:")  # as Python 3.10 writes it
+    return f"{name}({re.sub(NO_SPACE, ' = ', text)}){returns}"
 
 
 def _constant(name: str, value: object) -> str:

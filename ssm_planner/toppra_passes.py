@@ -1,4 +1,4 @@
-"""The two passes of TOPP-RA over a path, by the package toppra."""
+"""The backward and the forward pass of TOPP-RA over a path, with the package toppra."""
 
 from __future__ import annotations
 
@@ -12,11 +12,17 @@ from ssm_planner.typing import Array
 Rows = tuple[Array, Array, Array]
 """a, b and c of rows a s̈ + b ṡ² + c ≤ 1 at n points, (n, rows) each."""
 TINY = 1e-9
-"""Smallest coefficient by which a row is divided."""
+"""Smallest coefficient by which a row is divided, and rounding of rows without coefficients."""
 
 
 def largest_speeds(
-    grid: Array, begin: Rows, end: Rows, ceiling: Array, *, speeds: tuple[float, float], exact: bool
+    grid: Array,
+    begin: Rows,
+    end: Rows,
+    ceiling: Array,
+    *,
+    speeds: tuple[float, float],
+    exact_ends: bool,
 ) -> Array | None:
     """Return the largest ṡ² (n + 1,) on a grid of n intervals, or None if there is no motion.
 
@@ -32,7 +38,7 @@ def largest_speeds(
         Largest ṡ² that speed limits allow.
     speeds : (float, float)
         ṡ at both ends.
-    exact : bool
+    exact_ends : bool
         If false, the motion may be slower at its ends.
     """
     import toppra
@@ -40,14 +46,15 @@ def largest_speeds(
     from toppra.interpolator import AbstractGeometricPath
 
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
-    # The end of an interval has ṡ² = x + 2 u Δ.
+    # With s̈ = u and ṡ² = x at the beginning of an interval, ṡ² is x + 2 u Δ at its end.
     a, b, c = (np.hstack(pair) for pair in zip(begin, end, strict=True))
     a[:, begin[0].shape[1] :] += 2 * np.diff(grid)[:, None] * end[1]
-    largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
-    if ((largest == TINY) & (c > 1 + TINY)).any():
+    row_scale = np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
+    if ((row_scale == TINY) & (c > 1 + TINY)).any():
         return None
     scaled = [
-        np.vstack([values, values[-1:]]) for values in (a / largest, b / largest, (c - 1) / largest)
+        np.vstack([values, values[-1:]])
+        for values in (a / row_scale, b / row_scale, (c - 1) / row_scale)
     ]
 
     class Path(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
@@ -60,12 +67,13 @@ def largest_speeds(
             return *scaled, np.eye(count), np.zeros(count), None, bounds
 
     constraint = Limits()
-    constraint.identical = True
+    constraint.identical = True  # The factor of the rows is the same at every point.
     algorithm = toppra.algorithm.TOPPRA([constraint], Path(), grid, solver_wrapper="seidel")
     start, last = speeds
-    controllable = algorithm.compute_controllable_sets(last if exact else 0.0, last)
+    controllable = algorithm.compute_controllable_sets(last if exact_ends else 0.0, last)
+    # compute_parameterization would otherwise compute them again, for exact ends.
     algorithm.compute_controllable_sets = lambda *_: controllable
-    if not exact:
+    if not exact_ends:
         start = np.sqrt(min(start**2, controllable[0, 1]))
     _, speed, _, _ = algorithm.compute_parameterization(start, last, return_data=True)
     return None if speed is None or not np.isfinite(speed).all() else np.square(speed)

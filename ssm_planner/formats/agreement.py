@@ -22,16 +22,17 @@ from ssm_planner.typing import JsonObject, record
 
 UNVERIFIED = "_unverified"
 """Suffix of the file names of an unverified plan."""
-EXPLANATIONS = frozenset(
+NOT_COMPARED = frozenset(
     ("note", "notes", "known", "reason", "encoder", "convention", "form", "not_verified")
     + ("certificate", "deviation", "spline")
 )
-"""Keys and columns that explain. No program interprets them."""
+"""Keys and columns that no client interprets."""
 RELATIVE = 1e-10
 ABSOLUTE = 1e-11
-"""Differences of equal numbers that were computed on different machines."""
-NUMBER = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
-CLOCK = 1e-8
+"""Differences within which two numbers count as equal, since machines round differently."""
+DECIMAL = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
+"""Numbers with a decimal point in a text. All other text must be the same."""
+DURATION_TOLERANCE = 1e-8
 """Rounding error of a duration, s."""
 
 
@@ -41,7 +42,7 @@ class Content:
 
     entries: JsonObject
     files: Mapping[str, str | None]
-    """Text of each file by name. None if the reader has compared the file itself."""
+    """Text of each file by name. None if `require_agreement` does not compare the file."""
 
     def write(self, folder: Path) -> JsonObject:
         """Write the files, and return the entries."""
@@ -84,19 +85,19 @@ def require_agreement(
     period = content.entries.get("interpolation_period_ms", 0) / 1000
     try:
         planned = manifest["plan"]["duration_s"] * manifest.get("stretch", 1.0)
-        if not -CLOCK <= duration - planned <= period + CLOCK:
+        if not -DURATION_TOLERANCE <= duration - planned <= period + DURATION_TOLERANCE:
             fault = fault or f"plan.duration_s and stretch give {planned} s, not {duration} s"
     except (KeyError, TypeError):
         fault = fault or "plan.duration_s or stretch is not a number"
-    stops = [manifest["stops"].get("file")] if isinstance(manifest.get("stops"), dict) else []
+    stop_files = [manifest["stops"].get("file")] if isinstance(manifest.get("stops"), dict) else []
     fault = fault or difference(
-        sorted(manifest["files"]), sorted([*content.files, *stops]), f"{MANIFEST}.files"
+        sorted(manifest["files"]), sorted([*content.files, *stop_files]), f"{MANIFEST}.files"
     )
     for name, text in content.files.items():
         if fault is None and text is not None:
             read = (folder / name).read_bytes().decode("utf-8", "replace")
             if read != text:
-                fault = difference(_interpreted(read), _interpreted(text), name)
+                fault = difference(_without_explanations(read), _without_explanations(text), name)
     if fault:
         raise TrajectoryError(f"{folder}: changed after the export: {fault}")
 
@@ -104,11 +105,12 @@ def require_agreement(
 def difference(stated: Any, derived: Any, place: str) -> str | None:
     """Describe the first difference between a document and its derivation, or return None.
 
-    Documents consist of the types of JSON. Explanations are ignored, and numbers are equal within
+    Documents consist of the types of JSON. The keys in `NOT_COMPARED` are ignored, a missing key
+    equals null, and numbers are equal within
     `RELATIVE` and `ABSOLUTE`.
     """
     if isinstance(stated, dict) and isinstance(derived, dict):
-        keys = sorted((stated.keys() | derived.keys()) - EXPLANATIONS)
+        keys = sorted((stated.keys() | derived.keys()) - NOT_COMPARED)
         pairs = [(stated.get(key), derived.get(key), f"{place}.{key}") for key in keys]
     elif isinstance(stated, list) and isinstance(derived, list) and len(stated) == len(derived):
         pairs = [(value, derived[k], f"{place}[{k}]") for k, value in enumerate(stated)]
@@ -123,19 +125,19 @@ def difference(stated: Any, derived: Any, place: str) -> str | None:
 def _equal(stated: Any, derived: Any) -> bool:
     if isinstance(stated, str) and isinstance(derived, str):
         texts = stated, derived
-        numbers = ([float(number) for number in NUMBER.findall(text)] for text in texts)
-        bare, other = (NUMBER.sub("", text) for text in texts)
-        return bare == other and all(starmap(_equal, zip(*numbers, strict=True)))
+        first, second = ([float(number) for number in DECIMAL.findall(text)] for text in texts)
+        bare, other = (DECIMAL.sub("", text) for text in texts)
+        return bare == other and difference(first, second, "") is None
     if type(stated) in (int, float) and type(derived) in (int, float):
         return math.isclose(stated, derived, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
     return type(stated) is type(derived) and bool(stated == derived)
 
 
-def _interpreted(text: str) -> list[Any]:
+def _without_explanations(text: str) -> list[Any]:
     """Return the lines of a file, or the rows of a table, without comments and explanations."""
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     columns = next(csv.reader(lines), [])
-    explaining = [k for k, column in enumerate(columns) if column in EXPLANATIONS]
+    explaining = [k for k, column in enumerate(columns) if column in NOT_COMPARED]
     if not explaining:
         return lines
     rows = list(csv.reader(lines))

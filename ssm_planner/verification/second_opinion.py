@@ -209,7 +209,7 @@ class _Path:
             previous, rows = duration, self._rows(squares)
             begin, end = zip(*(np.split(values, 2) for values in rows), strict=True)
             # The ends may be slower than those of the motion, which may exceed a limit by rounding.
-            result = largest_speeds(grid, begin, end, ceiling, speeds=(1.0, 1.0), exact=False)
+            result = largest_speeds(grid, begin, end, ceiling, speeds=(1.0, 1.0), exact_ends=False)
             if result is None or result.min() <= 0:
                 return None
             squares, root = result, np.sqrt(result)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.formats.agreement import EXPLANATIONS, _interpreted
+from ssm_planner.formats.agreement import NOT_COMPARED, _without_explanations
 from ssm_planner.publishing import hashes
 from ssm_planner.verification.visits import NEAR
 
@@ -159,7 +159,7 @@ FORMS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("pvt", {}),
 )
 """Formats with a motion, and the options of their exports."""
-UNREAD = {"file", "software", "speed", "warning"} | EXPLANATIONS
+UNREAD = {"file", "software", "speed", "warning"} | NOT_COMPARED
 """Entries that explain, or that tell where the motion comes from; only a signature is of them."""
 SAME_MOTION = 1e-9
 """rad or m; relative to the largest value, where a table has velocities."""
@@ -240,7 +240,7 @@ def compared(original: Path, folder: Path, robot: Robot, reference: Reading | No
         return "missed"
     for name in {file.name for file in folder.rglob("*.csv")}:
         texts = ((place / name).read_text(encoding="utf-8") for place in (original, folder))
-        before[name], after[name] = map(_interpreted, texts)
+        before[name], after[name] = map(_without_explanations, texts)
     return "offsets within their tolerance" if _different(before, after) else "identical"
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from ssm_planner.errors import TrajectoryError
+from ssm_planner.formats.agreement import difference
 from ssm_planner.formats.export import export
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
@@ -205,3 +206,9 @@ def test_explanations_may_change(exports: Path, tmp_path: Path, robot: Robot) ->
 
     folder = changed(exports / "epos4", tmp_path / "x", change)
     assert read_trajectory(folder, robot).trajectory.duration > 1
+
+
+@pytest.mark.parametrize("texts", [(",5", "0.001,5"), ("1.5 2.5", "1.5 "), ("", "0.5")])
+def test_texts_with_other_numbers_of_numbers_differ(texts: tuple[str, str]) -> None:
+    assert difference(*texts, "row") is not None
+    assert difference(*texts[::-1], "row") is not None

@@ -74,5 +74,5 @@ def _fastest_by_toppra(
     begin, end = zip(*((values[:-1], values[1:]) for values in terms), strict=True)
     start, last = (speed / np.sqrt(unit) for speed in speeds)
     ceiling = rows.ceiling / unit
-    result = largest_speeds(grid, begin, end, ceiling, speeds=(start, last), exact=True)
+    result = largest_speeds(grid, begin, end, ceiling, speeds=(start, last), exact_ends=True)
     return None if result is None else unit * result
