@@ -47,7 +47,7 @@ from ssm_planner.typing import JsonObject, frozen, record
 from ssm_planner.units import display_unit
 from ssm_planner.verification.certificate import Certificate, broken_seal
 from ssm_planner.verification.check import check
-from ssm_planner.verification.second_opinion import second_opinions
+from ssm_planner.verification.second_opinion import Opinion, second_opinions
 
 if TYPE_CHECKING:  # the check reads plans and must not load the planner
     from matplotlib.axes import Axes
@@ -153,6 +153,8 @@ class PhaseSummary(ShortRepr):
     """Largest relative error of the speed in that interval."""
     not_judged: str | None = None
     """Reason why toppra cannot judge the duration of the phase."""
+    path_bound: float | None = None
+    """Duration that no motion along the path of the phase can beat, s, if toppra was asked."""
 
     def to_dict(self) -> JsonObject:
         """Return JSON types without the fields that do not apply to this phase."""
@@ -166,17 +168,20 @@ class PhaseSummary(ShortRepr):
         """Relative difference of the duration to that by toppra, or 0 if there is none."""
         return self.duration / self.toppra_duration - 1 if self.toppra_duration else 0.0
 
-    def with_opinion(self, opinion: float | str) -> PhaseSummary:
-        """Return the phase with toppra's duration, s, or with the reason why it has none.
+    def with_opinion(self, opinion: Opinion) -> PhaseSummary:
+        """Return the phase with toppra's duration and the bound along its path.
 
         A duration below the proven lower bound is an error of toppra's, not of the plan.
         """
-        if isinstance(opinion, str):
-            return replace(self, not_judged=opinion)
-        if opinion < (1 - OPINION_ERROR) * self.lower_bound:
-            reason = f"its {opinion:.4f} s are below the lower bound of {self.lower_bound:.4f} s"
-            return replace(self, not_judged=reason)
-        return replace(self, toppra_duration=max(opinion, self.lower_bound))
+        duration, reason = opinion.duration, opinion.not_judged
+        if duration is not None and duration < (1 - OPINION_ERROR) * self.lower_bound:
+            reason = f"its {duration:.4f} s are below the lower bound of {self.lower_bound:.4f} s"
+            duration = None
+        duration, bound = (
+            None if value is None else max(value, self.lower_bound)
+            for value in (duration, opinion.bound)
+        )
+        return replace(self, toppra_duration=duration, path_bound=bound, not_judged=reason)
 
 
 SUMMARY = (
@@ -185,6 +190,7 @@ SUMMARY = (
     "lower_bound",
     "gap",
     "toppra_duration",
+    "path_bound",
     "nominal_duration",
     "passed",
     "solve_time",
@@ -199,6 +205,7 @@ OF_SOME = (
     "constant_to",
     "constant_error",
     "not_judged",
+    "path_bound",
 )
 """Fields that only free motions, or phases with rounded corners or constant speed have."""
 OPINION_ERROR = 1e-5
@@ -361,7 +368,7 @@ class Plan(ShortRepr):
         certified = self.certificate is not None and self.certificate.passed
         return certified and not self.disagreements
 
-    def cross_checked(self, ask: Callable[[], Sequence[float | str] | None] = lambda: None) -> Plan:
+    def cross_checked(self, ask: Callable[[], Sequence[Opinion] | None] = lambda: None) -> Plan:
         """Return the plan with toppra's duration along the path of every phase.
 
         The command asks toppra, and `save` does, but not `plan`. Only plans by the planner
@@ -408,10 +415,12 @@ class Plan(ShortRepr):
     @property
     def toppra_duration(self) -> float | None:
         """Duration by toppra along the same paths, s, or None if a phase has none."""
-        durations = [phase.toppra_duration for phase in self.phases]
-        planned_durations = [duration for duration in durations if duration is not None]
-        is_complete = self.trajectory is not None and 0 < len(planned_durations) == len(durations)
-        return float(sum(planned_durations)) if is_complete else None
+        return self._total("toppra_duration")
+
+    @property
+    def path_bound(self) -> float | None:
+        """Duration that no motion along the same paths can beat, s, or None if a phase has none."""
+        return self._total("path_bound")
 
     @property
     def confirmation(self) -> tuple[int, float] | None:
@@ -429,9 +438,14 @@ class Plan(ShortRepr):
 
     @property
     def lower_bound(self) -> float | None:
-        """Duration that no motion along the same path within the same limits can beat, s."""
-        is_complete = self.trajectory is not None and self.phases
-        return float(sum(phase.lower_bound for phase in self.phases)) if is_complete else None
+        """Duration that no motion within the same limits can beat, s."""
+        return self._total("lower_bound")
+
+    def _total(self, name: str) -> float | None:
+        """Return the sum of a duration of all phases, or None if one is unknown."""
+        values = [getattr(phase, name) for phase in self.phases]
+        is_complete = self.trajectory is not None and values and None not in values
+        return float(sum(values)) if is_complete else None
 
     @property
     def gap(self) -> float | None:

@@ -175,16 +175,17 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
 
 
 def phases_table(plan: Plan) -> Table:
-    """Build the table of the phases: duration, toppra's duration and lower bound, in s.
+    """Build the table of the phases: duration, toppra's duration and the lower bounds, in s.
 
     The last row is the total.
     """
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
     rows = []
     for name, entry in [*entries, ("total", plan)]:
-        times = entry.duration, entry.toppra_duration, entry.lower_bound
+        times = entry.duration, entry.toppra_duration, entry.path_bound, entry.lower_bound
         rows.append((name, *(format_fixed(value, 4) for value in times)))
-    return Table(("phase", "duration s", "toppra s", "lower bound s"), rows, (1, 2, 3))
+    header = ("phase", "duration s", "toppra s", "path bound s", "lower bound s")
+    return Table(header, rows, (1, 2, 3, 4))
 
 
 def candidates_table(plan: Plan) -> Table:
@@ -300,9 +301,9 @@ def answers(plan: Plan, folder: Path | None = None) -> list[str]:
 
     The closest limit is the one with the smallest margin among those that do not bind by design.
     """
-    bound = f"{format_fixed(plan.lower_bound, 4)} s"
+    bound = f"{format_fixed(plan.path_bound or plan.lower_bound, 4)} s"
     meaning = f"no motion on this path is shorter than {bound}"
-    if any(motion.kind == Free.kind for motion in plan.problem.motion):
+    if not plan.path_bound and any(motion.kind == Free.kind for motion in plan.problem.motion):
         meaning = f"lower bound {bound}, loose for free motions"
     lines = [f"time     {format_fixed(plan.duration, 4)} s; {meaning}"]
     certificate = plan.certificate
@@ -458,6 +459,9 @@ def cross_check_lines(plan: Plan) -> list[str]:
             f"cross-check  {result['duration']:.4f} s by {result['by']}, the plan is "
             f"{abs(100 * result['difference']):.3f} % {comparison}"
         )
+    if plan.path_bound and plan.duration:
+        share = 100 * (plan.duration / plan.path_bound - 1)
+        lines.append(f"proven       no motion along this path is {share:.3f} % shorter")
     for reason in dict.fromkeys(phase.not_judged for phase in plan.phases if phase.not_judged):
         names = ", ".join(phase.name for phase in plan.phases if phase.not_judged == reason)
         lines.append(f"cross-check  none of {names}: {reason}")

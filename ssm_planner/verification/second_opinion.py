@@ -1,8 +1,6 @@
 """A second opinion on durations: the package toppra times the path of a motion.
 
-Nothing is shared with the planner. The path parameter s is the time of the motion, so q' and q''
-are its velocities and accelerations, and the motion itself has ṡ = 1. Another timing of the path
-has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². With u = s̈ and x = ṡ², every limit is a row
+Nothing is shared with the planner. With u = s̈ and x = ṡ², every limit of `path_rows` is a row
 a u + b x + c ≤ 1. It holds at both ends of every grid interval, and u is constant in between. A
 motion that keeps its limits is thus one of the timings that toppra compares, so that no figure is
 above its duration.
@@ -24,23 +22,16 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics import (
-    STILL,
-    RigidBody,
-    friction_coefficient,
-    friction_of,
-    motor_torque_rows,
-    motorised,
-    output_effort,
-)
-from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
-from ssm_planner.problem import TASK, Dwell, Problem, Robot, TaskLimits
+from ssm_planner.dynamics import STILL, friction_coefficient, friction_of, motorised
+from ssm_planner.problem import Dwell, Problem, Robot, TaskLimits
 from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
+from ssm_planner.verification.path_bound import path_bound
+from ssm_planner.verification.path_rows import PathRows, coefficients
 
-INTERVALS = 200
-"""Smallest number n of grid intervals of a motion. Every polynomial piece has at least one."""
+ENDS = (0.0, 1.0)
+"""The rows hold at both ends of every grid interval."""
 REFINEMENTS = (1, 2, 4, 8)
 """Factors on the number of intervals."""
 GRID_ERROR = 5e-5
@@ -55,13 +46,22 @@ CONVERGED = 2e-6
 FASTEST = 10.0
 """Largest ṡ. No limit bounds it where nothing moves."""
 TINY = 1e-9
-"""Smallest use of a speed limit, and smallest ṡ² at which a tangent is taken."""
-PROBES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-"""Values of (s̈, ṡ) at which the laws are evaluated. They determine the coefficients of a row."""
+"""Smallest ṡ² at which a tangent is taken."""
 
 
-def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[float | str, ...]:
-    """Return the shortest duration along the path of every phase, or why there is none.
+@record
+class Opinion:
+    """Opinion on the duration of one phase: two durations in s, or the reason why there is none."""
+
+    duration: float | None = None
+    """Shortest duration along the path by toppra."""
+    bound: float | None = None
+    """Duration that no motion along the path can beat."""
+    not_judged: str | None = None
+
+
+def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, ...]:
+    """Return opinions on the duration of every phase.
 
     Parameters
     ----------
@@ -72,30 +72,30 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[float | s
 
     Returns
     -------
-    tuple of float or str
-        For each phase its duration in s, or the reason why toppra cannot judge it. A phase that
-        takes no time has the duration 0.
+    tuple of Opinion
+        One for each phase. A phase that takes no time has the duration 0.
     """
     reason = _not_judged(problem)
     spans = trajectory.phases
     requests = [_request(entry) for entry in problem.motion]
     if len(requests) != len(spans):  # scans and rounded corners
         requests = [next(filter(None, requests), "")] * len(spans)
-    return tuple(
-        0.0
-        if span.start == span.end
-        else reason
-        or request
-        or path_duration(trajectory, problem.robot, problem.task_limits, span.start, span.end)
-        or "toppra does not converge"
-        for span, request in zip(spans, requests, strict=True)
-    )
+    opinions = []
+    for span, request in zip(spans, requests, strict=True):
+        if span.start == span.end:
+            opinions.append(Opinion(duration=0.0))
+        elif reason or request:
+            opinions.append(Opinion(not_judged=reason or request))
+        else:
+            path = trajectory, problem.robot, problem.task_limits, (span.start, span.end)
+            opinions.append(judge_path(*path))
+    return tuple(opinions)
 
 
-def path_duration(
-    trajectory: Trajectory, robot: Robot, limits: TaskLimits, start: float, end: float
-) -> float | None:
-    """Return the shortest duration along the path of a motion between two times.
+def judge_path(
+    trajectory: Trajectory, robot: Robot, limits: TaskLimits, span: tuple[float, float]
+) -> Opinion:
+    """Return the shortest duration along the path of a motion between two times, and its bound.
 
     Parameters
     ----------
@@ -105,25 +105,28 @@ def path_duration(
         The robot with its limits.
     limits : TaskLimits
         Limits on task rates and on the speed of the tool.
-    start, end : float
+    span : (float, float)
         Times in s, at breaks of the trajectory.
 
     Returns
     -------
-    float or None
-        Duration in s, or None if toppra finds no motion or does not converge.
+    Opinion
+        The duration is None if toppra finds no motion or does not converge.
     """
-    coarse = np.inf
+    part = trajectory, robot, limits, span
+    coarse, timing = np.inf, None
     for refinement in REFINEMENTS:
-        path = _Path.from_trajectory(trajectory, robot, start, end, refinement)
-        duration = path.duration(path.ceiling(limits))
-        if duration is None:
-            return None
-        saved = end - start - duration
+        path = PathRows.from_trajectory(trajectory, robot, span, ENDS, refinement)
+        squares = _timing(path, path.speed_use(limits))
+        if squares is None:
+            break
+        timing = squares if timing is None else timing
+        duration = _duration(path, squares)
+        saved = path.width.sum() - duration
         if abs(coarse - duration) <= max(GRID_ERROR * duration, SAVED_ERROR * saved):
-            return 2 * duration - coarse
+            return Opinion(2 * duration - coarse, path_bound(*part, timing))
         coarse = duration
-    return None
+    return Opinion(bound=path_bound(*part, timing), not_judged="toppra does not converge")
 
 
 def _not_judged(problem: Problem) -> str:
@@ -145,132 +148,54 @@ def _request(entry: Any) -> str:
     return "a duration is requested" if timed else ""
 
 
-@record
-class _Path:
-    """A path at both ends of n grid intervals: first all their beginnings, then all their ends.
+def _timing(path: PathRows, use: Array) -> Array | None:
+    """Return ṡ² (n + 1,) at the grid points after all passes, or None without a convergence.
 
-    The joint motions at the PROBES determine the rows.
+    `use` (2n,) is the largest speed at ṡ = 1 as a share of its limit.
     """
-
-    robot: Robot
-    width: Array
-    """Lengths of the intervals, (n,), s."""
-    q: Array
-    """Joint positions, (2n, 4)."""
-    direction: Array
-    """Direction of every joint in the interval, (2n, 4). 0: it stands."""
-    speed: Array
-    acceleration: Array
-    effort: Array
-    """q̇, q̈ and joint efforts at the PROBES, (4, 2n, 4)."""
-
-    @classmethod
-    def from_trajectory(
-        cls, trajectory: Trajectory, robot: Robot, start: float, end: float, refinement: int
-    ) -> _Path:
-        """Return the path between two times."""
-        first = int(trajectory.piece_of(np.array([start]))[0])
-        last = int(trajectory.piece_of(np.array([end]), "left")[0])
-        lengths = np.diff(trajectory.breaks[first : last + 2])
-        counts = np.maximum(np.rint(INTERVALS * lengths / lengths.sum()), 1).astype(int)
-        counts *= refinement
-        pieces = np.repeat(np.arange(first, last + 1), counts)
-        width = np.repeat(lengths / counts, counts)
-        before = width * (np.arange(len(pieces)) - np.repeat(np.cumsum(counts) - counts, counts))
-        both = np.concatenate([before, before + width])
-        samples = trajectory.sample_pieces(np.tile(pieces, 2), both)
-        moved = np.diff(samples.q.reshape(2, -1, 4), axis=0)[0]
-        slowest = STILL * np.array([joint.velocity for joint in robot.joints])
-        moves = np.abs(moved) > slowest * width[:, None]
-        speed = np.stack([rate * samples.qd for _, rate in PROBES])
-        acceleration = np.stack([u * samples.qd + rate**2 * samples.qdd for u, rate in PROBES])
-        body = RigidBody.from_robot(robot)
-        motions = zip(speed, acceleration, strict=True)
-        effort = np.stack([body.inverse_dynamics(samples.q, *motion) for motion in motions])
-        direction = np.tile(np.sign(moved) * moves, (2, 1))
-        return cls(
-            robot,
-            width,
-            samples.q,
-            direction,
-            speed=speed,
-            acceleration=acceleration,
-            effort=effort,
+    fastest = np.where(path.direction.any(axis=1), FASTEST, 1.0)
+    begin, end = np.split(np.minimum(1 / use, fastest) ** 2, 2)
+    ceiling = np.minimum(np.append(begin, np.inf), np.append(np.inf, end))
+    # An end at rest rests at any ṡ. Another end may be slower than that of the motion, which may
+    # exceed a limit by rounding.
+    start, last = np.where(use[[0, -1]] <= STILL, FASTEST, 1.0)
+    squares, grid = np.ones(len(path.width) + 1), np.append(0.0, np.cumsum(path.width))
+    duration = path.width.sum()
+    for _ in range(PASSES):
+        previous, rows = duration, _rows(path, squares)
+        first, second = zip(*(np.split(values, 2) for values in rows), strict=True)
+        result = largest_speeds(
+            grid, first, second, ceiling, speeds=(start, last), exact_ends=False
         )
-
-    def duration(self, ceiling: Array) -> float | None:
-        """Return the duration after all passes, s. None: no motion, or no convergence.
-
-        `ceiling` (n + 1,) bounds ṡ² at the grid points.
-        """
-        squares, grid = np.ones(len(self.width) + 1), np.append(0.0, np.cumsum(self.width))
-        duration = self.width.sum()
-        for _ in range(PASSES):
-            previous, rows = duration, self._rows(squares)
-            begin, end = zip(*(np.split(values, 2) for values in rows), strict=True)
-            # The ends may be slower than those of the motion, which may exceed a limit by rounding.
-            result = largest_speeds(grid, begin, end, ceiling, speeds=(1.0, 1.0), exact_ends=False)
-            if result is None or result.min() <= 0:
-                return None
-            squares, root = result, np.sqrt(result)
-            duration = float((2 * self.width / (root[1:] + root[:-1])).sum())
-            if abs(duration - previous) <= CONVERGED * duration:
-                return duration
-        return None
-
-    def ceiling(self, limits: TaskLimits) -> Array:
-        """Return the largest ṡ² at the grid points that limits on speeds allow, (n + 1,)."""
-        limit = np.array([joint.velocity for joint in self.robot.joints])
-        for i, drive, motor in motorised(self.robot.joints):
-            limit[i] = min(limit[i], motor.max_speed / drive.ratio)
-        mechanism = Mechanism.from_geometry(self.robot.geometry)
-        qd = self.speed[2]
-        uses = [np.full(len(qd), TINY), *(np.abs(qd) / limit).T]
-        for bound in limits.speeds:
-            uses.append(tool_speed(type(bound), mechanism, self.q, qd) / bound.largest)
-        if limits.rates:
-            rates = np.abs(task_rates(mechanism, self.q, qd))
-            uses += [rates[:, TASK.index(name)] / rate for name, rate in limits.rates.items()]
-        fastest = np.where(self.direction.any(axis=1), FASTEST, 1.0)
-        begin, end = np.split(np.minimum(1 / np.max(uses, axis=0), fastest) ** 2, 2)
-        return np.minimum(np.append(begin, np.inf), np.append(np.inf, end))
-
-    def _rows(self, squares: Array) -> tuple[Array, Array, Array]:
-        """Return a, b, c (2n, rows) of the rows, with friction at given ṡ² (n + 1,)."""
-        u = np.tile(np.diff(squares) / (2 * self.width), 2)
-        x = np.concatenate([squares[:-1], squares[1:]])
-        root = np.sqrt(np.maximum(x, TINY))
-        rows = []
-        for joint, values in zip(self.robot.joints, self.acceleration.T, strict=True):
-            rows += [values.T / joint.acceleration, -values.T / joint.acceleration]
-        for i, drive, motor in motorised(self.robot.joints):
-            speed, acceleration = self.speed[..., i], self.acceleration[..., i]
-            direction = self.direction[:, i]
-            mu = friction_coefficient(friction_of(drive), drive.ratio * speed[2] * root)
-            law = motor_torque_rows(drive, direction, mu)
-            effort = output_effort(drive, self.effort[..., i], speed, acceleration, direction)
-            motion = drive.ratio * speed, drive.ratio * acceleration
-            sides = [
-                direction * law.torque(slope * effort, *motion) / motor.max_torque
-                for slope in law.slope
-            ]
-            used = []
-            for side in sides:
-                a, b, c, k = _coefficients(side)
-                used.append(a * u + b * x + c + k * root)
-            # The larger side is the torque, and the torque is at least −1.
-            rows += [*sides, -np.where(used[0] > used[1], *sides)]
-        a, b, c, k = _coefficients(np.stack(rows, axis=2))
-        root = root[:, None]
-        return a, b + k / (2 * root), c + k * root / 2
+        if result is None or result.min() <= 0:
+            return None
+        squares, duration = result, _duration(path, result)
+        if abs(duration - previous) <= CONVERGED * duration:
+            return squares
+    return None
 
 
-def _coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
-    """Return a, b, c and k of a u + b x + c + k √x from its values (4, ...) at the PROBES."""
-    at_rest, pushed, forwards, backwards = values
-    return (
-        pushed - at_rest,
-        (forwards + backwards) / 2 - at_rest,
-        at_rest,
-        (forwards - backwards) / 2,
-    )
+def _duration(path: PathRows, squares: Array) -> float:
+    """Return the duration with ṡ² (n + 1,) at the grid points, s."""
+    root = np.sqrt(squares)
+    return float((2 * path.width / (root[1:] + root[:-1])).sum())
+
+
+def _rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
+    """Return a, b, c (2n, rows) of the rows, with friction at given ṡ² (n + 1,)."""
+    u = np.tile(np.diff(squares) / (2 * path.width), 2)
+    x = np.concatenate([squares[:-1], squares[1:]])
+    root = np.sqrt(np.maximum(x, TINY))
+    rows = path.accelerations()
+    for i, drive, motor in motorised(path.robot.joints):
+        mu = friction_coefficient(friction_of(drive), drive.ratio * path.speed[2, :, i] * root)
+        sides = path.torques(i, drive, motor, mu)
+        used = []
+        for side in sides:
+            a, b, c, k = coefficients(side)
+            used.append(a * u + b * x + c + k * root)
+        # The larger side is the torque, and the torque is at least −1.
+        rows += [*sides, -np.where(used[0] > used[1], *sides)]
+    a, b, c, k = coefficients(np.stack(rows, axis=2))
+    root = root[:, None]
+    return a, b + k / (2 * root), c + k * root / 2

@@ -17,7 +17,7 @@ from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span
-from ssm_planner.verification.second_opinion import path_duration
+from ssm_planner.verification.second_opinion import judge_path
 
 Weaker = Callable[[Robot, float], Robot]
 
@@ -29,7 +29,7 @@ def straight(problem: Problem, **task: float) -> Problem:
 
 def by_toppra(plan: Plan, span: Span) -> float:
     """Return the duration by the package toppra along the path of a phase, s."""
-    duration = path_duration(plan.motion, plan.robot, plan.limits, span.start, span.end)
+    duration = judge_path(plan.motion, plan.robot, plan.limits, (span.start, span.end)).duration
     assert duration is not None
     return duration
 

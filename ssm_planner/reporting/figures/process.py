@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ssm_planner.plans import Plan
     from ssm_planner.problem import Problem
     from ssm_planner.trajectory import Trajectory
+    from ssm_planner.verification.second_opinion import Opinion
 
 TIMEOUT = 60.0
 """Time for which the caller waits before it does the work of the child itself, s."""
@@ -77,7 +78,7 @@ class FigureProcess:
         self._questions += 1
         self.draw(OPINION, trajectory, problem)
 
-    def opinions(self) -> tuple[float | str, ...] | None:
+    def opinions(self) -> tuple[Opinion, ...] | None:
         """Wait for the answer to the last question, and return it.
 
         The result is None if there was no question, or if the process failed or took longer than
@@ -122,11 +123,11 @@ class FigureProcess:
             return {}
         return files
 
-    def _read(self) -> tuple[float | str, ...] | None:
+    def _read(self) -> tuple[Opinion, ...] | None:
         """Return the next opinion. All figures follow when the standard input is closed."""
         if self._process is None or self._process.stdout is None:
             return None
-        opinions: tuple[float | str, ...] = pickle.load(self._process.stdout)
+        opinions: tuple[Opinion, ...] = pickle.load(self._process.stdout)
         return opinions
 
     def _write(self, message: bytes) -> None:

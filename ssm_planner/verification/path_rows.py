@@ -1,0 +1,138 @@
+"""Limits of a robot along the path of a motion, as rows a s̈ + b ṡ² + c + k ṡ ≤ 1.
+
+Nothing is shared with the planner. The path parameter s is the time of the motion, so q' and q''
+are its velocities and accelerations, and the motion itself has ṡ = 1. Another timing of the path
+has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit is divided by its value.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssm_planner.dynamics import STILL, RigidBody, motor_torque_rows, output_effort
+from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
+from ssm_planner.problem import TASK, Drive, Motor, Robot, TaskLimits
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array, record
+
+INTERVALS = 200
+"""Smallest number n of grid intervals of a motion. Every polynomial piece has at least one."""
+STANDING = 1e-9
+"""Use of the speed limits where nothing moves."""
+PROBES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+"""Values of (s̈, ṡ) at which the laws are evaluated. They determine the coefficients of a row."""
+
+
+def coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
+    """Return a, b, c and k of a s̈ + b ṡ² + c + k ṡ from its values (4, ...) at the PROBES."""
+    at_rest, pushed, forwards, backwards = values
+    return (
+        pushed - at_rest,
+        (forwards + backwards) / 2 - at_rest,
+        at_rest,
+        (forwards - backwards) / 2,
+    )
+
+
+@record
+class PathRows:
+    """A path at m points of each of n grid intervals: first all first points, then all second ones.
+
+    The joint motions at the PROBES determine the rows.
+    """
+
+    robot: Robot
+    width: Array
+    """Lengths of the intervals, (n,), s."""
+    q: Array
+    """Joint positions, (m n, 4)."""
+    direction: Array
+    """Direction of every joint in the interval, (m n, 4). 0: it stands."""
+    speed: Array
+    acceleration: Array
+    effort: Array
+    """q̇, q̈ and joint efforts at the PROBES, (4, m n, 4)."""
+
+    @classmethod
+    def from_trajectory(
+        cls,
+        trajectory: Trajectory,
+        robot: Robot,
+        span: tuple[float, float],
+        shares: tuple[float, ...],
+        refinement: int = 1,
+    ) -> PathRows:
+        """Return the path between two times.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            The motion. It only serves as a path.
+        robot : Robot
+            The robot with its limits.
+        span : (float, float)
+            Times in s, at breaks of the trajectory.
+        shares : tuple of float
+            Positions of the m points in an interval, from 0 at its start to 1 at its end.
+        refinement : int
+            Factor on the number of intervals.
+        """
+        first = int(trajectory.piece_of(np.array(span[:1]))[0])
+        last = int(trajectory.piece_of(np.array(span[1:]), "left")[0])
+        lengths = np.diff(trajectory.breaks[first : last + 2])
+        counts = np.maximum(np.rint(INTERVALS * lengths / lengths.sum()), 1).astype(int)
+        counts *= refinement
+        pieces = np.repeat(np.arange(first, last + 1), counts)
+        width = np.repeat(lengths / counts, counts)
+        before = width * (np.arange(len(pieces)) - np.repeat(np.cumsum(counts) - counts, counts))
+        times = np.concatenate([before + share * width for share in shares])
+        samples = trajectory.sample_pieces(np.tile(pieces, len(shares)), times)
+        q = samples.q.reshape(len(shares), -1, 4)
+        moved = q[-1] - q[0]
+        slowest = STILL * np.array([joint.velocity for joint in robot.joints])
+        moves = np.abs(moved) > slowest * width[:, None]
+        speed = np.stack([rate * samples.qd for _, rate in PROBES])
+        acceleration = np.stack([u * samples.qd + rate**2 * samples.qdd for u, rate in PROBES])
+        body = RigidBody.from_robot(robot)
+        motions = zip(speed, acceleration, strict=True)
+        effort = np.stack([body.inverse_dynamics(samples.q, *motion) for motion in motions])
+        direction = np.tile(np.sign(moved) * moves, (len(shares), 1))
+        return cls(robot, width, samples.q, direction, speed, acceleration, effort)
+
+    def accelerations(self) -> list[Array]:
+        """Return the rows of the acceleration limits at the PROBES, (4, m n) each."""
+        rows = []
+        for joint, values in zip(self.robot.joints, self.acceleration.T, strict=True):
+            rows += [values.T / joint.acceleration, -values.T / joint.acceleration]
+        return rows
+
+    def torques(self, i: int, drive: Drive, motor: Motor, mu: Array) -> list[Array]:
+        """Return two functions at the PROBES, (4, m n) each.
+
+        The larger one is the torque of the motor of joint i in the direction of motion, for
+        friction coefficients mu (m n,).
+        """
+        speed, acceleration = self.speed[..., i], self.acceleration[..., i]
+        direction = self.direction[:, i]
+        law = motor_torque_rows(drive, direction, mu)
+        effort = output_effort(drive, self.effort[..., i], speed, acceleration, direction)
+        motion = drive.ratio * speed, drive.ratio * acceleration
+        return [
+            direction * law.torque(slope * effort, *motion) / motor.max_torque
+            for slope in law.slope
+        ]
+
+    def speed_use(self, limits: TaskLimits) -> Array:
+        """Return the largest speed at ṡ = 1 as a share of its limit, (m n,)."""
+        mechanism, qd = Mechanism.from_geometry(self.robot.geometry), self.speed[2]
+        uses = [np.full(len(qd), STANDING)]
+        for joint, speed in zip(self.robot.joints, np.abs(qd.T), strict=True):
+            uses.append(speed / joint.velocity)
+            if joint.drive is not None and joint.motor is not None:
+                uses.append(speed * joint.drive.ratio / joint.motor.max_speed)
+        for bound in limits.speeds:
+            uses.append(tool_speed(type(bound), mechanism, self.q, qd) / bound.largest)
+        if limits.rates:
+            rates = np.abs(task_rates(mechanism, self.q, qd))
+            uses += [rates[:, TASK.index(name)] / rate for name, rate in limits.rates.items()]
+        return np.asarray(np.max(uses, axis=0))

@@ -1,0 +1,150 @@
+"""No motion along a path beats the bound by duality, and optimal motions come near to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from ssm_planner import load_plan, load_problem, plan
+from ssm_planner.problem import Robot
+from ssm_planner.problem.value import unchecked
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification import path_rows
+from ssm_planner.verification.path_bound import _least, path_bound
+from ssm_planner.verification.second_opinion import judge_path
+from tests.support.paths import ROOT
+from tests.support.random_problems import random_problem
+from tests.verification.test_second_opinion import bang_bang, weakened, with_friction
+
+GAP = 5e-4
+"""Largest gap that the bound leaves between itself and an optimal duration."""
+ROUNDING = 1e-6
+
+
+@pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
+def test_shipped_plans_are_within_half_a_per_mille_of_their_bound(name: str) -> None:
+    made = load_plan(ROOT / "results" / name)
+    for span in made.motion.phases:
+        bound = judge_path(made.motion, made.robot, made.limits, (span.start, span.end)).bound
+        assert bound is not None
+        duration = span.end - span.start
+        assert bound <= (1 + ROUNDING) * duration
+        assert duration <= (1 + GAP) * bound
+
+
+@pytest.mark.parametrize("distance", [0.05, 0.1, 0.9])
+@pytest.mark.parametrize("joint", [0, 2])
+def test_the_bound_of_a_single_joint_is_its_bang_bang_time(joint: int, distance: float) -> None:
+    problem = load_problem("tilt_insert")
+    motion, expected = bang_bang(problem.robot, joint, distance)
+    bound = judge_path(motion, problem.robot, problem.task_limits, (0.0, 1.5)).bound
+    assert bound is not None
+    assert (1 - GAP) * expected <= bound <= (1 + ROUNDING) * expected
+
+
+def test_it_is_valid_around_any_timing() -> None:
+    """The timing only guides the search for multipliers. A bad one gives a smaller bound."""
+    made = load_plan(ROOT / "results/tilt_insert")
+    span = made.motion.phases[0].start, made.motion.phases[0].end
+    path = path_rows.PathRows.from_trajectory(made.motion, made.robot, span, (0.0, 1.0))
+    rng = np.random.default_rng(0)
+    for size in (0.02, 0.2, 0.9):
+        squares = 1 - size * rng.uniform(0, 1, len(path.width) + 1)
+        bound = path_bound(made.motion, made.robot, made.limits, span, squares)
+        assert bound is None or bound <= (1 + ROUNDING) * (span[1] - span[0])
+
+
+@pytest.mark.parametrize("speed", [0.85, 0.3])
+def test_a_slow_motion_has_the_bound_of_its_path(speed: float) -> None:
+    made = load_plan(ROOT / "results/tilt_insert")
+    bounds = [
+        judge_path(motion, made.robot, made.limits, (0.0, motion.phases[0].end)).bound
+        for motion in (made.motion, made.motion.slower(speed))
+    ]
+    assert bounds[0] == pytest.approx(bounds[1], rel=GAP)
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.25])
+def test_acceleration_limits_scale_it(factor: float) -> None:
+    """Without other limits, durations are proportional to 1/√acceleration."""
+    problem = load_problem("tilt_insert")
+    motion, _ = bang_bang(problem.robot, 2, 0.1)
+    bounds = [
+        judge_path(motion, robot, problem.task_limits, (0.0, 1.5)).bound
+        for robot in (problem.robot, with_acceleration(problem.robot, factor))
+    ]
+    assert bounds[1] == pytest.approx(bounds[0] / np.sqrt(factor), rel=GAP)
+
+
+def with_acceleration(robot: Robot, factor: float) -> Robot:
+    """Return the robot with other acceleration limits."""
+    joints = (unchecked(j, acceleration=factor * j.acceleration) for j in robot.joints)
+    return unchecked(robot, joints=tuple(joints))
+
+
+def test_it_proves_that_a_motion_breaks_a_torque_limit() -> None:
+    """A motion that is faster than the bound breaks a limit, whatever toppra finds."""
+    problem = weakened(0.9)
+    smooth = replace(problem, robot=with_friction(problem.robot, 0.97))
+    wrong = plan(smooth, relaxations=False).motion
+    span = 0.0, wrong.phases[0].end
+    bounds = [
+        judge_path(wrong, robot, problem.task_limits, span).bound
+        for robot in (problem.robot, smooth.robot)
+    ]
+    assert bounds[0] > 1.005 * span[1]  # type: ignore[operator]
+    assert bounds[1] <= (1 + ROUNDING) * span[1]  # type: ignore[operator]
+
+
+def test_the_integral_does_not_depend_on_the_grid(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = load_plan(ROOT / "results/tilt_insert")
+    span = made.motion.phases[0].start, made.motion.phases[0].end
+    bounds = []
+    for intervals in (200, 700):
+        monkeypatch.setattr(path_rows, "INTERVALS", intervals)
+        bounds.append(path_bound(made.motion, made.robot, made.limits, span))
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-5)
+
+
+def test_the_smallest_value_is_exact() -> None:
+    """The stationary points of 1/y + p y² + κ y are the roots of a cubic."""
+    rng = np.random.default_rng(1)
+    p, kappa, fastest = rng.uniform(-1, 3, 300), rng.uniform(-1, 3, 300), rng.uniform(0.2, 5, 300)
+    for values in zip(p, kappa, fastest, _least(p, kappa, fastest), strict=True):
+        weight, slope, end, least = values
+        roots = Polynomial([-1.0, 0.0, slope, 2 * weight]).roots()
+        real = roots[np.abs(roots.imag) < 1e-9].real
+        y = np.append(real[(real > 0) & (real < end)], end)
+        assert least == pytest.approx((1 / y + weight * y**2 + slope * y).min(), rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [50, 91, 129])
+def test_random_motions_where_the_limits_alternate(seed: int) -> None:
+    """Touched speed limits, torque that rides its limit, and braking that begins early."""
+    problem: Any = random_problem(load_problem("tilt_insert"), 94000 + seed)
+    made = plan(unchecked(problem, planner="fast"), relaxations=False)
+    assert made.trajectory is not None
+    phase = next(p for p in made.phases if p.name in ("straight", "free"))
+    span = made.trajectory.phases[made.phases.index(phase)]
+    opinion = judge_path(
+        made.trajectory, problem.robot, problem.task_limits, (span.start, span.end)
+    )
+    assert opinion.bound is not None
+    assert opinion.bound <= (1 + ROUNDING) * phase.duration
+    assert opinion.duration is not None
+    assert opinion.duration <= (1 + GAP) * opinion.bound
+
+
+def test_a_rest_keeps_its_duration() -> None:
+    """Nothing moves, so that ṡ is at most 1."""
+    problem = load_problem("tilt_insert")
+    motion = Trajectory.from_samples(
+        [0.0, 1.0], np.tile([0.3, 1.15, 0.1, 0.0], (2, 1)), np.zeros((2, 4))
+    )
+    bound = path_bound(motion, problem.robot, problem.task_limits, (0.0, 1.0))
+    assert bound == pytest.approx(1.0)
