@@ -174,6 +174,7 @@ from .verification.certificate import (
     LimitCheck as LimitCheck,
     Unjudged as Unjudged,
 )
+from .verification.second_opinion import Opinion as Opinion
 from .verification.slower import SpeedRange as SpeedRange, WorstSpeed as WorstSpeed
 from .view.server import ViewServer as ViewServer, serve_view as serve_view
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner import plans
+from ssm_planner import Opinion, plans
 from ssm_planner.errors import ExportError, SsmPlannerError, TrajectoryError
 from ssm_planner.formats.export import export
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -61,7 +61,7 @@ def test_a_phase_faster_than_toppra_fails_the_plan(plan: Plan) -> None:
     asked = replace(plan, software={**plan.software, "toppra": "0"})
     for share, fails in ((2e-4, True), (0.5e-4, False), (-5e-4, False), (-0.1, False)):
         duration = 1.0 / (1 - share)
-        phases = tuple(item.with_opinion(duration) for item in plan.phases)
+        phases = tuple(item.with_opinion(Opinion(duration)) for item in plan.phases)
         result = replace(asked, phases=phases)
         assert bool(result.disagreements) == fails
         assert replace(plan, phases=phases).disagreements == ()
@@ -71,11 +71,12 @@ def test_a_phase_faster_than_toppra_fails_the_plan(plan: Plan) -> None:
 
 
 def test_a_figure_below_the_lower_bound_is_an_error_of_toppra(plan: Plan) -> None:
-    below = plan.phases[0].with_opinion(0.79)
-    assert below.toppra_duration == plan.phases[0].toppra_duration
+    below = plan.phases[0].with_opinion(Opinion(0.79, 0.79))
+    assert below.toppra_duration is None
+    assert below.path_bound == 0.8
     assert "below the lower bound" in (below.not_judged or "")
-    assert plan.phases[0].with_opinion("no reason").not_judged == "no reason"
-    assert plan.phases[0].with_opinion(0.8 * (1 - 1e-6)).toppra_duration == 0.8
+    assert plan.phases[0].with_opinion(Opinion(not_judged="no reason")).not_judged == "no reason"
+    assert plan.phases[0].with_opinion(Opinion(0.8 * (1 - 1e-6))).toppra_duration == 0.8
 
 
 def test_sums_over_phases_need_every_phase(plan: Plan) -> None:

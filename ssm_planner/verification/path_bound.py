@@ -7,10 +7,10 @@ speed limit y ≤ F(s) hold on the path 0 ≤ s ≤ S. For any multipliers λ_r(
     T = ∫ 1/y ds ≥ ∫ [1/y + Σ λ_r (a_r x'/2 + b_r y² + c_r + k_r y − 1)] ds
       = [μ x] − Σ x Δμ + ∫ [1/y + p y² + κ y + Σ λ_r (c_r − 1)] ds,
 
-with p = Σ λ_r b_r − μ', κ = Σ λ_r k_r and the jumps Δμ of μ, after integration by parts. At every s,
-the smallest value of 1/y + p y² + κ y for y ≤ F gives a bound that no timing of the path can beat.
-At a jump, x Δμ is at most F² Δμ, or 0 if Δμ < 0. x is 1 at an end where the motion has a speed, and
-μ is 0 at an end where it rests. No grid of speeds or accelerations is involved, and Simpson's rule
+with p = Σ λ_r b_r − μ', κ = Σ λ_r k_r and the jumps Δμ of μ, after integration by parts. At every
+s, the smallest value of 1/y + p y² + κ y for y ≤ F gives a bound that no timing can beat. At a
+jump, x Δμ is at most F² Δμ, or 0 if Δμ < 0. x is 1 at an end where the motion has a speed, and μ is
+0 at an end where it rests. No grid of speeds or accelerations is involved, and Simpson's rule
 computes the integral.
 
 If a timing y₀ is optimal, 2p y₀³ + κ y₀² = 1 wherever y₀ < F, and λ_r = 0 wherever row r does not
@@ -171,8 +171,8 @@ class _Program:
         costs = [self.weights * cost for _, cost, _ in parts]
         signed = [sign * part for sign, _, _ in parts]
         optimality = diags(2 * y**3) @ self.p + diags(y**2) @ self.kappa
-        # The value at y = F is not smaller than at y₀ if p + κ / (y₀ + F) reaches a threshold, which
-        # a deviation lowers.
+        # The value at y = F is not smaller than at y₀ if p + κ / (y₀ + F) reaches a threshold. A
+        # deviation lowers it.
         threshold = 1 / (y * fastest * (y + fastest))
         lowered = [diags(-threshold) if sign > 0 else 0 * part for sign, _, _ in parts]
         at_fastest = self.p + diags(1 / (y + fastest)) @ self.kappa

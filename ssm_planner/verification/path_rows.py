@@ -97,7 +97,15 @@ class PathRows:
         motions = zip(speed, acceleration, strict=True)
         effort = np.stack([body.inverse_dynamics(samples.q, *motion) for motion in motions])
         direction = np.tile(np.sign(moved) * moves, (len(shares), 1))
-        return cls(robot, width, samples.q, direction, speed, acceleration, effort)
+        return cls(
+            robot,
+            width,
+            samples.q,
+            direction,
+            speed=speed,
+            acceleration=acceleration,
+            effort=effort,
+        )
 
     def accelerations(self) -> list[Array]:
         """Return the rows of the acceleration limits at the PROBES, (4, m n) each."""

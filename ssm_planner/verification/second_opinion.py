@@ -51,7 +51,14 @@ TINY = 1e-9
 
 @record
 class Opinion:
-    """Opinion on the duration of one phase: two durations in s, or the reason why there is none."""
+    """Opinion on the duration of one phase: two durations in s, or the reason why there is none.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Opinion(duration=2.1491, bound=2.149).not_judged is None
+    True
+    """
 
     duration: float | None = None
     """Shortest duration along the path by toppra."""

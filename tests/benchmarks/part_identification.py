@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.identification.identify import identify
@@ -34,9 +35,11 @@ def run(quick: bool) -> Section:
     folder = Path(os.environ[RECORDINGS])
     section.say(
         "Public recordings of an EPOS4 drive on three one-joint rigs. *Error* is the NRMSD of the motor torque: over the "
-        "torque–velocity map that is fitted, and over the time of the start–stop recording. BAM "
-        "(better-actuator-models) also fits load-dependent, directional and Stribeck friction, and is not measured here; "
-        "the parameters that the rigs' authors published stand beside."
+        "torque–velocity map that is fitted, and over the time of the start–stop recording. BAM (Better Actuator Models) "
+        "identifies load-dependent, directional and Stribeck friction, too. Its model M5 has nine parameters, and is fitted "
+        "here to the same points by least squares from twelve starts. M5 fits these maps more closely. It does not use the "
+        "geometry of worm or screw, and a single load per rig cannot separate its four load coefficients from its constant "
+        "friction, so that it says little about other loads. The parameters that the rigs' authors published stand beside."
     )
     rows = []
     for rig, recorded in RIGS:
@@ -59,6 +62,7 @@ def run(quick: bool) -> Section:
                 else f"{result['points']} points (table)",
                 Spread.of(seconds).seconds(),
                 f"{result['nrmsd']:.4f} ({result['law']})",
+                f"{bam_error(drive):.4f}",
                 f"{published_map:.4f}",
                 Spread.of(fitted).text() if fitted else NOT_HERE,
                 Spread.of(published_motion).text() if published_motion else NOT_HERE,
@@ -69,12 +73,53 @@ def run(quick: bool) -> Section:
         "data",
         "our time",
         "map error",
+        "by BAM's M5",
         "by published parameters",
         "start–stop error",
         "by published parameters",
     )
     section.table(head, rows)
     return section
+
+
+def bam_error(file: Path) -> float:
+    """Return the NRMSD of BAM's model M5, fitted to the map of figures.
+
+    With the external torque e at the motor shaft, steady motion needs the motor torque
+    τ = e + sign(w) f(τ, e, w), where f is the friction of M5.
+    """
+    drive = load_drive(file)
+    assert drive.rig is not None
+    data = read_figures(file.parent / TABLE, file.stem)
+    external = drive.rig.F_payload / drive.ratio
+    scale, fastest = float(np.abs(data.tau).max()), float(np.abs(data.w).max())
+    upper = np.array([1, 1, 0.9, 0.9, 0.9, 0.9, 1, 1, 10.0])
+    lower = np.array([0, 0, 0, 0, 0, 0, 0, 1e-3, 1.0])
+
+    def torque(x: np.ndarray) -> np.ndarray:
+        base, stribeck, by_load, by_motor, load_stribeck, motor_stribeck, viscous, speed, power = x
+        fraction = np.abs(data.w) / fastest
+        slow = np.exp(-((fraction / speed) ** power))
+        tau = data.tau.copy()
+        for _ in range(100):  # The friction depends on the torque that it changes.
+            friction = scale * (base + slow * stribeck + viscous * fraction)
+            friction += np.abs(by_load * external - by_motor * tau)
+            friction += slow * np.abs(load_stribeck * external - motor_stribeck * tau)
+            tau = (tau + external + np.sign(data.w) * friction) / 2
+        return tau
+
+    rng = np.random.default_rng(0)
+    costs = [
+        least_squares(
+            lambda x: (torque(x) - data.tau) / scale,
+            lower + (upper - lower) * rng.uniform(0.0, 0.6, len(lower)),
+            bounds=(lower, upper),
+            max_nfev=300,
+        ).cost
+        for _ in range(12)
+    ]
+    error = scale * np.sqrt(2 * min(costs) / len(data.tau))
+    return float(error / np.ptp(data.tau))
 
 
 def published_errors(file: Path, folder: Path) -> tuple[float, list[float]]:

@@ -16,9 +16,10 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification import path_rows
 from ssm_planner.verification.path_bound import _least, path_bound
 from ssm_planner.verification.second_opinion import judge_path
+from tests.campaign.opinions import weakened, with_friction
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
-from tests.verification.test_second_opinion import bang_bang, weakened, with_friction
+from tests.verification.test_second_opinion import bang_bang
 
 GAP = 5e-4
 """Largest gap that the bound leaves between itself and an optimal duration."""

@@ -19,6 +19,7 @@ from ssm_planner.problem import Dwell, Free, Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.verification.second_opinion import judge_path, second_opinions
+from tests.campaign.opinions import judged, weakened, with_friction
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
 
@@ -28,16 +29,6 @@ SLOW_ERROR = 0.01
 """Error of durations along the paths of motions that are several times too slow."""
 FREE_SLOWER = 2e-3
 """The same for free motions on the coarser meshes of the planner `fast`."""
-
-
-def judged(made: Plan, robot: Robot | None = None) -> Plan:
-    """Return the plan as toppra judges it, with the limits of the robot or of another one."""
-    problem = unchecked(made.problem, planner="optimal", robot=robot or made.robot)
-    assert made.trajectory is not None
-    opinions = second_opinions(made.trajectory, problem)
-    software = {name: text for name, text in made.software.items() if name != "toppra"}
-    asked = replace(made, problem=unchecked(made.problem, planner="optimal"), software=software)
-    return asked.cross_checked(lambda: opinions)
 
 
 def assert_agreement(made: Plan) -> int:
@@ -133,20 +124,6 @@ def test_rests_within_a_phase_keep_their_duration() -> None:
     assert duration == pytest.approx(expected + 0.7, rel=SLOW_ERROR)
 
 
-def weakened(strength: float, joint: str = "tilt") -> Problem:
-    """Return the shipped problem with a motor whose largest torque is a share of the need."""
-    made = load_plan(ROOT / "results/tilt_insert")
-    needs = {requirement.joint: requirement.peak_torque for requirement in made.requirements}
-    joints = tuple(
-        replace(item, motor=unchecked(item.motor, max_torque=strength * needs[joint]))
-        if item.name == joint
-        else item
-        for item in made.robot.joints
-    )
-    robot = replace(made.robot, joints=joints)
-    return replace(made.problem, robot=robot, planner="fast", objective="time")
-
-
 @pytest.mark.parametrize(
     "strength", [0.86, 0.94, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.9, 0.98))]
 )
@@ -160,23 +137,6 @@ def test_friction_that_the_planner_underestimates_is_noticed(strength: float) ->
     assert not wrong.passed
     assert wrong.reason is not None
     assert "the cross-check failed: tilt takes" in wrong.reason.message
-
-
-def with_friction(robot: Robot, factor: float) -> Robot:
-    """Return the robot with all friction coefficients times a factor."""
-    joints = []
-    for joint in robot.joints:
-        drive = joint.drive
-        if drive is not None and drive.friction is not None:
-            friction = drive.friction
-            drive = replace(
-                drive,
-                friction=replace(
-                    friction, mu=factor * friction.mu, mu_static=factor * friction.mu_static
-                ),
-            )
-        joints.append(replace(joint, drive=drive))
-    return replace(robot, joints=tuple(joints))
 
 
 def test_it_says_why_it_cannot_judge() -> None:
