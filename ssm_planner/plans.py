@@ -591,8 +591,11 @@ class Plan(ShortRepr):
 
     @cached_property
     def _text(self) -> str:
-        """Text of plan.json, which is computed once."""
-        return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
+        """Text of plan.json, which is computed once. Every piece of the motion has one line."""
+        text = json.dumps({**self.document, "trajectory": None}, indent=1, allow_nan=False)
+        trajectory = json.dumps(self.document["trajectory"], allow_nan=False)
+        lines = trajectory.replace("]], [[", "]],\n  [[")
+        return text.replace('\n "trajectory": null', f'\n "trajectory": {lines}') + "\n"
 
     def to_json(self) -> str:
         """Return the text of plan.json."""

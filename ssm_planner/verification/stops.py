@@ -2,13 +2,10 @@
 
 The path is q(s) with the time s of the motion, so the motion itself has ṡ = 1. A stop reduces ṡ to
 0 with q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit of an acceleration or a motor torque bounds s̈
-from
-below at (s, ṡ), and the stop takes the largest of these bounds. Standing still and the motion
+from below at (s, ṡ), and the stop takes the largest of these bounds. Standing still and the motion
 itself keep all limits. The limits are convex in ṡ², so every slower motion between both keeps them
-as
-well. The largest bound therefore always leads to a state from which a stop exists, and no stop
-along the
-path is shorter.
+as well. The largest bound therefore always leads to a state from which a stop exists, and no stop
+along the path is shorter.
 """
 
 from __future__ import annotations
@@ -52,6 +49,11 @@ Rounding would otherwise spoil the acceleration of very short pieces.
 """
 RESTS = 1e-9
 """A joint rests below this fraction of its velocity limit."""
+LEG = 1500
+"""Smallest number of pieces between two rests of the motion that are searched together.
+
+It bounds the memory of long motions.
+"""
 
 
 @record
@@ -140,12 +142,45 @@ class _Path:
 def quickest_stops(
     motion: Trajectory, robot: Robot, instants: int | Array = INSTANTS
 ) -> StopMotions:
-    """Return the quickest stops from n instants, or from given times (n,) in s from the start."""
+    """Return the quickest stops from n instants, or from given times (n,) in s from the start.
+
+    The stops are in the order of time. No stop passes a rest of the motion, so long motions are
+    searched in parts.
+    """
     times = (
         np.linspace(0.0, motion.duration, instants)
         if isinstance(instants, int)
-        else np.asarray(instants, float)
+        else np.sort(np.asarray(instants, float))
     )
+    slow = RESTS * np.array([joint.velocity for joint in robot.joints])
+    rests = np.flatnonzero((np.abs(motion.sample(motion.breaks).qd) <= slow).all(axis=1))
+    firsts = [0]
+    for rest in rests:
+        if rest - firsts[-1] >= LEG and len(motion.breaks) - rest > LEG:
+            firsts.append(int(rest))
+    starts = motion.breaks[firsts] - motion.breaks[0]
+    legs = np.split(times, np.searchsorted(times, starts[1:]))
+    parts = []
+    for first, end, start, leg in zip(firsts, [*firsts[1:], None], starts, legs, strict=True):
+        breaks = motion.breaks[first : None if end is None else end + 1]
+        part = Trajectory(breaks, motion.pieces(slice(first, end)), ())
+        parts.append(_stops_of_leg(part, robot, leg - start))
+    sizes = np.concatenate([np.diff(part.edges) for part in parts])
+    return StopMotions(
+        np.concatenate([part.time + start for part, start in zip(parts, starts, strict=True)]),
+        np.concatenate([part.duration for part in parts]),
+        np.concatenate([part.travel for part in parts]),
+        (
+            np.concatenate([part.pieces[0] for part in parts]),
+            np.concatenate([part.pieces[1] for part in parts]),
+        ),
+        edges=np.append(0, np.cumsum(sizes)),
+        ends=parts[-1].ends,
+    )
+
+
+def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions:
+    """Return the quickest stops from times (n,) in s from the start of a part of a motion."""
     path = _Path.from_motion(motion, robot, times)
     start_nodes = np.clip(
         np.searchsorted((path.s[1:] + path.s[:-1]) / 2, times), 0, len(path.s) - 1

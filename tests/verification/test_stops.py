@@ -83,3 +83,31 @@ def test_torques_have_rows_unless_friction_depends_on_the_speed(
     assert bounds.varying == varying
     assert bounds.alone == 4 + 2 * others
     assert bounds.terms.shape == (3, 4 + 4 * others, 3 * (len(path.s) - 1))
+
+
+def test_parts_between_rests_have_the_same_stops(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A long motion is searched in parts, because no stop passes a rest."""
+    once = trapezoids(robot)
+    length, pieces = once.duration, once.coefficients
+    breaks = np.concatenate([once.breaks[:-1] + k * length for k in range(3)] + [[3 * length]])
+    motion = Trajectory(breaks, np.concatenate([pieces] * 3), ())
+    whole = module.quickest_stops(motion, robot, 200)
+    searched = []
+    original = module._stops_of_leg
+
+    def search(part: Trajectory, *arguments: object) -> module.StopMotions:
+        searched.append(part.duration)
+        return original(part, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(module, "LEG", 2)
+    monkeypatch.setattr(module, "_stops_of_leg", search)
+    parts = module.quickest_stops(motion, robot, 200)
+    assert len(searched) >= 3
+    assert np.allclose(parts.time, whole.time, atol=1e-12)
+    assert np.allclose(parts.duration, whole.duration, atol=1e-9)
+    assert np.allclose(parts.travel, whole.travel, atol=1e-12)
+    assert np.array_equal(np.diff(parts.edges) > 0, np.diff(whole.edges) > 0)
+    assert parts.ends == whole.ends
+    assert parts.joined is not None
