@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 import tempfile
 import threading
 from pathlib import Path
 
 from PIL import Image
+from playwright.sync_api import sync_playwright
 
 from ssm_planner import film, load_problem
 from ssm_planner.pipeline.run import plan_to_folder
@@ -18,7 +18,10 @@ from ssm_planner.view.server import ViewServer
 
 HERE = Path(__file__).parent
 RESULTS = HERE.parent / "results"
-SIZE = "1280,800"
+DRAWN = "document.querySelector('canvas') !== null"
+"""Condition in JavaScript that the scene of a report is drawn."""
+PLANNED = "document.getElementById('cancel').disabled"
+"""Condition in JavaScript that the view has planned its motion."""
 SCENE = (20, 240, 640, 670)
 """Box of the mechanism in the picture of a report, pixels."""
 TOO_CLOSE = "[9.07 mm, 0 mm, -18.4 mm]"
@@ -31,14 +34,22 @@ def shrink(file: Path) -> None:
         whole.convert("RGB").quantize(128).save(file, optimize=True)
 
 
-def picture(address: str, out: Path, seconds: float, size: str = SIZE) -> None:
-    """Write what Chromium shows at an address after so many seconds of its clock."""
-    chromium = shutil.which("chromium") or shutil.which("google-chrome") or "chromium"
-    flags = ("--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader")
-    time = f"--virtual-time-budget={1000 * seconds:.0f}"
-    motion = "--force-prefers-reduced-motion"
-    command = [chromium, *flags, motion, time, f"--window-size={size}", f"--screenshot={out}"]
-    subprocess.run([*command, address], check=True, capture_output=True, timeout=600)
+def picture(address: str, out: Path, ready: str, width: int = 1280, height: int = 800) -> None:
+    """Write what Chromium shows at an address, two seconds after a condition in JavaScript is true.
+
+    The scene is drawn in real time, so Chromium's virtual time may leave it blank.
+    """
+    with sync_playwright() as playwright:
+        path = shutil.which("chromium") or shutil.which("google-chrome")
+        flags = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=path, args=flags)
+        size = {"width": width, "height": height}
+        page = browser.new_page(viewport=size, reduced_motion="reduce")
+        page.goto(address)
+        page.wait_for_function(ready, timeout=120_000)
+        page.wait_for_timeout(2000)
+        page.screenshot(path=out)
+        browser.close()
 
 
 def main() -> None:
@@ -47,7 +58,7 @@ def main() -> None:
         film(RESULTS / "tilt_insert", Path(folder))
         shutil.copy(Path(folder) / "strip.png", HERE / "motion.png")
     report = RESULTS / "tilt_insert" / "report.html"
-    picture(report.as_uri(), HERE / "report.png", 4)
+    picture(report.as_uri(), HERE / "report.png", DRAWN)
     with Image.open(HERE / "report.png") as whole:
         whole.crop(SCENE).quantize(64).save(HERE / "scene.png")
     with tempfile.TemporaryDirectory() as folder:
@@ -56,10 +67,10 @@ def main() -> None:
         text = text.replace("robots/vitreoretinal.yaml", "vitreoretinal")
         file.write_text(re.sub(r"\[9.07 mm, 0 mm, -17.66 mm\]", TOO_CLOSE, text), encoding="utf-8")
         _, paths = plan_to_folder(load_problem(file), Path(folder) / "results")
-        picture(paths["page"].as_uri(), HERE / "no_plan.png", 2, "1280,480")
+        picture(paths["page"].as_uri(), HERE / "no_plan.png", "true", height=480)
     with ViewServer(Study(load_problem("eye_approach"))) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        picture(server.url, HERE / "view.png", 60)
+        picture(server.url, HERE / "view.png", PLANNED)
         server.shutdown()
     for name in ("report", "view", "no_plan"):
         shrink(HERE / f"{name}.png")

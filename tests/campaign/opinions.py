@@ -79,7 +79,7 @@ def is_optimal(result: Plan) -> bool:
 def gap(result: Plan) -> str | None:
     """Return the first phase on a given path that toppra or the bound does not confirm, or None."""
     for phase in result.phases:
-        if phase.branch is None or not phase.solver:
+        if phase.branch is None or not phase.solver or "requested" in (phase.not_judged or ""):
             continue
         duration, bound = phase.toppra_duration, phase.path_bound
         if not (duration and bound and -FASTER <= phase.difference <= GAP):
