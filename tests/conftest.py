@@ -34,6 +34,15 @@ def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampling, "POINTS", 2**12)
 
 
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no figure of a plan, and start no process for it, in tests that look at none."""
+    from ssm_planner.reporting.figures import process
+
+    monkeypatch.setattr(process, "_start_process", lambda: None)
+    monkeypatch.setattr(process, "write_figures", lambda *_: {})
+
+
 @pytest.fixture(scope="session")
 def robot() -> Robot:
     """The shipped vitreoretinal robot."""

@@ -54,6 +54,40 @@ def site(tmp_path: Path) -> Path:
     return folder
 
 
+RUN_EACH = """
+import contextlib, io, json, sys
+from ssm_planner.cli import main
+
+printed = []
+for words in json.load(sys.stdin):
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        try:
+            status = main(words)
+        except SystemExit as end:
+            status = end.code or 0
+    printed.append((status, said.getvalue()))
+json.dump(printed, sys.stdout)
+"""
+
+
+class Commands(NamedTuple):
+    """Runs commands in a process in which the package is installed."""
+
+    site: Path
+    folder: Path
+
+    def run(self, *commands: tuple[object, ...]) -> list[str]:
+        """Run the commands one after the other, and return what each has printed."""
+        installed = environment(PYTHONPATH=f"{ROOT}:{self.site}")
+        words = json.dumps([[str(word) for word in command] for command in commands])
+        done = python("-c", RUN_EACH, cwd=self.folder, env=installed, input=words)
+        assert done.returncode == 0, done.stderr
+        printed = json.loads(done.stdout)
+        assert [status for status, _ in printed] == [0] * len(commands), printed
+        return [said for _, said in printed]
+
+
 def problem_with_a_rack(folder: Path) -> Path:
     """The shipped problem without gears, whose slide hangs on a rack instead of a cable."""
     drive = shipped("drives/direct_drive_capstan.yaml").replace("cable_slide", "rack")
@@ -77,34 +111,33 @@ def problem_with_a_rack(folder: Path) -> Path:
 def test_an_installed_package_adds_a_drive_and_a_format(site: Path, tmp_path: Path) -> None:
     """Every command knows both, and a rack moves like a cable on a pulley of its diameter."""
     problem = problem_with_a_rack(tmp_path)
-    installed = environment(PYTHONPATH=f"{ROOT}:{site}")
-
-    def command(*words: object, status: int = 0) -> str:
-        done = python("-m", "ssm_planner", *words, cwd=tmp_path, env=installed)
-        assert done.returncode == status, done.stdout + done.stderr
-        return done.stdout + done.stderr
-
+    command = Commands(site, tmp_path)
     plans = {}
     for kind, key in (("cable_slide", "pulley"), ("rack", "pinion")):
         text = (tmp_path / "rack.yaml").read_text(encoding="utf-8")
         text = re.sub(r"kind: \w+", f"kind: {kind}", text)
         text = re.sub(r"\w+_diameter", f"{key}_diameter", text)
         (tmp_path / "rack.yaml").write_text(text, encoding="utf-8")
-        command("plan", problem, "-o", tmp_path / kind)
+        command.run(("plan", problem, "-o", tmp_path / kind))
         plans[kind] = json.loads((tmp_path / kind / "plan.json").read_text(encoding="utf-8"))
     assert plans["rack"]["duration"] == plans["cable_slide"]["duration"] > 0
     assert plans["rack"]["problem"]["robot"]["joints"][3]["drive"]["kind"] == "rack"
 
     folder = tmp_path / "out"
-    command("check", tmp_path / "rack")
     assert "a rack drive does not lock itself" in " ".join(plans["rack"]["notes"])
-    assert "insertion" in command("size", tmp_path / "rack")
-    words = "--to", "polynomials", "-o", folder, "--compressed", "yes"
-    command("export", tmp_path / "rack", *words)
-    assert "polynomials" in command("check", folder, "--robot", tmp_path / "robot.yaml")
-    assert '"const": "rack"' in command("schema", "drive")
-    assert "pinion_diameter" in command("schema", "drive")
-    assert "polynomials" in command("export", "--help")
+    said = command.run(
+        ("check", tmp_path / "rack"),
+        ("size", tmp_path / "rack"),
+        ("export", tmp_path / "rack", "--to", "polynomials", "-o", folder, "--compressed", "yes"),
+        ("check", folder, "--robot", tmp_path / "robot.yaml"),
+        ("schema", "drive"),
+        ("export", "--help"),
+    )
+    assert "insertion" in said[1]
+    assert "polynomials" in said[3]
+    assert '"const": "rack"' in said[4]
+    assert "pinion_diameter" in said[4]
+    assert "polynomials" in said[5]
 
 
 def test_without_the_package_its_drive_and_format_are_refused(tmp_path: Path) -> None:
@@ -122,24 +155,27 @@ WORDS = "swing: {low: -120 deg, high: -100 deg, times: 2}"
 @pytest.mark.slow
 def test_an_installed_package_adds_a_motion(site: Path, tmp_path: Path) -> None:
     """It is planned, checked and exported like the motions that it stands for, and editors know it."""
-    installed = environment(PYTHONPATH=f"{ROOT}:{site}")
+    command = Commands(site, tmp_path)
     tilts = "\n".join(f"  - tilt: {{to: {tilt} deg}}" for tilt in (-120, -100, -120, -100))
-    plans = []
     for name, motion in (("swing", f"  - {WORDS}"), ("tilts", tilts)):
         text = shipped("tilt_insert.yaml").replace("robots/", f"{ROOT}/problems/robots/")
         text = re.sub(r"motion:\n(  - .*\n)+", f"motion:\n{motion}\n", text)
         (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
-        words = ("plan", tmp_path / f"{name}.yaml", "-o", tmp_path / name)
-        done = python("-m", "ssm_planner", *words, cwd=tmp_path, env=installed)
-        assert done.returncode == 0, done.stdout + done.stderr
-        plans.append(json.loads((tmp_path / name / "plan.json").read_text(encoding="utf-8")))
+    *_, schema = command.run(
+        ("plan", tmp_path / "swing.yaml", "-o", tmp_path / "swing"),
+        ("plan", tmp_path / "tilts.yaml", "-o", tmp_path / "tilts"),
+        ("schema", "problem"),
+    )
+    plans = [
+        json.loads((tmp_path / name / "plan.json").read_text(encoding="utf-8"))
+        for name in ("swing", "tilts")
+    ]
     assert plans[0]["trajectory"]["coefficients"] == plans[1]["trajectory"]["coefficients"]
-    for words in (
+    # without the package
+    Commands(tmp_path, tmp_path).run(
         ("check", tmp_path / "swing"),
         ("export", tmp_path / "swing", "--to", "csv", "-o", tmp_path / "out"),
-    ):
-        assert python("-m", "ssm_planner", *words, cwd=tmp_path).returncode == 0
-    schema = python("-m", "ssm_planner", "schema", "problem", cwd=tmp_path, env=installed).stdout
+    )
     assert "Motions to and fro between two tilts." in schema
     assert "Number of motions to and fro." in schema
 

@@ -26,6 +26,7 @@ from ssm_planner.problem.serialization import plain, problem_from_plain
 from ssm_planner.studies.study_file import robot_content
 from ssm_planner.view.page import Study
 from tests.problem.test_serialization import same
+from tests.support.cases import selected
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
 
@@ -136,7 +137,7 @@ def valid_problem(base: Problem, seed: int) -> Problem:
 
 
 @pytest.mark.slow
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=selected(250, every=1000), deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_random_problem_returns_from_its_file(tilt_insert: Problem, seed: int) -> None:
     problem = valid_problem(tilt_insert, seed)
@@ -182,7 +183,7 @@ CHECKS = st.builds(
 
 
 @pytest.mark.slow
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=selected(250, every=1000), deadline=None)
 @given(motions(), st.lists(CHECKS, max_size=4), st.lists(st.text(), max_size=2))
 def test_random_motions_and_certificates_return_from_their_file(
     motion: Trajectory, checks: list[LimitCheck], unchecked: list[str]

@@ -71,7 +71,7 @@ def least(plan, body, q, dq, ddq, v):
         )
 
     low, high = -1e4, 0.0
-    for _ in range(50):
+    for _ in range(32):  # to 1e4 / 2**32
         middle = (low + high) / 2
         low, high = (low, middle) if kept(middle) else (middle, high)
     return high

@@ -214,7 +214,7 @@ def contradiction(shown: dict[str, Any]) -> str:
 
 def test_no_verdict_is_stale_in_random_interactions(visit: Open, server: ViewServer) -> None:
     """Random answers replace the planner. VIEW_INTERACTIONS=10000 takes about four minutes."""
-    rounds = int(os.environ.get("VIEW_INTERACTIONS", "1500")) // 20
+    rounds = int(os.environ.get("VIEW_INTERACTIONS", "700")) // 20
     opened = visit(server.url)
     page = opened.page
     opened.wait(PLANNED, seconds=60)

@@ -44,6 +44,7 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="campaign", description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0, help="for everything (default 60)")
     parser.add_argument("--full", action="store_true", help=f"as many cases as it takes: {FULL}")
+    parser.add_argument("--cases", type=int, help=f"of one task (default 100, or {SLICE})")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="+", help="modules of this folder")
     parser.add_argument("-o", "--output", type=Path, default=OUT)
@@ -55,7 +56,8 @@ def main(words: list[str] | None = None) -> int:
     failures: list[Row] = []
     for name in names:
         seconds = 60 * options.minutes * SHARES.get(name, 1.0) / whole
-        rows = campaign(name, options.seed, None if options.full else seconds)
+        size = options.cases or SLICE.get(name, 100)
+        rows = campaign(name, options.seed, None if options.full else seconds, size)
         failures += [row for row in rows if row.failures]
         publish(options.output, name, section(rows, options.seed))
     print(options.output.read_text(encoding="utf-8"), flush=True)
@@ -69,12 +71,12 @@ def main(words: list[str] | None = None) -> int:
     return 1 if failures else 0
 
 
-def campaign(name: str, seed: int, seconds: float | None) -> list[Row]:
-    """Slices of one module, each with a seed of its own, and their sums.
+def campaign(name: str, seed: int, seconds: float | None, size: int) -> list[Row]:
+    """Slices of one module, of so many cases and each with a seed of its own, and their sums.
 
     As many as the time allows, or FULL where there is none; at the least one for each process.
     """
-    begin, size, started, cases = time.monotonic(), SLICE.get(name, 100), 0, 0
+    begin, started, cases = time.monotonic(), 0, 0
     sums: dict[str, Row] = {}
     running: list[Future[tuple[list[Row], float]]] = []
     pool = ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn"))

@@ -86,7 +86,7 @@ def run(count: int, seed: int) -> list[Row]:
             interrupted(stage, 3 * count // 10, number, random.Random(f"{seed} {number}"))
             for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
         ]
-        few = max(count // 40, 3)
+        few = max(count // 40, min(3, count // 4))
         rng = random.Random(f"{seed} others")
         rows += [
             full_disk(stage, few, rng),

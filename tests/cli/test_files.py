@@ -6,6 +6,7 @@ import json
 import re
 import runpy
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,15 @@ import jsonschema
 import pytest
 import yaml
 
+from ssm_planner import templates
 from ssm_planner.cli import main
 from ssm_planner.loading import load
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.templates import EXAMPLES, FILE_KINDS, REFERENCES, file_keys, schema, template
 from tests.support.paths import ROOT
 
+KEYS, SCHEMA = cache(file_keys), cache(schema)
+"""Both take long, and every test of a kind needs them."""
 LOADERS: dict[str, Callable[[Path], Any]] = {
     "problem": load.load_problem,
     "robot": load.load_robot,
@@ -29,6 +33,11 @@ LOADERS: dict[str, Callable[[Path], Any]] = {
     "controller": load.load_controller,
     "study": load_study,
 }
+
+
+@pytest.fixture(autouse=True)
+def _keys_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(templates, "file_keys", KEYS)
 
 
 @pytest.mark.parametrize("kind", LOADERS)
@@ -53,7 +62,7 @@ def test_a_new_file_loads_as_it_stands(
 @pytest.mark.parametrize("kind", LOADERS)
 def test_a_comment_names_no_unit_beside_a_value_that_has_one(kind: str) -> None:
     """Keys are described in SI in Python, but the values of a file have units of their own."""
-    for key in file_keys(kind):
+    for key in KEYS(kind):
         if key.unit:
             assert not re.search(r", (rad|m|s|kg|N|V|A|K)\b[^ ,]*(\.|$)", key.description), key
 
@@ -70,7 +79,7 @@ def _by_stem(value: Any, reference: bool = False) -> Any:
 @pytest.mark.slow
 def test_a_new_file_names_every_key_of_its_first_two_levels(kind: str) -> None:
     text = template(kind, "mine")
-    keys = {key.path for key in file_keys(kind) if key.path.count(".") == 0}
+    keys = {key.path for key in KEYS(kind) if key.path.count(".") == 0}
     assert all(f"{key}:" in text for key in keys), text
 
 
@@ -109,16 +118,20 @@ def test_the_schema_describes_every_key(kind: str, capsys: pytest.CaptureFixture
 @pytest.mark.slow
 def test_the_schema_accepts_a_new_file_and_refuses_an_unknown_key(kind: str) -> None:
     validator = jsonschema.Draft202012Validator
-    known = validator(schema("drive" if kind == "screw" else kind))
+    known = validator(SCHEMA("drive" if kind == "screw" else kind))
     data = yaml.safe_load(template(kind, "mine"))
     assert not [error.message for error in known.iter_errors(data)]
     assert [*known.iter_errors({**data, "nonsense": 1})]
 
 
 @pytest.mark.slow
-def test_the_page_of_keys_is_current_and_describes_every_key() -> None:
+def test_the_page_of_keys_is_current_and_describes_every_key(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     script = runpy.run_path(str(ROOT / "docs/make_reference.py"))
+    grouped = cache(script["grouped"])
+    monkeypatch.setitem(script["page"].__globals__, "grouped", grouped)
     assert script["TARGET"].read_text(encoding="utf-8") == script["page"](), "run `make api`"
     for kind in FILE_KINDS:
-        for path, rows in script["grouped"](kind).items():
+        for path, rows in grouped(kind).items():
             assert all(row.description for row in rows), (kind, path)

@@ -318,6 +318,7 @@ def test_nothing_in_the_working_directory_is_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_figures")
 def test_a_problems_name_chooses_no_folder(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = files / "problems/tilt_insert.yaml"
     problem.write_text(problem.read_text(encoding="utf-8") + 'name: "../../x"\n', encoding="utf-8")
@@ -330,6 +331,7 @@ def test_a_problems_name_chooses_no_folder(files: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_figures")
 def test_a_plan_that_takes_over_from_another_does_not_replace_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

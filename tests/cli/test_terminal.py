@@ -27,6 +27,7 @@ from ssm_planner.reporting.text import BINDING, Table, answers, closest_limit, s
 from ssm_planner.studies.run import StudyResult
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study_file import load_study
+from tests.support.cases import selected
 from tests.support.executions import COUNTS, Executions, write
 from tests.support.paths import ROOT
 
@@ -250,7 +251,10 @@ LAST = {
 def test_every_command_ends_with_its_verdict(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Within the last 24 lines, whatever the width, on a terminal and in a pipe."""
+    """Within the last 24 lines, whatever the width, on a terminal and in a pipe.
+
+    `check` and EVERY_CASE=1 try both widths with both; other commands, one width with each.
+    """
     words, verdict = LAST[name]
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TERM", "xterm")
@@ -271,13 +275,14 @@ def test_every_command_ends_with_its_verdict(
     result = StudyResult(of, tuple(rows), tmp_path, finished=True, own=rows[0])
     monkeypatch.setattr("ssm_planner.studies.run.study", lambda *_: result)
     (tmp_path / "out").mkdir()
-    for width in ("80", "120"):
-        for stream in (io.StringIO(), Terminal()):
-            monkeypatch.setenv("COLUMNS", width)
-            monkeypatch.setattr(sys, "stdout", stream)
-            assert main(words) in (0, 1)
-            plain = re.sub(r"\x1b\[\d+m", "", stream.getvalue())
-            assert any(re.match(verdict, line) for line in plain.splitlines()[-24:]), plain[-2000:]
+    every = [(width, kind) for width in ("80", "120") for kind in (io.StringIO, Terminal)]
+    for width, kind in every if name == "check" else selected(every[::3], every=every):
+        stream = kind()
+        monkeypatch.setenv("COLUMNS", width)
+        monkeypatch.setattr(sys, "stdout", stream)
+        assert main(words) in (0, 1)
+        plain = re.sub(r"\x1b\[\d+m", "", stream.getvalue())
+        assert any(re.match(verdict, line) for line in plain.splitlines()[-24:]), plain[-2000:]
 
 
 def test_the_verdict_is_the_last_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from ssm_planner.identification.prediction import predict_recording
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import torque_map
 from ssm_planner.loading.load import load_drive
+from tests.support.cases import selected
 from tests.support.paths import PROBLEMS
 from tests.support.recordings import RECORDINGS
 
@@ -49,11 +51,15 @@ def predicted(drive, fitted, blind):
     return [predict_recording(fit.drive, r, fit.load, drive.rig.payload_inertia) for r in blind]
 
 
-@pytest.mark.parametrize("rig", RIGS)
-@pytest.mark.parametrize("count", [6, 9, 14])
+COUNTS = (6, 9, 14)
+SPLITS = selected([*zip(RIGS, COUNTS, strict=True)], every=list(itertools.product(RIGS, COUNTS)))
+
+
+@pytest.mark.parametrize(("rig", "count"), SPLITS)
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_bands_hold_what_the_fit_has_not_seen(rig, count):
+    """Every rig and every count once; EVERY_CASE=1 tries every count for every rig."""
     drive, steady = recordings_of(rig, "steady_state")
     found = [p for seed in range(2) for p in predicted(drive, *split(steady, count, seed))]
     assert np.mean([p.mean_inside for p in found]) >= 0.90

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -11,8 +13,9 @@ from ssm_planner.identification.posterior import MapModel, most_likely
 from ssm_planner.identification.sampling import sample, weighted_interval
 from ssm_planner.identification.torque_map import read_figures
 from ssm_planner.loading.load import load_drive
-from ssm_planner.problem.posterior import LOAD_OFFSET
+from ssm_planner.problem.posterior import LAWS, LOAD_OFFSET
 from ssm_planner.typing import Array
+from tests.support.cases import selected
 from tests.support.paths import PROBLEMS
 
 DRIVES = PROBLEMS / "drives"
@@ -81,18 +84,39 @@ def test_models_with_only_linear_or_only_other_parameters_are_sampled(known) -> 
     assert np.all(np.diff(ends(model), axis=0) > 0)
 
 
-def fitted(rig: str, shift: float, monkeypatch: pytest.MonkeyPatch, load: float | None) -> MapFit:
+def fitted(
+    rig: str,
+    shift: float,
+    monkeypatch: pytest.MonkeyPatch,
+    load: float | None,
+    law: str = "auto",
+) -> MapFit:
     """Return the fit of a rig's figures with a sequence of points that starts elsewhere."""
     monkeypatch.setattr(fit_module, "sample", lambda model, z: sample(model, z, shift))
     drive, figures = load_drive(DRIVES / f"{rig}.yaml"), DRIVES / "rig_figures.csv"
     load = drive.rig.F_payload if load is None else load
-    return fit_map(drive, read_figures(figures, rig), load, reference=drive.rig.published)
+    return fit_map(drive, read_figures(figures, rig), load, law=law, reference=drive.rig.published)
+
+
+RIGS = ("rig1_lead_screw", "rig2_antibacklash_screw", "rig3_worm")
+POINTS = selected(
+    [
+        ("rig1_lead_screw", "auto"),
+        ("rig1_lead_screw", "coulomb"),
+        ("rig2_antibacklash_screw", "stribeck_exponential"),
+        ("rig3_worm", "stribeck_gaussian"),
+    ],
+    every=list(itertools.product(RIGS, ("auto", *LAWS))),
+)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rig", ["rig1_lead_screw", "rig2_antibacklash_screw", "rig3_worm"])
-def test_intervals_do_not_depend_on_the_points(rig: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    fits = [fitted(rig, shift, monkeypatch, None) for shift in (0.5, 0.123)]
+@pytest.mark.parametrize(("rig", "law"), POINTS)
+def test_intervals_do_not_depend_on_the_points(
+    rig: str, law: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every rig, and every law: alone, and all of them together. EVERY_CASE=1 pairs all."""
+    fits = [fitted(rig, shift, monkeypatch, None, law) for shift in (0.5, 0.123)]
     assert all("not reliable" not in note for fit in fits for note in fit.notes)
     for kind in ("estimates", "combinations"):
         first, second = (getattr(fit, kind) for fit in fits)

@@ -1,14 +1,37 @@
-"""The document, computed and written once for all tests of this folder."""
+"""The document, which the command writes once for all tests of this folder."""
 
 from __future__ import annotations
 
+import pickle
+from pathlib import Path
+
 import pytest
 
-from ssm_planner.paper.document import compute, write
 from ssm_planner.paper.published import Inputs, read_inputs
+from tests.support.cli import python
+from tests.support.once import made_once
 from tests.support.paper_cases import Made
 from tests.support.paths import PROBLEMS
 from tests.support.recordings import RECORDINGS
+
+VALUES = "document.pickle"
+KEEPING = """
+import pickle, sys
+from pathlib import Path
+from ssm_planner.cli import main
+from ssm_planner.paper import document
+
+write = document.write
+
+def keep(values, *others):
+    Path(kept).write_bytes(pickle.dumps(values))
+    return write(values, *others)
+
+kept = sys.argv.pop(1)
+document.write = keep
+sys.exit(main())
+"""
+"""Program that runs a command and keeps the document as values too."""
 
 
 @pytest.fixture(scope="session")
@@ -18,9 +41,16 @@ def inputs() -> Inputs:
 
 @pytest.fixture(scope="session")
 def made(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Made:
-    folder = tmp_path_factory.mktemp("results") / "paper"
-    document = compute(inputs)
-    return Made(inputs, document, folder, write(document, folder))
+    """The document of the command, which runs in a process of its own."""
+
+    def make(folder: Path) -> None:
+        words = ("reproduce", "-o", folder, "--recordings", RECORDINGS)
+        done = python("-c", KEEPING, folder / VALUES, *words)
+        assert done.returncode == 0, done.stderr
+
+    results = made_once(tmp_path_factory, "results", make)
+    document, folder = pickle.loads((results / VALUES).read_bytes()), results / "paper"
+    return Made(inputs, document, folder, {path.name: path for path in folder.iterdir()})
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.retiming.constraints import braking_travel
-from ssm_planner.plans import load_plan
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.limits import StopTravel
 from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.stopping import controlled_stops
@@ -23,6 +24,11 @@ from tests.support.paths import ROOT
 
 def limited(name: str, largest: float) -> Problem:
     return StopTravel(largest).on(load_problem(ROOT / "problems" / f"{name}.yaml"))
+
+
+@cache
+def planned(name: str, largest: float) -> Plan:
+    return plan(limited(name, largest))
 
 
 @pytest.mark.parametrize(
@@ -36,8 +42,7 @@ def limited(name: str, largest: float) -> Problem:
 )
 def test_stops_from_everywhere_keep_to_the_limit(name: str, largest: float, tmp_path: Path) -> None:
     """Straight, free, through points, scanned; the way is nearly used up, and a plan read back holds the limit."""
-    problem = limited(name, largest)
-    found = plan(problem)
+    found = planned(name, largest)
     assert found.reason is None, found.reason
     (line,) = (each for each in found.certificate.limits if each.name == StopTravel.name)
     assert 0.98 * largest < line.worst <= largest
@@ -54,14 +59,14 @@ def test_other_planners_keep_it_too(planner: Planner) -> None:
     found = plan(replace(limited("tilt_insert", 0.5e-3), planner=planner))
     assert found.reason is None, found.reason
     assert found.certificate.passed
-    assert found.duration == pytest.approx(plan(limited("tilt_insert", 0.5e-3)).duration, rel=1e-3)
+    assert found.duration == pytest.approx(planned("tilt_insert", 0.5e-3).duration, rel=1e-3)
 
 
 def test_the_motion_is_slowed_only_where_it_has_to_be() -> None:
     """While the tool tilts about the remote centre its tip stands there: that phase is as fast as without the limit."""
     free, slow = (
         plan(load_problem(ROOT / "problems" / "tilt_insert.yaml")),
-        plan(limited("tilt_insert", 0.5e-3)),
+        planned("tilt_insert", 0.5e-3),
     )
     tilt, insert = zip(
         (p.duration for p in free.phases), (p.duration for p in slow.phases), strict=True

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from concurrent.futures import Executor, Future
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from ssm_planner.studies.store import Candidate, Store, pareto
 from ssm_planner.studies.study import Search, Varied
 from ssm_planner.studies.study_file import load_study, study_from
 from ssm_planner.studies.workers import WorkerDied
+from tests.support.once import made_once
 from tests.support.paths import PROBLEMS, ROOT
 
 CATALOGUE = PROBLEMS / "catalogues" / "motors_24v.csv"
@@ -50,6 +52,13 @@ FILE = {
 
 def study(**changes):
     return study_from(of_data({**FILE, **changes}))
+
+
+@pytest.fixture(scope="session")
+def table(tmp_path_factory):
+    """The table that one worker writes for `study()`."""
+    make = partial(run_study, study(), workers=1)
+    return (made_once(tmp_path_factory, "study", make) / "table.csv").read_bytes()
 
 
 def test_what_varies_comes_into_the_robot_and_its_bodies_follow():
@@ -125,10 +134,8 @@ def test_a_screen_drops_nothing_that_can_be_planned():
 
 
 @pytest.mark.slow
-def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_path):
+def test_two_workers_give_the_same_table_as_one_and_as_a_killed_run(tmp_path, table):
     of = study()
-    run_study(of, tmp_path / "one", workers=1)
-    table = (tmp_path / "one" / "table.csv").read_bytes()
     assert table.count(b"\n") == 9
     run_study(of, tmp_path / "two", workers=2)
     assert (tmp_path / "two" / "table.csv").read_bytes() == table
@@ -166,11 +173,10 @@ def test_two_workers_give_the_same_table_as_one_as_a_killed_run_and_as_dask(tmp_
 
 
 @pytest.mark.slow
-def test_killed_workers_change_nothing(tmp_path):
+def test_killed_workers_change_nothing(tmp_path, table):
     from ssm_planner.studies.workers import Workers
 
     of = study()
-    run_study(of, tmp_path / "calm", workers=2)
     with Workers(2, attempts=100) as workers:
 
         def kill(done: int, count: int, states: object) -> None:
@@ -178,9 +184,7 @@ def test_killed_workers_change_nothing(tmp_path):
                 os.kill(random.choice(workers.pids), signal.SIGKILL)
 
         run_study(of, tmp_path / "killed", executor=workers, progress=kill)
-    assert (tmp_path / "killed" / "table.csv").read_bytes() == (
-        tmp_path / "calm" / "table.csv"
-    ).read_bytes()
+    assert (tmp_path / "killed" / "table.csv").read_bytes() == table
 
 
 class Here(Executor):
@@ -316,10 +320,9 @@ def test_a_file_system_without_room_leaves_a_whole_store(small_disk, monkeypatch
 
 
 @pytest.mark.slow
-def test_dask_gives_the_same_table(tmp_path):
+def test_dask_gives_the_same_table(tmp_path, table):
     distributed = pytest.importorskip("distributed")
     of = study()
-    run_study(of, tmp_path / "one", workers=1)
     with (
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
@@ -327,9 +330,7 @@ def test_dask_gives_the_same_table(tmp_path):
         distributed.Client(cluster) as client,
     ):
         run_study(of, tmp_path / "dask", executor=client.get_executor(retries=3))
-    assert (tmp_path / "dask" / "table.csv").read_bytes() == (
-        tmp_path / "one" / "table.csv"
-    ).read_bytes()
+    assert (tmp_path / "dask" / "table.csv").read_bytes() == table
 
 
 def test_a_catalogue_of_motors_becomes_choices_with_their_rotors_in_the_drive():

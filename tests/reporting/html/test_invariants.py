@@ -24,7 +24,7 @@ from ssm_planner.reporting.html.report import report_data, write_no_plan
 from ssm_planner.typing import Array
 from tests.support.random_problems import random_problem
 
-COUNT = int(os.environ.get("RANDOM_RESULTS", "60"))
+COUNT = int(os.environ.get("RANDOM_RESULTS", "30"))
 GROUPS = 5
 """The seeds are divided into so many tests, which can run side by side."""
 
