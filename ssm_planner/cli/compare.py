@@ -68,7 +68,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     """
     from ssm_planner.comparison.clock import CERTAIN
     from ssm_planner.display import format_fixed, number, percent
-    from ssm_planner.reporting.text import Table, unit_of_limit
+    from ssm_planner.reporting import Table, unit_of_limit
 
     clock = comparison.clock
     rate = f"{percent(1 / clock.estimated_rate - 1, 4)} ± {100 * CERTAIN * clock.rate_error:.2g} %"

@@ -17,7 +17,7 @@ from ssm_planner.cli.shared import (
     show,
 )
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.format import FORMATS
+from ssm_planner.formats import FORMATS
 from ssm_planner.progress import Step
 
 

@@ -90,8 +90,7 @@ def _write_drive(
     written.
     """
     from ssm_planner.publishing import publishing
-    from ssm_planner.reporting.figures.sizing import map_figure
-    from ssm_planner.reporting.figures.style import save_figure
+    from ssm_planner.reporting import map_figure, save_figure
 
     path = output_file(output, ".yaml", Path("results") / drive.stem / f"{drive.stem}.yaml")
     with publishing(path.parent) as temporary:
@@ -119,7 +118,7 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
 def _identified_lines(result: dict[str, Any], drive: ssm.Drive) -> list[str]:
     from ssm_planner.display import format_fixed, number
     from ssm_planner.identification import unit_of
-    from ssm_planner.reporting.text import Table
+    from ssm_planner.reporting import Table
     from ssm_planner.units import RPM
 
     shares = ", ".join(f"{law} {share:.0%}" for law, share in result["law_shares"].items())
@@ -239,8 +238,7 @@ def _write_figures(prediction: ssm.Prediction, folder: Path | None) -> dict[str,
     """
     if folder is None:
         return {}
-    from ssm_planner.reporting.figures.sizing import prediction_figure
-    from ssm_planner.reporting.figures.style import save_figure
+    from ssm_planner.reporting import prediction_figure, save_figure
 
     name = prediction.recording.name.removesuffix(".csv").replace("/", "_")
     paths = save_figure(prediction_figure(prediction), folder / f"prediction_{name}")

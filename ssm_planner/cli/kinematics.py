@@ -95,7 +95,7 @@ def _workspace(robot: ssm.Robot, output: Path | None) -> dict[str, Any]:
     result = ssm.workspace(robot).to_dict()
     if output is not None:
         from ssm_planner.kinematics import Mechanism
-        from ssm_planner.reporting.figures.workspace import publish_figures, workspace_figures
+        from ssm_planner.reporting import publish_figures, workspace_figures
 
         result["files"] = publish_figures(
             workspace_figures(Mechanism.from_geometry(robot.geometry)), output
@@ -145,7 +145,7 @@ def _designs(
             "margin": design_margin(*built, reach),
         }
     if output is not None:
-        from ssm_planner.reporting.figures.workspace import design_region_figure, publish_figures
+        from ssm_planner.reporting import design_region_figure, publish_figures
 
         result["files"] = publish_figures(
             {"design_region": design_region_figure(region, built)}, output

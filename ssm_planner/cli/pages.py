@@ -49,8 +49,7 @@ def run_report(options: argparse.Namespace) -> int:
     out = output_file(options.output, ".html", plan.path.with_name(f"{name}.html"))
     files = {name: ssm.report(plan, out, options.other)}
     if options.figures is not None:
-        from ssm_planner.reporting.figures.plan import WIDE, WIDTHS
-        from ssm_planner.reporting.figures.process import write_figures_of_file
+        from ssm_planner.reporting import WIDE, WIDTHS, write_figures_of_file
 
         files |= write_figures_of_file(plan, options.figures, WIDTHS.get(options.width, WIDE))
     paths = {name: str(path) for name, path in files.items()}

@@ -54,7 +54,7 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_plan(options: argparse.Namespace) -> int:
-    from ssm_planner.reporting.figures.process import FigureProcess
+    from ssm_planner.reporting import FigureProcess
 
     progress = progress_reporter()
     progress(Step(f"reading {options.problem}"))
@@ -64,7 +64,7 @@ def run_plan(options: argparse.Namespace) -> int:
         from ssm_planner.pipeline.run import plan_to_folder, starting_from
         from ssm_planner.plans import load_plan
         from ssm_planner.publishing import file_name
-        from ssm_planner.reporting.text import explanation, summary_lines
+        from ssm_planner.reporting import explanation, summary_lines
 
         if (options.moving is None) != (options.at is None):
             raise ProblemError(

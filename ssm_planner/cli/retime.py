@@ -39,11 +39,11 @@ def run_retime(options: argparse.Namespace) -> int:
     progress(Step(f"reading {options.path}"))
     import numpy as np
 
-    from ssm_planner.formats.read import read_trajectory
+    from ssm_planner.formats import read_trajectory
     from ssm_planner.pipeline.retime import limits_of, retiming_problem
     from ssm_planner.pipeline.run import plan_to_folder
     from ssm_planner.publishing import file_name
-    from ssm_planner.reporting.text import summary_lines
+    from ssm_planner.reporting import summary_lines
 
     robot, base = limits_of(options.robot, options.problem)
     reading = read_trajectory(options.path, robot)

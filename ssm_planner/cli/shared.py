@@ -238,7 +238,7 @@ def show_with_page(
         If the page cannot be written.
     """
     if options.output is not None:
-        from ssm_planner.reporting.html.outcome import write_outcome
+        from ssm_planner.reporting import write_outcome
 
         page = output_file(options.output, ".yaml", Path(f"{name}.yaml")).with_suffix(".html")
         write_outcome(page, name, lines[-1], lines, figures=map(Path, files))

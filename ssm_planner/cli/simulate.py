@@ -96,8 +96,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         }
 
     def write(folder: Path) -> dict[str, Path]:
-        from ssm_planner.reporting.figures.plan import write_simulation_figures
-        from ssm_planner.reporting.html.simulation import write_simulation_page
+        from ssm_planner.reporting import write_simulation_figures, write_simulation_page
         from ssm_planner.simulation.recorder import write_recordings
 
         recordings = {
@@ -172,7 +171,7 @@ def simulation_lines(result: ssm.SimulationResult, stops: ssm.Stops | None = Non
     They state the tracking errors, the motor loads, the stops without and with power, the reasons
     for a failure, and the verdict. `stops` are the plan's controlled stops.
     """
-    from ssm_planner.reporting.text import simulation_tables
+    from ssm_planner.reporting import simulation_tables
 
     lines = [f"note: {note}" for note in result.notes]
     lines += [line for table in simulation_tables(result) for line in ("", *table.lines())]

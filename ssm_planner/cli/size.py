@@ -97,7 +97,7 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
 def run_size(options: argparse.Namespace) -> int:
     progress = progress_reporter()
     progress(Step(f"reading {options.plan}"))
-    from ssm_planner.reporting.text import sizing_lines, sizing_verdict, what_if_lines
+    from ssm_planner.reporting import sizing_lines, sizing_verdict, what_if_lines
     from ssm_planner.sizing.size import size
 
     duty = read_duty(options.plan, options.robot)
@@ -123,7 +123,7 @@ def run_size(options: argparse.Namespace) -> int:
         lines += ["", "What if", *(f"  {line}" for line in what_if_lines(payload, duration))]
 
     def write(folder: Path) -> dict[str, Path]:
-        from ssm_planner.reporting.figures.sizing import write_sizing_figures
+        from ssm_planner.reporting import write_sizing_figures
 
         return write_sizing_figures(sizing, folder)
 
@@ -142,7 +142,7 @@ MAX_PAIRS = 10
 def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Conditions) -> int:
     """Check every motor of a catalogue with every gear, and return the exit status."""
     from ssm_planner.loading import Part, gears_of, motors_of
-    from ssm_planner.reporting.text import VERDICT_LABELS, selection_lines
+    from ssm_planner.reporting import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing import select
 
     if options.motor or options.what_if or options.catalogue is None:
@@ -201,7 +201,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     from ssm_planner.sizing import DutyCycle, pause_of
 
     if robot_file is not None:
-        from ssm_planner.formats.read import read_trajectory
+        from ssm_planner.formats import read_trajectory
         from ssm_planner.loading import load_robot
 
         robot = load_robot(robot_file)

@@ -187,7 +187,7 @@ def _lines(study: ssm.Study, result: ssm.StudyResult, files: dict[str, str]) -> 
 
 
 def _compared_lines(document: dict[str, Any]) -> list[str]:
-    from ssm_planner.reporting.text import Table
+    from ssm_planner.reporting import Table
     from ssm_planner.studies.page import title_of, unit_of
 
     rows = []

@@ -34,7 +34,7 @@ from ssm_planner.problem import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 LAG = 10e-3
 """Permitted delay at the largest speed, s. It equals the following error window of the export."""

@@ -30,7 +30,7 @@ from ssm_planner.problem import (
 )
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Mask, frozen, record
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 STEP = 5e-3
 """Largest difference between the starts of the axes, s."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.formats.epos4_setup import QUADRATURE
+from ssm_planner.formats import QUADRATURE
 from ssm_planner.identification import parse_table, read_recording, read_text
 from ssm_planner.problem import Joint, Robot
 from ssm_planner.typing import Array, record

@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.vectorised import Layout, call
+from ssm_planner.codegen import Layout, call
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import constant, rotation, rotation_symbolic
 from ssm_planner.problem import Body, Geometry, Robot, read_only_array

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.vectorised import Layout, call
+from ssm_planner.codegen import Layout, call
 from ssm_planner.dynamics import (
     axes_frames,
     breakaway_coefficient,

@@ -38,7 +38,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, TASK, Robot
 from ssm_planner.trajectory import BLOCK, Samples, Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 RATE = 1000.0
 """Default rate, Hz."""

@@ -42,8 +42,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, TASK, Joint, Robot, TaskLimits
 from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.units import display_unit, rpm
-from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.ends import end_velocities
+from ssm_planner.verification import Certificate, end_velocities
 
 LARGEST_PERIOD = 100
 """Largest interpolation period, ms (object 0x60C2)."""

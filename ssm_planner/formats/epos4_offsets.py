@@ -10,7 +10,7 @@ from ssm_planner.dynamics import RigidBody, motor_motion
 from ssm_planner.problem import FeedForward, Joint, MotorTorque, Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Mask, record
-from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification import LimitCheck
 
 NEAR = 2
 """Number of intervals on each side of a setpoint whose accelerations the setpoint may have."""

@@ -25,9 +25,8 @@ from ssm_planner.publishing import EXPORT, MANIFEST, VERSION, hashes, publishing
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject
-from ssm_planner.verification.certificate import Certificate, sealed
+from ssm_planner.verification import Certificate, check_slower, sealed
 from ssm_planner.verification.check import check
-from ssm_planner.verification.slower import check_slower
 
 WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
 

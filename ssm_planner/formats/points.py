@@ -22,7 +22,7 @@ from ssm_planner.formats.agreement import Content
 from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, cubics, quintics
 from ssm_planner.typing import Array, Mask, record
-from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
 LONG = 1_000_000

@@ -35,7 +35,7 @@ from ssm_planner.formats.spline_points import at_times
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Joint, Robot, TaskLimits
 from ssm_planner.typing import Array, JsonObject, record
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 from ssm_planner.verification.check import check
 
 INT24 = 2**23 - 1

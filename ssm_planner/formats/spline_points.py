@@ -16,7 +16,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem import ContinuousTorque, Symmetric
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, record
-from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
 PARTS = (1, 2, 4, 8)

@@ -137,7 +137,7 @@ JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] =
 
 def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
     """Return the limited speed |J(q) q̇| (n,) in SI units for joints q and rates qd (n, 4)."""
-    from ssm_planner.codegen.vectorised import call
+    from ssm_planner.codegen import call
 
     return call(_speed(limit_type, mechanism), q, qd)[0][:, 0]
 

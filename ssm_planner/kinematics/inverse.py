@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.codegen import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import blocks
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism

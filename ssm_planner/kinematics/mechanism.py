@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import NUMPY, Namespace
+from ssm_planner.codegen import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.rotations import exponential_terms, rotation
 from ssm_planner.problem import Geometry, read_only_array

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import NUMPY, Namespace, casadi_namespace
+from ssm_planner.codegen import NUMPY, Namespace, casadi_namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.mechanism import Mechanism, azimuths, elbow_squares, tilt_magnitude
 from ssm_planner.kinematics.rotations import batch, rotation

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.arguments import checked
-from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.codegen import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares

@@ -21,7 +21,7 @@ from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.publishing import publishing
-from ssm_planner.reporting.figures.style import save_figures
+from ssm_planner.reporting import save_figures
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import frozen, record
 

@@ -41,13 +41,13 @@ from ssm_planner.problem import (
     Stroke,
     Task,
 )
-from ssm_planner.reporting.figures.sizing import payload_curves
-from ssm_planner.reporting.figures.style import (
+from ssm_planner.reporting import (
     COLOURS,
     LIMIT,
     SIZE,
     finish,
     new_figure,
+    payload_curves,
     shade_phases,
 )
 from ssm_planner.sizing import DutyCycle, JointLoad, MotorRequirement, joint_loads

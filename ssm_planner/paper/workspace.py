@@ -19,18 +19,16 @@ from ssm_planner.paper import published
 from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
 from ssm_planner.paper.section import Section
 from ssm_planner.problem import Eye, Robot
-from ssm_planner.reporting.figures.style import (
+from ssm_planner.reporting import (
     COLOURS,
     LIMIT,
     SIZE,
+    axes_figure,
+    design_region_figure,
     finish,
     legend,
     legend_above,
     new_figure,
-)
-from ssm_planner.reporting.figures.workspace import (
-    axes_figure,
-    design_region_figure,
     pointings,
     reachable_set_figure,
 )

@@ -25,7 +25,7 @@ from ssm_planner.problem import (
 from ssm_planner.sizing import PARTS, JointSizing, MotorRequirement, MotorVerdict, Sizing, WhatIf
 from ssm_planner.typing import frozen
 from ssm_planner.units import RPM, display_unit
-from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification import LimitCheck
 
 if TYPE_CHECKING:  # `check` prints tables without loading the planner.
     from ssm_planner.comparison.findings import Kept

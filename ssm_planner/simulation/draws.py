@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.codegen.vectorised import Vectorised
+from ssm_planner.codegen import Vectorised
 from ssm_planner.dynamics import drive_with, spread_of
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Robot

@@ -7,11 +7,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.vectorised import dense
+from ssm_planner.codegen import dense
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.dynamics.robot_dynamics import motor_torque
-from ssm_planner.formats.epos4 import Stream
-from ssm_planner.formats.epos4_setup import Axis
+from ssm_planner.formats import Axis, Stream
 from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
 from ssm_planner.simulation.plant import (

@@ -11,9 +11,15 @@ import numpy as np
 from ssm_planner.arguments import checked
 from ssm_planner.dynamics import with_payload
 from ssm_planner.errors import ProblemError
-from ssm_planner.formats.epos4 import setpoint_times, setpoints
-from ssm_planner.formats.epos4_setup import QUADRATURE, Axis, axes_of, following_error_window
-from ssm_planner.formats.spline_points import at_times
+from ssm_planner.formats import (
+    QUADRATURE,
+    Axis,
+    at_times,
+    axes_of,
+    following_error_window,
+    setpoint_times,
+    setpoints,
+)
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import JOINTS, Controller, Robot

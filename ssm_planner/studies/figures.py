@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.reporting.figures.style import (
-    COLOURS,
-    FIFTH,
-    finish,
-    legend,
-    new_figure,
-    save_figures,
-)
+from ssm_planner.reporting import COLOURS, FIFTH, finish, legend, new_figure, save_figures
 from ssm_planner.studies.page import choices_at, scaled, title_of
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import Study

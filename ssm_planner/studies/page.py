@@ -12,7 +12,7 @@ import numpy as np
 
 from ssm_planner.atomic import replacing
 from ssm_planner.display import number, plain_words
-from ssm_planner.reporting.html.page import render
+from ssm_planner.reporting import render
 from ssm_planner.studies.store import Candidate, better
 from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array, JsonObject

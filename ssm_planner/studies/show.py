@@ -11,7 +11,7 @@ import yaml
 from ssm_planner.atomic import replacing
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.folder import write_folder
-from ssm_planner.reporting.html.report import write_report
+from ssm_planner.reporting import write_report
 from ssm_planner.studies.evaluation import plans_of
 from ssm_planner.studies.run import STORE
 from ssm_planner.studies.store import Candidate, Store

@@ -28,8 +28,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.namespace import casadi_namespace
-from ssm_planner.codegen.vectorised import Vectorised, dense
+from ssm_planner.codegen import Vectorised, casadi_namespace, dense
 from ssm_planner.dynamics import RigidBody, drive_torque, motor_law, nut_contact, with_payload
 from ssm_planner.kinematics import (
     JACOBIANS,

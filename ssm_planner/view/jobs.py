@@ -191,8 +191,7 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
     from ssm_planner.pipeline.relaxation import changes_of_limits
     from ssm_planner.pipeline.run import plan
     from ssm_planner.pipeline.thermal import quickly
-    from ssm_planner.reporting.html.compare import comparison_data
-    from ssm_planner.reporting.text import answers
+    from ssm_planner.reporting import answers, comparison_data
 
     plans: dict[str, Plan] = {}
     for name, problem, share in requests:
@@ -227,6 +226,6 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
 
 def text_of(kind: str, plan: Plan) -> str:
     """Return the report of a plan as HTML, or the content of plan.json."""
-    from ssm_planner.reporting.html.report import report_page
+    from ssm_planner.reporting import report_page
 
     return report_page(plan) if kind == "report" else plan.to_json()

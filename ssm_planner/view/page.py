@@ -29,9 +29,7 @@ from ssm_planner.loading import (
     shipped_folder,
 )
 from ssm_planner.problem import JOINTS, TASK, Problem, Task
-from ssm_planner.reporting.figures.style import COLOURS
-from ssm_planner.reporting.html.page import render
-from ssm_planner.reporting.html.scene import link_sides, mechanism_scene
+from ssm_planner.reporting import COLOURS, link_sides, mechanism_scene, render
 from ssm_planner.studies.study import Choice, Variable, Varied, changed_robot
 from ssm_planner.studies.study_file import robot_content
 from ssm_planner.typing import JsonObject, Range, record

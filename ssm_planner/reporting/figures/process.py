@@ -179,7 +179,7 @@ def serve() -> None:
     panels[0, 0].plot([0, 1], label="dummy")
     dummy.legend()
     render_figure(dummy, pdf=False)
-    from ssm_planner.verification.second_opinion import second_opinions
+    from ssm_planner.verification import second_opinions
 
     import_module("toppra")
     files: Files = {}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.codegen import NUMPY
 from ssm_planner.kinematics import (
     Mechanism,
     eye_limits,

@@ -21,7 +21,7 @@ from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import Table
 from ssm_planner.typing import Array
 from ssm_planner.units import RPM
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 LEFT_OUT = ("Parts of the motor torque",)
 """Sections of the report that the comparison omits."""

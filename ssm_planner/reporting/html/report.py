@@ -53,7 +53,7 @@ from ssm_planner.reporting.text import (
 )
 from ssm_planner.typing import Array
 from ssm_planner.units import display_unit
-from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification import Certificate, LimitCheck
 
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
 TIGHTEST = 10
