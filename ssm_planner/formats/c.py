@@ -141,9 +141,8 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
     """
 
     def limit(joint: Joint, limit_type: type[Limit]) -> float:
-        return next(
-            (bound.high for bound in joint.limits if isinstance(bound, limit_type)), math.inf
-        )
+        found = joint.find_limit(limit_type)
+        return math.inf if found is None else found.high
 
     joints = robot.joints
     return {
@@ -181,7 +180,7 @@ def c_text(name: str) -> str:
 
 def c_functions(robot: Robot) -> list[CFunction]:
     """Build the C functions for forward and inverse kinematics, inverse dynamics, motor torques."""
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     body = RigidBody.from_robot(robot)
     q, qd, qdd, qddd, task, guess = (
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "task", "near")
