@@ -65,16 +65,14 @@ class Commands:
     """Torque offset, N·m."""
     prescribed: Array
     """Prescribed accelerations of joints without a drive, rad/s² or m/s²."""
-    power: Array
-    """1 while the drives have power, otherwise 0, (n,)."""
     stalled: Array
     """1 while the motor is blocked, otherwise 0."""
+    power: Array
+    """1 while the drives have power, otherwise 0, (n,)."""
 
     def table(self) -> Array:
         """Return all columns side by side, (n, 25)."""
-        columns = {**vars(self)}
-        power = columns.pop("power")  # It becomes the last column.
-        return np.column_stack([*columns.values(), power])
+        return np.column_stack(list(vars(self).values()))
 
 
 @record
@@ -158,7 +156,7 @@ def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> C
     default = Compliance.of_frequency(
         RigidBody.from_robot(robot),
         np.zeros(4),
-        (frequency[0], frequency[1], frequency[2], frequency[3]),
+        frequency,
     )
     damping = default.damping * np.asarray(ratios) / DAMPING_RATIO
     return Compliance(default.stiffness * scale, damping * scale, np.asarray(backlash))
