@@ -5,10 +5,10 @@ This module never imports the planner.
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -24,6 +24,7 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
+from ssm_planner.typing import JsonObject
 
 if TYPE_CHECKING:
     from ssm_planner.formats import Reading
@@ -33,7 +34,7 @@ PLAN_FILE = "plan.json"
 STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
 
 
-def check_arguments(parser: argparse.ArgumentParser) -> None:
+def check_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "trajectory",
         type=Path,
@@ -77,15 +78,14 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser)
 
 
-def run_check(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-    progress(Step(f"reading {options.trajectory}"))
-    document: dict[str, Any]
+def run_check(options: Namespace) -> int:
+    progress = progress_reporter(f"reading {options.trajectory}")
+    document: JsonObject
     from ssm_planner.verification import with_task
 
     if options.key is not None and (fault := _signature_fault(options.trajectory, options.key)):
         refused = {"passed": False, "verdict": "violated", "reason": fault, "limits": []}
-        document = {"trajectory": str(options.trajectory), **refused}
+        document = {"trajectory": options.trajectory, **refused}
         show(options.json, document, lambda: [f"check: FAILED: {fault}"])
         return FAILED
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
@@ -95,7 +95,7 @@ def run_check(options: argparse.Namespace) -> int:
     limits = reading.ends_on(_declared(options, limits))
     progress(Step("checking"))
     document = {
-        "trajectory": str(options.trajectory),
+        "trajectory": options.trajectory,
         "robot": robot.name,
         "notes": list(reading.notes),
     }
@@ -143,11 +143,11 @@ def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
 
 
 def _check_speeds(
-    options: argparse.Namespace,
+    options: Namespace,
     reading: Reading,
     robot: Robot,
     limits: TaskLimits,
-    document: dict[str, Any],
+    document: JsonObject,
 ) -> int:
     """Check the motion at one lower speed or at all speeds of a range, and return the exit status.
 
@@ -274,7 +274,7 @@ def read(
     return reading, robot, limits
 
 
-def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
+def _declared(options: Namespace, limits: TaskLimits) -> TaskLimits:
     """Return the limits with the start and end rates that the options declare.
 
     Raises ProblemError if a rate is invalid.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from ssm_planner.cli.shared import (
@@ -19,7 +19,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 
 
-def plan_arguments(parser: argparse.ArgumentParser) -> None:
+def plan_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert"
     )
@@ -53,11 +53,10 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_plan(options: argparse.Namespace) -> int:
+def run_plan(options: Namespace) -> int:
     from ssm_planner.reporting import FigureProcess
 
-    progress = progress_reporter()
-    progress(Step(f"reading {options.problem}"))
+    progress = progress_reporter(f"reading {options.problem}")
     # The process starts before the planning, so that it is ready when the plan is.
     with FigureProcess() as drawer:
         from ssm_planner.loading import load_problem
@@ -82,7 +81,7 @@ def run_plan(options: argparse.Namespace) -> int:
     progress(Step("done"))
     text = summary_lines(result, folder if result.passed else None, options.verbose)
     text += [f"file     {files['page']}"] if "page" in files else []
-    document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
+    document = {**result.summary(), "files": files}
     show(
         options.json,
         document,

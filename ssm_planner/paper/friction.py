@@ -122,7 +122,7 @@ def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
 
     The range covers the robot's tilt range, ±30° of roll and its travel.
     """
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     low, high = robot.ranges["tilt"]
     half = published.REQUIRED_ROLL / 2
     axes = (

@@ -120,14 +120,14 @@ class TiltRange:
 
 def tilt_range(robot: Robot) -> TiltRange:
     """Compute both versions of Table I; rad."""
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     rounded = Mechanism.from_angles(published.ALPHA, published.BETA, published.FIRST_TILT)
     return TiltRange(tilt_table(rounded), tilt_table(mechanism), mechanism.beta)
 
 
 def workspace_section(robot: Robot) -> Section:
     """Return the section about Table I, the reason for its differences, and the figures."""
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     figures = {
         "axes": axes_figure(mechanism),
         "tilt_disks": tilt_disks(mechanism),
@@ -172,7 +172,7 @@ def design_choice() -> DesignChoice:
 def design_section(robot: Robot, eye: Eye) -> Section:
     """Return the section about the axes, the other required ranges, the eye and the offset."""
     choice = design_choice()
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     low, high = robot.joints[3].position
     across, offset, axial = robot.bodies[3].com
     values = {
