@@ -157,7 +157,7 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
     # row by row, so that operations run along many values
     lateral = np.cos(roll) * across + np.sin(roll) * upwards
     pointing = np.cos(tilt) * axial + np.sin(tilt) * lateral
-    return np.asarray(mechanism.insertion_sign * depth * pointing).T
+    return (mechanism.insertion_sign * depth * pointing).T
 
 
 def joints_from_task_symbolic(
