@@ -24,7 +24,7 @@ from ssm_planner.problem import Robot, robot_hash
 from ssm_planner.publishing import EXPORT, MANIFEST, VERSION, hashes, publishing
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Files, JsonObject, Keywords
+from ssm_planner.typing import JsonObject, Keywords
 from ssm_planner.verification import Certificate, check_slower, sealed
 from ssm_planner.verification.check import check
 
@@ -43,7 +43,7 @@ def export(
     robot: Robot | None = None,
     sign: str | Path | None = None,
     **options: Any,
-) -> tuple[Files, JsonObject]:
+) -> tuple[dict[str, Path], JsonObject]:
     """Export a plan or a trajectory in one of `FORMATS`.
 
     The plan is verified again first.
@@ -73,7 +73,7 @@ def export(
 
     Returns
     -------
-    files : Files
+    files : dict[str, Path]
         Paths by file name, including the manifest.
     manifest : dict
 

@@ -21,7 +21,7 @@ from ssm_planner.publishing import publishing_results, replacing_result
 from ssm_planner.reporting.figures.style import new_panels
 from ssm_planner.reporting.figures.workspace import great_arc
 from ssm_planner.reporting.html.scene import link_sides
-from ssm_planner.typing import Array, Files, JsonObject, Keywords
+from ssm_planner.typing import Array, JsonObject, Keywords
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ LABEL: Keywords = {"ha": "center", "va": "bottom", "fontsize": 7}
 
 
 @checked
-def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> Files:
+def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[str, Path]:
     """Write the motion of a plan as film.gif, film.mp4, strip.png and single pictures.
 
     The file film.mp4 requires the program ffmpeg. Without ffmpeg, it is not written.
@@ -64,7 +64,7 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> Files
 
     Returns
     -------
-    Files
+    dict[str, Path]
         Paths of the files by file name.
 
     Raises
