@@ -12,7 +12,7 @@ from ssm_planner.comparison.compare import LAG, Comparison
 from ssm_planner.comparison.compare import compare as compare_recordings
 from ssm_planner.comparison.measured import assign, read_measured
 from ssm_planner.errors import ProblemError, TrajectoryError
-from ssm_planner.formats.read import read_trajectory
+from ssm_planner.formats import read_trajectory
 from ssm_planner.loading import load_motor
 from ssm_planner.plans import FILE, Plan, as_plan
 from ssm_planner.problem import Motor, Robot, TaskLimits
@@ -20,9 +20,8 @@ from ssm_planner.sizing import Conditions, DutyCycle, Sizing, pause_of
 from ssm_planner.sizing.size import size as size_duty
 from ssm_planner.stopping import INSTANTS, Stops
 from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification import SLOWEST, Certificate, SpeedRange, check_slower
 from ssm_planner.verification import check as checking
-from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.slower import SLOWEST, SpeedRange, check_slower
 from ssm_planner.verification.slower import check_speeds as check_every_speed
 
 
@@ -279,8 +278,7 @@ def report(
     >>> ssm.report("results/tilt_insert", mkdtemp() + "/report.html").name
     'report.html'
     """
-    from ssm_planner.reporting.html.compare import write_comparison
-    from ssm_planner.reporting.html.report import write_report
+    from ssm_planner.reporting import write_comparison, write_report
 
     plan = as_plan(plan)
     page = Path(path or plan.path.with_name("report.html" if other is None else "comparison.html"))

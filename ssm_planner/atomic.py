@@ -65,6 +65,12 @@ def replacing(path: Path) -> Iterator[Path]:
             _temporaries.discard(temporary)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8 that replaces `path` at once. Raises what `replacing` raises."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def staging(folder: Path) -> Iterator[Path]:
     """Yield an empty temporary folder, and remove it at the end of the block.

@@ -45,7 +45,7 @@ from ssm_planner.stopping import Stops, controlled_stops
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import JsonObject, frozen, record
 from ssm_planner.units import display_unit
-from ssm_planner.verification.certificate import Certificate, broken_seal
+from ssm_planner.verification import Certificate, broken_seal
 from ssm_planner.verification.check import check
 from ssm_planner.verification.second_opinion import Opinion, second_opinions
 

@@ -17,7 +17,6 @@ import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 from ssm_planner.atomic import (
     destination,
@@ -29,6 +28,7 @@ from ssm_planner.atomic import (
     written_files,
 )
 from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.typing import JsonObject
 
 MANIFEST = "manifest.json"
 PLAN = "plan.json"
@@ -83,7 +83,7 @@ def publishing_results(folder: Path, plan: str) -> Iterator[Path]:
     with publishing(folder) as temporary:
         yield temporary
         manifest = {"format": RESULTS, "version": VERSION, "plan": plan, "files": hashes(temporary)}
-        (temporary / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+        _write_manifest(temporary / MANIFEST, manifest)
 
 
 @contextmanager
@@ -117,7 +117,7 @@ def sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> JsonObject:
     """Return the manifest of results or of an export in a folder, or an empty one."""
     path = folder / MANIFEST
     try:
@@ -131,7 +131,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return {}
 
 
-def listed_files(manifest: Mapping[str, Any]) -> dict[str, str]:
+def listed_files(manifest: JsonObject) -> dict[str, str]:
     """Return the SHA-256 by name of the files in a manifest.
 
     Names that leave its folder are omitted.
@@ -218,10 +218,10 @@ def _merged(
     source: Path,
     folder: Path,
     displayed_path: Path,
-    manifest: dict[str, Any],
+    manifest: JsonObject,
     *,
-    old: Mapping[str, Any],
-) -> dict[str, Any]:
+    old: JsonObject,
+) -> JsonObject:
     """Return the manifest of the new generation.
 
     Files without a plan.json join the unchanged files of the same plan. Raises ExportError if the
@@ -244,7 +244,7 @@ def _merged(
     return manifest
 
 
-def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
+def _write_manifest(path: Path, manifest: JsonObject) -> None:
     """Write a manifest and flush it to the disk."""
     path.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     sync(path)

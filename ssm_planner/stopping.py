@@ -8,10 +8,8 @@ from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, record
-from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.check import check_stops
+from ssm_planner.verification import Certificate, StopMotions, check_stops, quickest_stops
 from ssm_planner.verification.stops import INSTANTS as INSTANTS
-from ssm_planner.verification.stops import StopMotions, quickest_stops
 
 
 @record

@@ -13,6 +13,7 @@ import yaml
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
+from ssm_planner.typing import JsonObject
 
 if TYPE_CHECKING:
     from ssm_planner.loading import Key
@@ -44,7 +45,7 @@ COLUMN, WIDTH = 44, 116
 
 
 @checked
-def schema(kind: str) -> dict[str, Any]:
+def schema(kind: str) -> JsonObject:
     """Return the JSON schema of a kind of YAML file, as JSON types.
 
     Parameters
@@ -147,7 +148,7 @@ class _Writer:
         self.keys = keys
         self.described: set[str] = set()
 
-    def mapping(self, data: Mapping[str, Any], parent: str, depth: int) -> Iterator[str]:
+    def mapping(self, data: JsonObject, parent: str, depth: int) -> Iterator[str]:
         """Yield the lines of a mapping: the keys of `data`, then other optional keys as comments.
 
         `parent` is the path of the mapping with a final dot, and `depth` its indentation level.

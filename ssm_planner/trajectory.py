@@ -5,7 +5,7 @@ The planner writes this form, the check judges it, and the exports sample it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -119,8 +119,8 @@ class Trajectory(ShortRepr):
             )
         if np.isfinite(self.breaks).all():
             self._check_breaks()
-        for start in range(0, pieces, BLOCK):
-            self._check_pieces(slice(start, start + BLOCK))
+        for block in blocks(pieces, BLOCK):
+            self._check_pieces(block)
         self.breaks.setflags(write=False)
         if isinstance(self.coefficients, np.ndarray):
             self.coefficients.setflags(write=False)
@@ -198,7 +198,7 @@ class Trajectory(ShortRepr):
 
         At a break, `side` chooses the piece to its right or to its left.
         """
-        index = np.searchsorted(self.breaks, t, side="right" if side == "right" else "left") - 1
+        index = np.searchsorted(self.breaks, t, side) - 1
         return np.clip(index, 0, len(self.breaks) - 2)
 
     def sample(self, t: ArrayLike, side: Side = "right", *, clamp: bool = False) -> Samples:
@@ -335,6 +335,20 @@ def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, li
     if not (np.diff(times) > 0).all() or not np.isfinite(states).all():
         raise TrajectoryError("samples need increasing times and finite numbers")
     return times, states
+
+
+def blocks(count: int, size: int) -> Iterator[slice]:
+    """Return consecutive slices that cover range(count)."""
+    return (slice(start, min(start + size, count)) for start in range(0, count, size))
+
+
+def parts_of(counts: Indices) -> tuple[Indices, Indices]:
+    """Return the piece of each part (n,) and its place in the piece (n,).
+
+    counts (m,): number of parts of each piece.
+    """
+    piece = np.repeat(np.arange(len(counts)), counts)
+    return piece, np.arange(len(piece)) - (np.cumsum(counts) - counts)[piece]
 
 
 def hermite(

@@ -1,8 +1,9 @@
-"""Types of arrays, ranges and JSON objects, and the decorators of immutable classes."""
+"""Types that many modules share, and the decorators of immutable classes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,9 +15,15 @@ Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Expression = Any
 """A float, an array or a CasADi expression."""
+Arrays = dict[str, Array]
+"""Arrays by name."""
 Range = tuple[float, float]
 JsonObject = dict[str, Any]
 """Object of a JSON or YAML file: values of JSON types by key."""
+Files = dict[str, Path]
+"""Paths of written files by name."""
+Keywords = dict[str, Any]
+"""Arguments of a function by keyword."""
 C = TypeVar("C")
 
 

@@ -5,10 +5,10 @@ This module never imports the planner.
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -24,16 +24,17 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
+from ssm_planner.typing import JsonObject
 
 if TYPE_CHECKING:
-    from ssm_planner.formats.points import Reading
+    from ssm_planner.formats import Reading
     from ssm_planner.problem import Robot, TaskLimits
 
 PLAN_FILE = "plan.json"
 STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
 
 
-def check_arguments(parser: argparse.ArgumentParser) -> None:
+def check_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "trajectory",
         type=Path,
@@ -77,15 +78,14 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser)
 
 
-def run_check(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-    progress(Step(f"reading {options.trajectory}"))
-    document: dict[str, Any]
-    from ssm_planner.verification.visits import with_task
+def run_check(options: Namespace) -> int:
+    progress = progress_reporter(f"reading {options.trajectory}")
+    document: JsonObject
+    from ssm_planner.verification import with_task
 
     if options.key is not None and (fault := _signature_fault(options.trajectory, options.key)):
         refused = {"passed": False, "verdict": "violated", "reason": fault, "limits": []}
-        document = {"trajectory": str(options.trajectory), **refused}
+        document = {"trajectory": options.trajectory, **refused}
         show(options.json, document, lambda: [f"check: FAILED: {fault}"])
         return FAILED
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
@@ -95,7 +95,7 @@ def run_check(options: argparse.Namespace) -> int:
     limits = reading.ends_on(_declared(options, limits))
     progress(Step("checking"))
     document = {
-        "trajectory": str(options.trajectory),
+        "trajectory": options.trajectory,
         "robot": robot.name,
         "notes": list(reading.notes),
     }
@@ -113,8 +113,7 @@ def run_check(options: argparse.Namespace) -> int:
 
 def _signature_fault(folder: Path, key: Path) -> str | None:
     """Return why a folder is not an export that was signed with a key, or None."""
-    from ssm_planner.formats.read import read_manifest
-    from ssm_planner.formats.signature import signature_fault
+    from ssm_planner.formats import read_manifest, signature_fault
 
     try:
         return signature_fault(folder, read_manifest(folder), key)
@@ -127,7 +126,7 @@ def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
 
     Raises ProblemError if no limit has such a name.
     """
-    from ssm_planner.verification.limits import DYNAMIC
+    from ssm_planner.verification import DYNAMIC
 
     names = [name.strip() for name in text.split(",") if name.strip()]
     known = {*DYNAMIC, *(limit.name for limit in certificate.limits)}
@@ -144,11 +143,11 @@ def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
 
 
 def _check_speeds(
-    options: argparse.Namespace,
+    options: Namespace,
     reading: Reading,
     robot: Robot,
     limits: TaskLimits,
-    document: dict[str, Any],
+    document: JsonObject,
 ) -> int:
     """Check the motion at one lower speed or at all speeds of a range, and return the exit status.
 
@@ -156,7 +155,7 @@ def _check_speeds(
 
     Raises ProblemError if the option --speed or the trajectory does not permit such a check.
     """
-    from ssm_planner.verification.slower import check_slower, check_speeds
+    from ssm_planner.verification import check_slower, check_speeds
 
     if reading.resolution is not None:
         raise ProblemError(
@@ -192,7 +191,7 @@ def _check_speeds(
 def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
     """Return lines that state the worst speed for every limit that a slower motion may violate."""
     from ssm_planner.display import number
-    from ssm_planner.reporting.text import Table, limit_cells
+    from ssm_planner.reporting import Table, limit_cells
 
     rows = []
     for result in speeds.worst:
@@ -229,7 +228,7 @@ def read(
     ProblemError
         If the robot or problem file is invalid.
     """
-    from ssm_planner.formats.read import read_trajectory
+    from ssm_planner.formats import read_trajectory
 
     robot = limits = None
     if problem_file is not None:
@@ -238,7 +237,7 @@ def read(
     if robot_file is not None:
         robot = ssm.load_robot(robot_file)
     if path.suffix.lower() == ".json" or (path / PLAN_FILE).is_file():
-        from ssm_planner.formats.points import Reading
+        from ssm_planner.formats import Reading
         from ssm_planner.plans import load_plan
 
         plan = load_plan(path)
@@ -275,7 +274,7 @@ def read(
     return reading, robot, limits
 
 
-def _declared(options: argparse.Namespace, limits: TaskLimits) -> TaskLimits:
+def _declared(options: Namespace, limits: TaskLimits) -> TaskLimits:
     """Return the limits with the start and end rates that the options declare.
 
     Raises ProblemError if a rate is invalid.
@@ -318,8 +317,8 @@ def certificate_lines(
     The limit with the smallest margin is first. Each row of the table states the worst value, the
     bound, the margin, the joint and the time.
     """
-    from ssm_planner.reporting.text import limits_table
-    from ssm_planner.verification.certificate import subjects
+    from ssm_planner.reporting import limits_table
+    from ssm_planner.verification import subjects
 
     count, broken = len(certificate.limits), len(certificate.violations)
     verdict = f"PASSED: {count} limits kept"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -17,7 +17,7 @@ from ssm_planner.cli.shared import (
 from ssm_planner.progress import Step
 
 
-def compare_arguments(parser: argparse.ArgumentParser) -> None:
+def compare_arguments(parser: ArgumentParser) -> None:
     plan_argument(parser)
     parser.add_argument(
         "recordings",
@@ -41,9 +41,8 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser)
 
 
-def run_compare(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-    progress(Step(f"reading {options.plan}"))
+def run_compare(options: Namespace) -> int:
+    progress = progress_reporter(f"reading {options.plan}")
     from ssm_planner.comparison.compare import LAG, compare
     from ssm_planner.comparison.measured import assign, read_measured
 
@@ -55,7 +54,7 @@ def run_compare(options: argparse.Namespace) -> int:
     progress(Step("comparing"))
     comparison = compare(plan.motion, plan.robot, plan.certificate, recordings, options.lag or LAG)
     progress(Step("done"))
-    document = {"plan": str(options.plan), **comparison.to_dict()}
+    document = {"plan": options.plan, **comparison.to_dict()}
     show(options.json, document, lambda: compare_lines(comparison))
     return OK if comparison.followed else FAILED
 
@@ -68,7 +67,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     """
     from ssm_planner.comparison.clock import CERTAIN
     from ssm_planner.display import format_fixed, number, percent
-    from ssm_planner.reporting.text import Table, unit_of_limit
+    from ssm_planner.reporting import Table, unit_of_limit
 
     clock = comparison.clock
     rate = f"{percent(1 / clock.estimated_rate - 1, 4)} ± {100 * CERTAIN * clock.rate_error:.2g} %"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -17,11 +16,12 @@ from ssm_planner.cli.shared import (
     show,
 )
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.format import FORMATS
+from ssm_planner.formats import FORMATS
 from ssm_planner.progress import Step
+from ssm_planner.typing import Keywords
 
 
-def export_arguments(parser: argparse.ArgumentParser) -> None:
+def export_arguments(parser: ArgumentParser) -> None:
     plan_argument(parser)
     parser.add_argument("--to", required=True, choices=[*FORMATS], help="format to write")
     output_arguments(parser, "folder (default: beside the plan)")
@@ -56,9 +56,8 @@ def _options() -> dict[str, dict[str, list[str]]]:
     return options
 
 
-def run_export(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-    progress(Step(f"reading {options.plan}"))
+def run_export(options: Namespace) -> int:
+    progress = progress_reporter(f"reading {options.plan}")
 
     stated = {name: getattr(options, name) for name in ("speed", "sign", *_options())}
     settings = {name: value for name, value in stated.items() if value is not None}
@@ -68,14 +67,13 @@ def run_export(options: argparse.Namespace) -> int:
         options.plan, options.to, options.output, force=options.force, **settings
     )
     progress(Step("done"))
-    paths = {name: str(path) for name, path in files.items()}
     lines = [f"note: {note}" for note in manifest.get("notes", [])]
     if not manifest["verified"]:
         lines.append("UNVERIFIED: the plan has no passed certificate; every file is marked so")
     show(
         options.json,
-        {**manifest, "files": paths},
-        lambda: [*lines, *(f"file: {path}" for path in paths.values())],
+        {**manifest, "files": files},
+        lambda: [*lines, *(f"file: {path}" for path in files.values())],
     )
     return OK
 
@@ -96,7 +94,7 @@ def _counts(words: list[str]) -> int | dict[str, int]:
     return counts.get("", counts)
 
 
-PARSED: dict[str, dict[str, Any]] = {
+PARSED: dict[str, Keywords] = {
     "rate": {"type": rate_argument, "metavar": "HZ"},
     "columns": {"type": lambda text: [word.strip() for word in text.split(",")], "metavar": "LIST"},
     "mode": {"choices": ("csp", "csv", "cst")},

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import json
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from ssm_planner.cli.shared import OK
@@ -11,16 +11,16 @@ from ssm_planner.errors import ExportError
 from ssm_planner.templates import FILE_KINDS, TEMPLATES, schema, template
 
 
-def schema_arguments(parser: argparse.ArgumentParser) -> None:
+def schema_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("kind", choices=FILE_KINDS, help="kind of file")
 
 
-def run_schema(options: argparse.Namespace) -> int:
+def run_schema(options: Namespace) -> int:
     print(json.dumps(schema(options.kind), indent=1, ensure_ascii=False))
     return OK
 
 
-def new_arguments(parser: argparse.ArgumentParser) -> None:
+def new_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "kind", choices=TEMPLATES, help="kind of file (drive: worm gear, screw: lead screw)"
     )
@@ -29,19 +29,18 @@ def new_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_new(options: argparse.Namespace) -> int:
+def run_new(options: Namespace) -> int:
     name = options.file.stem if options.file is not None else f"my_{options.kind}"
     text = template(options.kind, name)
     if options.file is None:
         print(text, end="")
         return OK
-    from ssm_planner.atomic import replacing
+    from ssm_planner.atomic import write_text
 
     if options.file.exists():
         raise ExportError(
             f"{options.file}: the file exists and is not overwritten: name another file"
         )
-    with replacing(options.file) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(options.file, text)
     print(f"file: {options.file}")
     return OK

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -17,11 +16,12 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
+from ssm_planner.typing import Files, JsonObject
 
 LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
 
 
-def identify_arguments(parser: argparse.ArgumentParser) -> None:
+def identify_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "drive", type=Path, help="drive file (YAML) with the rig's payload and recorder settings"
     )
@@ -57,11 +57,9 @@ def identify_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_identify(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-
+def run_identify(options: Namespace) -> int:
     fixed = dict(_fixed_parameter(text) for text in options.fix)
-    progress(Step(f"identifying {options.drive}"))
+    progress = progress_reporter(f"identifying {options.drive}")
     identification = ssm.identify(
         options.drive,
         options.recordings,
@@ -70,7 +68,7 @@ def run_identify(options: argparse.Namespace) -> int:
         free=tuple(options.free),
         progress=progress,
     )
-    result: dict[str, Any] = {
+    result: JsonObject = {
         **identification.to_dict(),
         "files": _write_drive(identification, options.drive, options.output),
     }
@@ -80,9 +78,7 @@ def run_identify(options: argparse.Namespace) -> int:
     return OK
 
 
-def _write_drive(
-    identification: ssm.Identification, drive: Path, output: Path | None
-) -> dict[str, str]:
+def _write_drive(identification: ssm.Identification, drive: Path, output: Path | None) -> Files:
     """Write the identified drive file and the figure of its map.
 
     `drive` is the path of the original drive file, which provides the default name. `output` is
@@ -90,8 +86,7 @@ def _write_drive(
     written.
     """
     from ssm_planner.publishing import publishing
-    from ssm_planner.reporting.figures.sizing import map_figure
-    from ssm_planner.reporting.figures.style import save_figure
+    from ssm_planner.reporting import map_figure, save_figure
 
     path = output_file(output, ".yaml", Path("results") / drive.stem / f"{drive.stem}.yaml")
     with publishing(path.parent) as temporary:
@@ -100,8 +95,8 @@ def _write_drive(
             map_figure(identification.fit, identification.data, identification.load),
             temporary / f"{path.stem}_map",
         )
-    names = (str(path.with_name(figure.name)) for figure in figures.values())
-    return {"drive": str(path), **dict(zip(("map", "map_pdf"), names, strict=True))}
+    maps = (path.with_name(figure.name) for figure in figures.values())
+    return {"drive": path, **dict(zip(("map", "map_pdf"), maps, strict=True))}
 
 
 def _fixed_parameter(text: str) -> tuple[str, float]:
@@ -116,10 +111,10 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
         raise ProblemError(reason, key="--fix", value=text, allowed="such as mu=0.12") from None
 
 
-def _identified_lines(result: dict[str, Any], drive: ssm.Drive) -> list[str]:
+def _identified_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
     from ssm_planner.display import format_fixed, number
     from ssm_planner.identification import unit_of
-    from ssm_planner.reporting.text import Table
+    from ssm_planner.reporting import Table
     from ssm_planner.units import RPM
 
     shares = ", ".join(f"{law} {share:.0%}" for law, share in result["law_shares"].items())
@@ -172,7 +167,7 @@ def _identified_lines(result: dict[str, Any], drive: ssm.Drive) -> list[str]:
     return [*lines, f"friction law {result['law']}{likely}, map NRMSD {error}"]
 
 
-def predict_arguments(parser: argparse.ArgumentParser) -> None:
+def predict_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("drive", type=Path, help="drive file (YAML)")
     parser.add_argument(
         "recordings",
@@ -184,11 +179,10 @@ def predict_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser, "write a figure per recording there")
 
 
-def run_predict(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
+def run_predict(options: Namespace) -> int:
+    progress = progress_reporter(f"predicting with {options.drive}")
     from ssm_planner.identification import friction_origin, predict
 
-    progress(Step(f"predicting with {options.drive}"))
     origin = friction_origin(options.drive)
     predictions = predict(options.drive, options.recordings, progress)
     results = []
@@ -211,7 +205,7 @@ def run_predict(options: argparse.Namespace) -> int:
     return OK
 
 
-def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
+def _predicted_lines(result: JsonObject) -> Iterator[str]:
     name, nrmsd, origin = (result[key] for key in ("recording", "nrmsd", "friction"))
     yield f"{name:<40}  NRMSD {nrmsd:.4f}   friction from {origin}"
     if result["mean_band"] is not None:
@@ -232,16 +226,15 @@ def _predicted_lines(result: dict[str, Any]) -> Iterator[str]:
     yield from (f"  figure: {path}" for path in result["files"].values())
 
 
-def _write_figures(prediction: ssm.Prediction, folder: Path | None) -> dict[str, str]:
+def _write_figures(prediction: ssm.Prediction, folder: Path | None) -> Files:
     """Write the figure of one recording as PNG and PDF, and return the paths by name.
 
     Without a folder, nothing is written. Raises ExportError if a file cannot be written.
     """
     if folder is None:
         return {}
-    from ssm_planner.reporting.figures.sizing import prediction_figure
-    from ssm_planner.reporting.figures.style import save_figure
+    from ssm_planner.reporting import prediction_figure, save_figure
 
     name = prediction.recording.name.removesuffix(".csv").replace("/", "_")
     paths = save_figure(prediction_figure(prediction), folder / f"prediction_{name}")
-    return dict(zip(("figure", "pdf"), map(str, paths.values()), strict=True))
+    return dict(zip(("figure", "pdf"), paths.values(), strict=True))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import math
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -20,9 +19,10 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.display import format_fixed
 from ssm_planner.errors import ProblemError
+from ssm_planner.typing import JsonObject
 
 
-def ik_arguments(parser: argparse.ArgumentParser) -> None:
+def ik_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("robot", type=Path, help="robot file (YAML)")
     quantity_option(parser, "--roll", "angle", "such as 10deg (default 0)", 0.0)
     parser.add_argument(
@@ -36,7 +36,7 @@ def ik_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser)
 
 
-def run_ik(options: argparse.Namespace) -> int:
+def run_ik(options: Namespace) -> int:
     from ssm_planner.problem import TASK
 
     robot, point = ssm.load_robot(options.robot), {name: getattr(options, name) for name in TASK}
@@ -55,7 +55,7 @@ def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
         yield f"not reachable: the nearest is off by {angle:.6g} deg and {distance:.6g} mm"
 
 
-def workspace_arguments(parser: argparse.ArgumentParser) -> None:
+def workspace_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("robot", type=Path, nargs="?", help="robot file (YAML)")
     parser.add_argument(
         "--reach",
@@ -70,7 +70,7 @@ def workspace_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser, "write the figures there")
 
 
-def run_workspace(options: argparse.Namespace) -> int:
+def run_workspace(options: Namespace) -> int:
     if options.robot is None and options.reach is None:
         raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")
     robot = None if options.robot is None else ssm.load_robot(options.robot)
@@ -86,7 +86,7 @@ def run_workspace(options: argparse.Namespace) -> int:
     return OK if result.get("reachable", True) else FAILED
 
 
-def _workspace(robot: ssm.Robot, output: Path | None) -> dict[str, Any]:
+def _workspace(robot: ssm.Robot, output: Path | None) -> JsonObject:
     """Return the workspace as JSON types with the keys alpha, beta, tilt_range, home and extremes.
 
     With a folder `output`, write the figures there and add their paths under the key files.
@@ -95,17 +95,15 @@ def _workspace(robot: ssm.Robot, output: Path | None) -> dict[str, Any]:
     result = ssm.workspace(robot).to_dict()
     if output is not None:
         from ssm_planner.kinematics import Mechanism
-        from ssm_planner.reporting.figures.workspace import publish_figures, workspace_figures
+        from ssm_planner.reporting import publish_figures, workspace_figures
 
-        result["files"] = publish_figures(
-            workspace_figures(Mechanism.from_geometry(robot.geometry)), output
-        )
+        result["files"] = publish_figures(workspace_figures(Mechanism.from_robot(robot)), output)
     return result
 
 
 def _designs(
     reach: ssm.Range, margin: float, robot: ssm.Robot | None, output: Path | None
-) -> dict[str, Any]:
+) -> JsonObject:
     """Return the designs (α, β) that reach a tilt range, as JSON types.
 
     Parameters
@@ -128,7 +126,7 @@ def _designs(
 
     region = design_region(*reach, margin)
     alpha, beta = region.smallest_alpha
-    result: dict[str, Any] = {
+    result: JsonObject = {
         "alpha": None if region.empty else alpha,
         "beta": None if region.empty else beta,
         "region": region.vertices.tolist(),
@@ -145,7 +143,7 @@ def _designs(
             "margin": design_margin(*built, reach),
         }
     if output is not None:
-        from ssm_planner.reporting.figures.workspace import design_region_figure, publish_figures
+        from ssm_planner.reporting import design_region_figure, publish_figures
 
         result["files"] = publish_figures(
             {"design_region": design_region_figure(region, built)}, output
@@ -153,7 +151,7 @@ def _designs(
     return result
 
 
-def _workspace_lines(result: dict[str, Any]) -> list[str]:
+def _workspace_lines(result: JsonObject) -> list[str]:
     def degrees(value: float) -> str:
         return f"{format_fixed(math.degrees(value), 4)} deg"
 

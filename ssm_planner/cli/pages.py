@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 import ssm_planner as ssm
@@ -21,7 +21,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 
 
-def report_arguments(parser: argparse.ArgumentParser) -> None:
+def report_arguments(parser: ArgumentParser) -> None:
     plan_argument(parser)
     parser.add_argument("other", type=Path, nargs="?", help="second plan for a comparison")
     output_arguments(parser, "folder of the page (default: that of PLAN); FILE.html names the page")
@@ -39,7 +39,7 @@ def report_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_report(options: argparse.Namespace) -> int:
+def run_report(options: Namespace) -> int:
     if options.width is not None and options.figures is None:
         raise ProblemError(
             "--width requires a folder for the figures", key="--width", allowed="--figures DIR"
@@ -49,18 +49,16 @@ def run_report(options: argparse.Namespace) -> int:
     out = output_file(options.output, ".html", plan.path.with_name(f"{name}.html"))
     files = {name: ssm.report(plan, out, options.other)}
     if options.figures is not None:
-        from ssm_planner.reporting.figures.plan import WIDE, WIDTHS
-        from ssm_planner.reporting.figures.process import write_figures_of_file
+        from ssm_planner.reporting import WIDE, WIDTHS, write_figures_of_file
 
         files |= write_figures_of_file(plan, options.figures, WIDTHS.get(options.width, WIDE))
-    paths = {name: str(path) for name, path in files.items()}
     show(
-        options.json, {"files": paths}, lambda: [f"{name}: {path}" for name, path in paths.items()]
+        options.json, {"files": files}, lambda: [f"{name}: {path}" for name, path in files.items()]
     )
     return OK
 
 
-def film_arguments(parser: argparse.ArgumentParser) -> None:
+def film_arguments(parser: ArgumentParser) -> None:
     plan_argument(parser)
     quantity_option(parser, "--speed", "share", "playback speed, such as 25%%", 1.0)
     output_arguments(
@@ -70,10 +68,10 @@ def film_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_film(options: argparse.Namespace) -> int:
+def run_film(options: Namespace) -> int:
     plan = ssm.load_plan(options.plan)
     out = options.output or plan.path.with_name("film")
-    files = {name: str(path) for name, path in ssm.film(plan, out, options.speed).items()}
+    files = ssm.film(plan, out, options.speed)
     lines = [f"{name}: {path}" for name, path in files.items()]
     if out.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
         lines.append("mp4: not written, because the program ffmpeg is not on the PATH")
@@ -81,7 +79,7 @@ def run_film(options: argparse.Namespace) -> int:
     return OK
 
 
-def view_arguments(parser: argparse.ArgumentParser) -> None:
+def view_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "problem",
         type=Path,
@@ -94,7 +92,7 @@ def view_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
 
 
-def run_view(options: argparse.Namespace) -> int:
+def run_view(options: Namespace) -> int:
     with ssm.serve_view(options.problem, options.port) as server:
         print(f"{server.url}  (Ctrl-C ends it)", file=sys.stderr, flush=True)
         if not options.no_browser:
@@ -108,7 +106,7 @@ def run_view(options: argparse.Namespace) -> int:
     return OK
 
 
-def reproduce_arguments(parser: argparse.ArgumentParser) -> None:
+def reproduce_arguments(parser: ArgumentParser) -> None:
     output_arguments(parser, "the document goes into DIR/paper", default=Path("results"))
     parser.add_argument(
         "--recordings",
@@ -127,13 +125,12 @@ def reproduce_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_reproduce(options: argparse.Namespace) -> int:
+def run_reproduce(options: Namespace) -> int:
     progress, folder = progress_reporter(), options.output / "paper"
     outcome = ssm.reproduce(folder, options.problems, options.recordings, progress)
     progress(Step("done"))
-    paths = {name: str(path) for name, path in outcome.files.items()}
     left_out = outcome.left_out
-    result = {"passed": outcome.passed, "left_out": list(left_out), "files": paths}
+    result = {"passed": outcome.passed, "left_out": left_out, "files": outcome.files}
     show(
         options.json,
         result,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from ssm_planner.cli.shared import (
@@ -19,7 +19,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 
 
-def plan_arguments(parser: argparse.ArgumentParser) -> None:
+def plan_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert"
     )
@@ -53,18 +53,17 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_plan(options: argparse.Namespace) -> int:
-    from ssm_planner.reporting.figures.process import FigureProcess
+def run_plan(options: Namespace) -> int:
+    from ssm_planner.reporting import FigureProcess
 
-    progress = progress_reporter()
-    progress(Step(f"reading {options.problem}"))
+    progress = progress_reporter(f"reading {options.problem}")
     # The process starts before the planning, so that it is ready when the plan is.
     with FigureProcess() as drawer:
         from ssm_planner.loading import load_problem
         from ssm_planner.pipeline.run import plan_to_folder, starting_from
         from ssm_planner.plans import load_plan
         from ssm_planner.publishing import file_name
-        from ssm_planner.reporting.text import explanation, summary_lines
+        from ssm_planner.reporting import explanation, summary_lines
 
         if (options.moving is None) != (options.at is None):
             raise ProblemError(
@@ -82,7 +81,7 @@ def run_plan(options: argparse.Namespace) -> int:
     progress(Step("done"))
     text = summary_lines(result, folder if result.passed else None, options.verbose)
     text += [f"file     {files['page']}"] if "page" in files else []
-    document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
+    document = {**result.summary(), "files": files}
     show(
         options.json,
         document,

@@ -5,7 +5,7 @@ The command computes the fastest timing of the path in a trajectory file within 
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from ssm_planner.cli.shared import (
@@ -19,7 +19,7 @@ from ssm_planner.cli.shared import (
 from ssm_planner.progress import Step
 
 
-def retime_arguments(parser: argparse.ArgumentParser) -> None:
+def retime_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "path",
         type=Path,
@@ -34,16 +34,15 @@ def retime_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser, "result folder (default: results/<name of the file>_retimed)")
 
 
-def run_retime(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-    progress(Step(f"reading {options.path}"))
+def run_retime(options: Namespace) -> int:
+    progress = progress_reporter(f"reading {options.path}")
     import numpy as np
 
-    from ssm_planner.formats.read import read_trajectory
+    from ssm_planner.formats import read_trajectory
     from ssm_planner.pipeline.retime import limits_of, retiming_problem
     from ssm_planner.pipeline.run import plan_to_folder
     from ssm_planner.publishing import file_name
-    from ssm_planner.reporting.text import summary_lines
+    from ssm_planner.reporting import summary_lines
 
     robot, base = limits_of(options.robot, options.problem)
     reading = read_trajectory(options.path, robot)
@@ -64,7 +63,7 @@ def run_retime(options: argparse.Namespace) -> int:
         f"in the file    {before:.4f} s, {reading.interpolation}",
         "",
     ]
-    document = {**result.summary(), "files": {name: str(path) for name, path in files.items()}}
+    document = {**result.summary(), "files": files}
     document |= {
         "runs": len(problem.motion),
         "off_lines": deviation.tolist(),

@@ -5,11 +5,12 @@ They add arguments, convert values, report progress on stderr, and print or writ
 
 from __future__ import annotations
 
-import argparse
 import json
+import os
 import re
 import sys
 import time
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from ssm_planner.cli.terminal import print_lines
 from ssm_planner.display import columns
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Progress, Step
+from ssm_planner.typing import Files
 
 OK, FAILED, UNJUDGED = 0, 1, 4
 LARGEST_RATE = 100_000.0
@@ -25,20 +27,20 @@ LARGEST_RATE = 100_000.0
 
 
 def plan_argument(
-    parser: argparse.ArgumentParser, text: str = "plan.json, or the result folder that contains it"
+    parser: ArgumentParser, text: str = "plan.json, or the result folder that contains it"
 ) -> None:
     """Add the argument PLAN."""
     parser.add_argument("plan", type=Path, help=text)
 
 
 def output_arguments(
-    parser: argparse.ArgumentParser, text: str | None = None, default: Path | None = None
+    parser: ArgumentParser, text: str | None = None, default: Path | None = None
 ) -> None:
     """Add the option --json, and --output if the command writes files.
 
     Parameters
     ----------
-    parser : argparse.ArgumentParser
+    parser : ArgumentParser
     text : str, optional
         Help text of --output. Without it, the option is not added.
     default : Path, optional
@@ -78,19 +80,19 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
         try:
             return quantity(text.strip(), kind)
         except BadQuantity as error:
-            raise argparse.ArgumentTypeError(f"{text.strip()!r}: {error}") from error
+            raise ArgumentTypeError(f"{text.strip()!r}: {error}") from error
 
     return convert
 
 
 def quantity_option(
-    parser: argparse.ArgumentParser, flag: str, kind: str, text: str, default: float | None = None
+    parser: ArgumentParser, flag: str, kind: str, text: str, default: float | None = None
 ) -> None:
     """Add an option whose value is a quantity with unit, or a share in percent.
 
     Parameters
     ----------
-    parser : argparse.ArgumentParser
+    parser : ArgumentParser
     flag : str
         Name of the option.
     kind : str
@@ -114,7 +116,7 @@ def rate_argument(text: str) -> float:
         value = -1.0
     rate = value * (1000 if match is not None and (match.group(2) or "").lower() == "khz" else 1)
     if not 0 < rate <= LARGEST_RATE:
-        raise argparse.ArgumentTypeError(
+        raise ArgumentTypeError(
             f"{text!r} is not a rate such as 500 or 1kHz, up to {LARGEST_RATE / 1000:g}kHz"
         )
     return rate
@@ -167,10 +169,11 @@ FIRST = 5
 """Number of counted steps that are reported without regard to the interval."""
 
 
-def progress_reporter() -> Progress:
+def progress_reporter(first: str = "") -> Progress:
     """Return a function that reports a step on stderr with the elapsed time.
 
-    If the step counts items, the report contains an estimate of the remaining time.
+    If the step counts items, the report contains an estimate of the remaining time. `first` is the
+    name of a step that is reported at once.
     """
     begin = last_report = time.perf_counter()
     first_done, series_begin = -1, begin
@@ -196,6 +199,8 @@ def progress_reporter() -> Progress:
             text = f"\x1b[K{text[: columns() - 1]}"
         print(text, file=sys.stderr, end=end, flush=True)
 
+    if first:
+        report(Step(first))
     return report
 
 
@@ -211,25 +216,25 @@ def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> No
 
 
 def show_with_page(
-    options: argparse.Namespace,
+    options: Namespace,
     name: str,
     document: Any,
     lines: Sequence[str],
-    files: Iterable[str] = (),
+    files: Iterable[Path] = (),
 ) -> None:
     """Print a result, and write it as a page into the folder of -o.
 
     Parameters
     ----------
-    options : argparse.Namespace
+    options : Namespace
         Options of the command, with `output` and `json`.
     name : str
         Title of the page, and name of its file without suffix.
     document : Any
-        Result as JSON types.
+        Result as JSON types and paths.
     lines : Sequence[str]
         Result as text. The last line is the verdict.
-    files : Iterable[str]
+    files : Iterable[Path]
         Paths of written files. The page shows the PNG files among them.
 
     Raises
@@ -238,17 +243,17 @@ def show_with_page(
         If the page cannot be written.
     """
     if options.output is not None:
-        from ssm_planner.reporting.html.outcome import write_outcome
+        from ssm_planner.reporting import write_outcome
 
         page = output_file(options.output, ".yaml", Path(f"{name}.yaml")).with_suffix(".html")
-        write_outcome(page, name, lines[-1], lines, figures=map(Path, files))
+        write_outcome(page, name, lines[-1], lines, figures=files)
         lines = [*lines[:-1], f"file: {page}", lines[-1]]
     show(options.json, document, lambda: lines)
 
 
 def write_results(
     folder: Path | None, name: str, document: Any, write: Callable[[Path], Mapping[str, Path]]
-) -> dict[str, str]:
+) -> Files:
     """Write <name>.json and further files into a folder, all at once or not at all.
 
     Parameters
@@ -258,13 +263,13 @@ def write_results(
     name : str
         Name of the JSON file without suffix.
     document : Any
-        Content of the JSON file as JSON types.
+        Content of the JSON file as JSON types and paths.
     write : Callable[[Path], Mapping[str, Path]]
         Function that writes the further files into a folder and returns their paths by name.
 
     Returns
     -------
-    dict[str, str]
+    Files
         Paths of all files by name.
 
     Raises
@@ -280,8 +285,8 @@ def write_results(
         files = write(temporary)
         file = temporary / f"{name}.json"
         file.write_text(_json(document) + "\n", encoding="utf-8")
-    return {key: str(folder / path.name) for key, path in {name: file, **files}.items()}
+    return {key: folder / path.name for key, path in {name: file, **files}.items()}
 
 
 def _json(document: Any) -> str:
-    return json.dumps(document, indent=1, allow_nan=False)
+    return json.dumps(document, indent=1, allow_nan=False, default=os.fspath)

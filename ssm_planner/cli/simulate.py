@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -20,9 +19,10 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
+from ssm_planner.typing import Files, JsonObject
 
 
-def simulate_arguments(parser: argparse.ArgumentParser) -> None:
+def simulate_arguments(parser: ArgumentParser) -> None:
     plan_argument(parser)
     parser.add_argument(
         "--controller", metavar="FILE", help="controller file (YAML); default: tuned from the plant"
@@ -80,24 +80,22 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser, "write simulation.json, a page, recordings and figures")
 
 
-def run_simulate(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-    progress(Step(f"reading {options.plan}"))
+def run_simulate(options: Namespace) -> int:
+    progress = progress_reporter(f"reading {options.plan}")
     from ssm_planner.simulation.simulate import EVERYWHERE, simulate
 
     plan = ssm.load_plan(options.plan)
     controller = None if options.controller is None else ssm.load_controller(options.controller)
     result = simulate(plan, scenario_of(options, plan.robot), controller, progress)
-    document: dict[str, Any] = {"plan": str(options.plan), **result.to_dict()}
+    document: JsonObject = {"plan": options.plan, **result.to_dict()}
     stops = plan.stops if options.power_loss == EVERYWHERE else None
     if stops is not None:
         document["controlled_stops"] = {
             key: stops.to_dict()[key] for key in ("passed", "longest", "farthest")
         }
 
-    def write(folder: Path) -> dict[str, Path]:
-        from ssm_planner.reporting.figures.plan import write_simulation_figures
-        from ssm_planner.reporting.html.simulation import write_simulation_page
+    def write(folder: Path) -> Files:
+        from ssm_planner.reporting import write_simulation_figures, write_simulation_page
         from ssm_planner.simulation.recorder import write_recordings
 
         recordings = {
@@ -117,11 +115,12 @@ def run_simulate(options: argparse.Namespace) -> int:
     return OK if result.passed else FAILED
 
 
-def scenario_of(options: argparse.Namespace, robot: ssm.Robot) -> ssm.Scenario:
+def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
     """Build the scenario that the command's options describe.
 
     Raises ProblemError, which names the option, its value and the allowed values.
     """
+    from ssm_planner.problem import attributes
     from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR
 
     payload, payload_time = 0.0, 0.0
@@ -145,24 +144,27 @@ def scenario_of(options: argparse.Namespace, robot: ssm.Robot) -> ssm.Scenario:
         raise ProblemError(
             "invalid number", key="--instants", value=options.instants, allowed="1 or more"
         )
+    names = (
+        "speed",
+        "instants",
+        "supply",
+        "friction",
+        "draws",
+        "spread",
+        "dropped",
+        "wrong_direction",
+        "compliance",
+        "travel",
+    )
     return ssm.Scenario(
-        speed=options.speed,
+        **attributes(options, names),
         payload=payload,
         payload_time=payload_time,
         power_loss=loss
         if loss in (None, EVERYWHERE)
         else part_quantity("--power-loss", loss, "time"),
-        instants=options.instants,
         stall=stall,
-        supply=options.supply,
-        friction=options.friction,
-        draws=options.draws,
-        spread=options.spread,
-        dropped=options.dropped,
-        wrong_direction=options.wrong_direction,
-        compliance=options.compliance,
         tip_error=TIP_ERROR if options.tip_error is None else options.tip_error,
-        travel=options.travel,
     )
 
 
@@ -172,7 +174,7 @@ def simulation_lines(result: ssm.SimulationResult, stops: ssm.Stops | None = Non
     They state the tracking errors, the motor loads, the stops without and with power, the reasons
     for a failure, and the verdict. `stops` are the plan's controlled stops.
     """
-    from ssm_planner.reporting.text import simulation_tables
+    from ssm_planner.reporting import simulation_tables
 
     lines = [f"note: {note}" for note in result.notes]
     lines += [line for table in simulation_tables(result) for line in ("", *table.lines())]

@@ -5,11 +5,11 @@ The command computes what a motion requires of motors and gears, and assesses ca
 
 from __future__ import annotations
 
-import argparse
+from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
@@ -24,12 +24,13 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.progress import Step
+from ssm_planner.typing import Files, JsonObject
 
 if TYPE_CHECKING:
     from ssm_planner.sizing import Conditions, DutyCycle, Sizing
 
 
-def size_arguments(parser: argparse.ArgumentParser) -> None:
+def size_arguments(parser: ArgumentParser) -> None:
     plan_argument(
         parser,
         "plan.json, a motorisation file (YAML), or with --robot any trajectory that check reads",
@@ -94,10 +95,9 @@ def size_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser, "write sizing.json and the figures there")
 
 
-def run_size(options: argparse.Namespace) -> int:
-    progress = progress_reporter()
-    progress(Step(f"reading {options.plan}"))
-    from ssm_planner.reporting.text import sizing_lines, sizing_verdict, what_if_lines
+def run_size(options: Namespace) -> int:
+    progress = progress_reporter(f"reading {options.plan}")
+    from ssm_planner.reporting import sizing_lines, sizing_verdict, what_if_lines
     from ssm_planner.sizing.size import size
 
     duty = read_duty(options.plan, options.robot)
@@ -107,7 +107,7 @@ def run_size(options: argparse.Namespace) -> int:
     candidates = read_candidates(options.motor, duty)
     progress(Step("judging motors"))
     sizing = size(duty, candidates, conditions, options.payload)
-    document: dict[str, Any] = {"motion": duty.name, **sizing.to_dict(), "notes": list(duty.notes)}
+    document: JsonObject = {"motion": duty.name, **sizing.to_dict(), "notes": list(duty.notes)}
     lines = [duty.name, *duty.notes, "", *sizing_lines(sizing)]
     if options.what_if:
         from ssm_planner.sizing import largest_payload, shortest_duration
@@ -122,8 +122,8 @@ def run_size(options: argparse.Namespace) -> int:
         }
         lines += ["", "What if", *(f"  {line}" for line in what_if_lines(payload, duration))]
 
-    def write(folder: Path) -> dict[str, Path]:
-        from ssm_planner.reporting.figures.sizing import write_sizing_figures
+    def write(folder: Path) -> Files:
+        from ssm_planner.reporting import write_sizing_figures
 
         return write_sizing_figures(sizing, folder)
 
@@ -139,10 +139,10 @@ MAX_PAIRS = 10
 """Largest number of pairs of motor and gear in the output, per joint."""
 
 
-def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Conditions) -> int:
+def _run_selection(options: Namespace, duty: DutyCycle, conditions: Conditions) -> int:
     """Check every motor of a catalogue with every gear, and return the exit status."""
     from ssm_planner.loading import Part, gears_of, motors_of
-    from ssm_planner.reporting.text import VERDICT_LABELS, selection_lines
+    from ssm_planner.reporting import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing import select
 
     if options.motor or options.what_if or options.catalogue is None:
@@ -158,8 +158,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
         for joint in duty.robot.joints
         if joint.drive is not None
     }
-    progress = progress_reporter()
-    progress(Step(f"judging {len(motors)} motors"))
+    progress_reporter(f"judging {len(motors)} motors")
     joints = select(duty, motors, gears, conditions, options.payload)
     # The best pair of each joint: 1 is adequate, 0 is not known, and −1 is not adequate.
     best = [joint.adequate.max(initial=-1) for joint in joints]
@@ -167,7 +166,7 @@ def _run_selection(options: argparse.Namespace, duty: DutyCycle, conditions: Con
     if -1 in best:
         adequate = False
     notes = [*duty.notes, "gears without friction get the friction of the joint's present drive"]
-    document: dict[str, Any] = {
+    document: JsonObject = {
         "motion": duty.name,
         "adequate": adequate,
         "confidence": conditions.confidence,
@@ -201,7 +200,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     from ssm_planner.sizing import DutyCycle, pause_of
 
     if robot_file is not None:
-        from ssm_planner.formats.read import read_trajectory
+        from ssm_planner.formats import read_trajectory
         from ssm_planner.loading import load_robot
 
         robot = load_robot(robot_file)
@@ -267,7 +266,7 @@ def chosen_motors(sizing: Sizing) -> dict[str, ssm.Motor]:
     }
 
 
-def _conditions(options: argparse.Namespace, duty: DutyCycle) -> Conditions:
+def _conditions(options: Namespace, duty: DutyCycle) -> Conditions:
     from ssm_planner.sizing import REFERENCE_TEMPERATURE, Conditions
 
     return Conditions(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -15,12 +15,13 @@ from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_report
 from ssm_planner.display import number, plain_words
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
+from ssm_planner.typing import Files, JsonObject
 
 MAX_ROWS = 12
 """Largest number of candidates on the front, and of reasons, in the terminal."""
 
 
-def study_arguments(parser: argparse.ArgumentParser) -> None:
+def study_arguments(parser: ArgumentParser) -> None:
     parser.usage = (
         "ssm-planner study [show N … | compare A B] FILE [-o DIR]\n"
         "       [--workers N | --scheduler ADDRESS] [--table FILE] [--json]"
@@ -53,7 +54,7 @@ def study_arguments(parser: argparse.ArgumentParser) -> None:
     output_arguments(parser, "default results/NAME")
 
 
-def run_study(options: argparse.Namespace) -> int:
+def run_study(options: Namespace) -> int:
     verb, numbers, file = _request(options.words)
     study = ssm.load_study(file)
     folder = options.output or Path("results") / study.name
@@ -62,7 +63,7 @@ def run_study(options: argparse.Namespace) -> int:
     from ssm_planner.studies.show import compare_candidates, write_candidate
 
     if verb == "show":
-        paths = [str(path) for number in numbers for path in write_candidate(study, folder, number)]
+        paths = [path for number in numbers for path in write_candidate(study, folder, number)]
         show(options.json, {"files": paths}, lambda: [f"file: {path}" for path in paths])
         return OK
     document = compare_candidates(study, folder, *numbers)
@@ -92,7 +93,7 @@ def _request(words: Sequence[str]) -> tuple[str, list[int], str]:
     return verb, [int(word) for word in numbers], words[-1]
 
 
-def _study(study: ssm.Study, folder: Path, options: argparse.Namespace) -> int:
+def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
     from ssm_planner.studies import run as studies
     from ssm_planner.studies.store import write_table
 
@@ -101,7 +102,7 @@ def _study(study: ssm.Study, folder: Path, options: argparse.Namespace) -> int:
     if options.table is not None:
         write_table(result.rows, options.table)
     files = {
-        path.name: str(path)
+        path.name: path
         for path in sorted(folder.iterdir())
         if path.suffix in (".csv", ".html", ".png")
     }
@@ -159,11 +160,11 @@ def _progress() -> Callable[[int, int, dict[str, int]], None]:
     return report
 
 
-def _entry(row: ssm.Candidate) -> dict[str, Any]:
+def _entry(row: ssm.Candidate) -> JsonObject:
     return {"number": row.number, "design": dict(row.design), "figures": dict(row.figures)}
 
 
-def _lines(study: ssm.Study, result: ssm.StudyResult, files: dict[str, str]) -> list[str]:
+def _lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> list[str]:
     from ssm_planner.studies.page import against_own, displayed_choices, in_words
 
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())
@@ -186,8 +187,8 @@ def _lines(study: ssm.Study, result: ssm.StudyResult, files: dict[str, str]) -> 
     return [*lines, "", against_own(study, result.own, front), summary]
 
 
-def _compared_lines(document: dict[str, Any]) -> list[str]:
-    from ssm_planner.reporting.text import Table
+def _compared_lines(document: JsonObject) -> list[str]:
+    from ssm_planner.reporting import Table
     from ssm_planner.studies.page import title_of, unit_of
 
     rows = []

@@ -30,11 +30,12 @@ from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.predicted import predict_axes
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
+from ssm_planner.identification import rms
 from ssm_planner.problem import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 LAG = 10e-3
 """Permitted delay at the largest speed, s. It equals the following error window of the export."""
@@ -60,9 +61,9 @@ class Difference:
     def from_samples(cls, planned: Array, measured: Array) -> Difference:
         """Compute the statistics from planned and measured values (n,)."""
         error = planned - measured
-        rms = float(np.sqrt(np.mean(error**2)))
+        size = rms(error)
         spread = float(np.ptp(measured))
-        return cls(rms, float(np.abs(error).max()), rms / spread if spread > 0 else None)
+        return cls(size, float(np.abs(error).max()), size / spread if spread > 0 else None)
 
     of = Renamed("from_samples")
 

@@ -20,6 +20,7 @@ from ssm_planner.comparison.noise import (
     worst_excess,
 )
 from ssm_planner.comparison.predicted import PLAN_RATE, Predicted
+from ssm_planner.identification import rms
 from ssm_planner.problem import (
     JointLimit,
     JointPosition,
@@ -30,7 +31,7 @@ from ssm_planner.problem import (
 )
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Mask, frozen, record
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 STEP = 5e-3
 """Largest difference between the starts of the axes, s."""
@@ -159,9 +160,26 @@ class AlignedAxis:
     @property
     def sigma(self) -> float:
         """Standard deviation of the noise in a single sample of the speed, rad/s."""
-        return noise_of(
-            (self.measured.w - self.speed)[self.moving], 1, self.measured.speed_resolution
-        )
+        return noise_of(self.speed_error[self.moving], 1, self.measured.speed_resolution)
+
+    def planned(self, values: Array) -> Array:
+        """Interpolate values of the plan (m,) at the samples (n,)."""
+        return np.interp(self.t, self.plan.time, values)
+
+    @property
+    def position_error(self) -> Array:
+        """Position less the planned one (n,), rad or m."""
+        return self.q - self.planned(self.plan.position)
+
+    @property
+    def speed_error(self) -> Array:
+        """Motor speed less the planned one (n,), rad/s."""
+        return self.measured.w - self.speed
+
+    @property
+    def torque_error(self) -> Array:
+        """Motor torque less the planned one (n,), N·m."""
+        return self.measured.tau - self.planned(self.plan.torque)
 
 
 def map_to_clock(
@@ -181,7 +199,7 @@ def map_to_clock(
         for start, end in pairwise(starts):
             w = measured.w[start:end]
             times = t[start:end]
-            turned = np.concatenate([[0.0], np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2)])
+            turned = np.append(0.0, np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2))
             distance = turned / plan.ratio
             # The integration begins at the start of the motion if this run of samples contains it.
             anchor = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
@@ -254,9 +272,8 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     The error is averaged over the shortest window. `lag` is the permitted delay at the largest
     speed, s.
     """
-    plan = axis.plan
     joint = axis.plan.joint
-    error = axis.q - np.interp(axis.t, plan.time, plan.position)
+    error = axis.position_error
     n = windows(axis.step)[1][0]
     if len(error) < n:
         return
@@ -285,9 +302,9 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
 def position_noise(axis: AlignedAxis) -> float:
     """Return the possible noise of a measured or integrated position, rad or m."""
     if not axis.integrated:
-        error = axis.q - np.interp(axis.t, axis.plan.time, axis.plan.position)
         resolution = axis.measured.position_resolution
-        return max(CERTAIN * noise_of(error[axis.moving], 1, resolution), 2 * resolution)
+        noise = noise_of(axis.position_error[axis.moving], 1, resolution)
+        return max(CERTAIN * noise, 2 * resolution)
     return CERTAIN * axis.sigma * float(np.sqrt(axis.step * axis.plan.duration)) / axis.plan.ratio
 
 
@@ -299,7 +316,7 @@ def follows_plan(axis: AlignedAxis) -> bool:
     is_planned = (axis.t >= 0) & (axis.t <= axis.plan.duration)
     if axis.step * is_planned.sum() < 0.1 * axis.plan.duration:
         return False
-    difference = float(np.sqrt(np.mean((axis.measured.w - axis.speed) ** 2)))
+    difference = rms(axis.speed_error)
     return difference <= STANDS * axis.plan.peak + CERTAIN * axis.sigma
 
 
@@ -315,9 +332,8 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     n = windows(axis.step)[1][0]
     if peak == 0.0 or len(w) < n:
         return None
-    level = max(
-        STANDS * peak, CERTAIN * noise_of(w - planned_speed, n, axis.measured.speed_resolution)
-    )
+    noise = noise_of(axis.speed_error, n, axis.measured.speed_resolution)
+    level = max(STANDS * peak, CERTAIN * noise)
     mean = smoothed(np.abs(w), n)
     planned_mean = smoothed(np.abs(planned_speed), n)
     mean_time = smoothed(axis.t, n)
@@ -345,12 +361,10 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     another value while the speed falls below the plan.
     """
     tau = axis.measured.tau
-    w = axis.measured.w
     motor = axis.plan.joint.motor
     size = np.abs(tau)
-    band = 2 * max(
-        axis.measured.torque_resolution, noise_of(tau, 1, axis.measured.torque_resolution)
-    )
+    resolution = axis.measured.torque_resolution
+    band = 2 * max(resolution, noise_of(tau, 1, resolution))
     top = float(np.quantile(size, 0.995))
     if motor is not None and top >= 0.98 * motor.max_torque:
         start, stop, length = longest_run(size >= 0.98 * motor.max_torque, axis.t)
@@ -366,13 +380,11 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     start, stop, length = longest_run(saturated_samples, axis.t)
     if length < SHORT or stop - start < n:
         return
-    deficit = float(
-        np.mean((axis.speed[start:stop] - w[start:stop]) * np.sign(axis.speed[start:stop]))
-    )
-    allowed = STANDS * axis.plan.peak + CERTAIN * noise_of(
-        w - axis.speed, n, axis.measured.speed_resolution
-    )
-    needed = float(np.mean(np.abs(np.interp(axis.t[start:stop], axis.plan.time, axis.plan.torque))))
+    error = axis.speed_error
+    deficit = -float(np.mean((error * np.sign(axis.speed))[start:stop]))
+    noise = noise_of(error, n, axis.measured.speed_resolution)
+    allowed = STANDS * axis.plan.peak + CERTAIN * noise
+    needed = float(np.mean(np.abs(axis.planned(axis.plan.torque)[start:stop])))
     if deficit > allowed and needed > top:
         text = (
             f"torque stays at {1e3 * top:.3g} mN·m for {length:.3g} s, from "
@@ -395,20 +407,14 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     if len(tau) < 3 * n or moving.sum() < n:
         return
     reach = round((NEAR + n * axis.step / 2) * PLAN_RATE)
-    low, high = (
-        np.interp(axis.t, plan.time, values)
-        for values in (_extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
-    )
     mean = smoothed(tau, n)
-    expected = smoothed(np.interp(axis.t, plan.time, plan.torque), n)
-    noise = CERTAIN * noise_of(
-        (tau - np.interp(axis.t, plan.time, plan.torque))[axis.moving],
-        n,
-        axis.measured.torque_resolution,
+    expected, low, high = (
+        smoothed(axis.planned(values), n)
+        for values in (plan.torque, _extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
     )
+    resolution = axis.measured.torque_resolution
+    noise = CERTAIN * noise_of(axis.torque_error[axis.moving], n, resolution)
     moving_windows = smoothed(moving.astype(float), n) > 1 - 0.5 / n
-    low = smoothed(low, n)
-    high = smoothed(high, n)
     outside = moving_windows & ((mean > high + noise) | (mean < low - noise))
     share = float(outside.sum() / max(moving_windows.sum(), 1))
     if share > OUTSIDE:
@@ -446,14 +452,12 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     end, extreme = (position.high, highest) if above <= below else (position.low, lowest)
     margin = min(above, below) / position.half_width
     limits = [_limit_result(position, end, extreme, margin, noise=position_noise(axis))]
-    speed_error = measured.w - axis.speed
-    speed = measured.w, speed_error, measured.speed_resolution
+    speed = measured.w, axis.speed_error, measured.speed_resolution
     channels: list[tuple[type[JointLimit], tuple[Array, Array, float], float]] = [
         (JointVelocity, speed, plan.ratio)
     ]
     if joint.motor is not None:
-        torque_error = measured.tau - np.interp(axis.t, plan.time, plan.torque)
-        torque = measured.tau, torque_error, measured.torque_resolution
+        torque = measured.tau, axis.torque_error, measured.torque_resolution
         channels += [(MotorSpeed, speed, 1.0), (MotorTorque, torque, 1.0)]
     for limit_type, channel, ratio in channels:
         limit = joint.limit(limit_type)

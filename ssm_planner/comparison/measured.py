@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.formats.epos4_setup import QUADRATURE
-from ssm_planner.identification import parse_table, read_recording, read_text
+from ssm_planner.formats import QUADRATURE
+from ssm_planner.identification import parse_table, quantum, read_recording, read_text
 from ssm_planner.problem import Joint, Robot
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, Files, record
 from ssm_planner.units import TIMES
 
 POSITION = ("position actual value", "position demand value", "position")
@@ -80,7 +80,6 @@ def read_measured(
     nominal = None if axis.motor is None else axis.motor.nominal_torque
     recording = read_recording(path, nominal_torque=nominal, direction=axis.motor_direction)
     time = recording.begin + recording.time
-    steps = np.diff(np.unique(np.round(recording.tau, 12)))
     q, resolution = _recorded_position(path, axis, time, counts_per_turn)
     return Measured(
         joint,
@@ -90,7 +89,7 @@ def read_measured(
         recording.tau,
         q=q,
         speed_resolution=recording.quantum,
-        torque_resolution=float(steps.min()) if len(steps) else 0.0,
+        torque_resolution=quantum(recording.tau, 12),
         position_resolution=resolution,
         repairs=recording.repairs,
     )
@@ -153,7 +152,7 @@ def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
         If the joint of a recording is unknown, or if a joint has two recordings.
     """
     names = [joint.name for joint in robot.joints]
-    assignments: dict[str, Path] = {}
+    assignments: Files = {}
     for text in texts:
         joint, separator, file = text.partition("=")
         if not separator:

@@ -29,7 +29,7 @@ _TO_SIGMA = 1 / 1.6449
 
 def smoothed(values: Array, n: int) -> Array:
     """Return the means (samples − n + 1,) of every n consecutive values (samples,)."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
+    total = np.append(0.0, np.cumsum(values))
     return (total[n:] - total[:-n]) / n
 
 

@@ -118,8 +118,8 @@ def _band(
         for name, column in friction.posterior.values().items()
         if name != LOAD_OFFSET
     }
-    torque = np.asarray(
-        drive_torque(drive_with(drive, sets), rigid, qd, qdd, direction, breakaway=breakaway)[0]
-    )
+    torque = drive_torque(drive_with(drive, sets), rigid, qd, qdd, direction, breakaway=breakaway)[
+        0
+    ]
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return low - TAIL * friction.posterior.scatter, high + TAIL * friction.posterior.scatter

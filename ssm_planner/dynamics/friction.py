@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import namespace_of
+from ssm_planner.codegen import namespace_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import LAWS, Drive, Friction
 from ssm_planner.typing import Array, Expression

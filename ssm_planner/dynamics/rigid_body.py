@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.vectorised import Layout, call
+from ssm_planner.codegen import Layout, call
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import constant, rotation, rotation_symbolic
 from ssm_planner.problem import Body, Geometry, Robot, read_only_array
@@ -316,28 +316,26 @@ class RigidBody:
     @cached_property
     def _path_load(self) -> ca.Function:
         """Function of q, dq and ddq that returns the coefficients of `path_load`."""
-        q, dq, ddq = (ca.SX.sym(name, 4) for name in ("q", "dq", "ddq"))
-        zero = ca.SX.zeros(4)
-        still = self.symbolic(q, zero, zero)
-        coefficients: Any = [
-            self.symbolic(q, zero, dq) - still,
-            self.symbolic(q, dq, ddq) - still,
-            still,
-        ]
-        return ca.Function("path_load", [q, dq, ddq], ca.cse(coefficients))
+        return self._split("path_load", along_path=True)
 
     @cached_property
     def _effort_parts(self) -> ca.Function:
         """Function of q, qd and qdd that returns the parts of the efforts."""
-        q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
+        return self._split("parts", along_path=False)
+
+    def _split(self, name: str, *, along_path: bool) -> ca.Function:
+        """Return the efforts of two motions without gravity, and gravity alone, as a function.
+
+        Its arguments are q and two derivatives, by the path or by time.
+        """
+        q, first, second = (ca.SX.sym(symbol, 4) for symbol in ("q", "first", "second"))
         zero = ca.SX.zeros(4)
         still = self.symbolic(q, zero, zero)
-        efforts: Any = [
-            self.symbolic(q, zero, qdd) - still,
-            self.symbolic(q, qd, zero) - still,
-            still,
-        ]
-        return ca.Function("parts", [q, qd, qdd], ca.cse(efforts))
+        motions = [(zero, second), (first, zero)]
+        if along_path:
+            motions = [(zero, first), (first, second)]
+        parts: Any = [*(self.symbolic(q, *motion) - still for motion in motions), still]
+        return ca.Function(name, [q, first, second], ca.cse(parts))
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:

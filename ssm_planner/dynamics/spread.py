@@ -17,7 +17,7 @@ import numpy as np
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import LAW, LAWS, LOAD_OFFSET, Drive, Posterior, unchecked
-from ssm_planner.typing import Array, Range, record
+from ssm_planner.typing import Array, Arrays, Range, record
 
 LINEAR_DRAWS = 20_000
 """Number of draws for quantities that are cheap to evaluate."""
@@ -96,13 +96,13 @@ class FrictionSpread:
         factors = np.exp(normal @ root.T - np.diag(root @ root.T) / 2)
         return self.mean * (factors - 1.0)
 
-    def values(self, deviations: Array) -> dict[str, Array]:
+    def values(self, deviations: Array) -> Arrays:
         """Return the parameters by name, each (count,), for deviations (count, k) from the
         means.
         """
         return {name: self.mean[i] + deviations[:, i] for i, name in enumerate(self.names)}
 
-    def within(self, share: float, count: int = 1000) -> dict[str, Array]:
+    def within(self, share: float, count: int = 1000) -> Arrays:
         """Return parameter sets by name, each (sets,), that span a confidence range.
 
         The sets are the fraction `share` of the draws that is nearest to the mean by Mahalanobis

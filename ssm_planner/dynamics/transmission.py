@@ -28,7 +28,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import NUMPY, namespace_of
+from ssm_planner.codegen import NUMPY, namespace_of
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of
 from ssm_planner.problem import Drive
 from ssm_planner.typing import Array, Expression, record

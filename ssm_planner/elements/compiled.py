@@ -14,7 +14,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.vectorised import Layout, call
+from ssm_planner.codegen import Layout, call
 from ssm_planner.dynamics import (
     axes_frames,
     breakaway_coefficient,
@@ -31,7 +31,7 @@ from ssm_planner.interior.problem import ElementGroup
 from ssm_planner.kinematics import JACOBIANS, Mechanism, lens_limit
 from ssm_planner.native.library import load
 from ssm_planner.problem import LAWS, Drive, Eye, MotorTorque, TipSpeed
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, Arrays, record
 
 MECHANISM = Layout(
     omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1
@@ -160,7 +160,7 @@ class NativeElements:
 
 
 def _parameter_arrays(
-    element: ElementModel, fixed: dict[str, Array], parameters: Sequence[Array], count: int
+    element: ElementModel, fixed: Arrays, parameters: Sequence[Array], count: int
 ) -> dict[str, Any]:
     """Return the arrays of `_Context` that depend on the parameters of an element model.
 
@@ -189,7 +189,7 @@ def _parameter_arrays(
     }
 
 
-def _addresses(arrays: dict[str, Array]) -> dict[str, int]:
+def _addresses(arrays: Arrays) -> dict[str, int]:
     """Return the addresses of arrays."""
     return {name: values.__array_interface__["data"][0] for name, values in arrays.items()}
 
@@ -198,7 +198,7 @@ def _addresses(arrays: dict[str, Array]) -> dict[str, int]:
 class _ElementInputs:
     """Inputs of the functions of an element model that do not depend on its parameters."""
 
-    arrays: dict[str, Array]
+    arrays: Arrays
     """Arrays by their names in `_Context`. The limits of the drives are filled in later."""
     addresses: dict[str, int]
     rows: int
@@ -430,7 +430,7 @@ class _ModelData:
     cost: Array
     """Joint and law of every motor in the cost, (q, 2). With effort, the other joints are included.
     """
-    arrays: dict[str, Array]
+    arrays: Arrays
     """Arrays by their names in `_Context`."""
     offset: float
 

@@ -18,7 +18,7 @@ from typing import ClassVar, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
-from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.codegen import Layout
 from ssm_planner.elements.rows import (
     Instant,
     PathConstraint,

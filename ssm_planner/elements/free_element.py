@@ -14,8 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from ssm_planner.codegen.namespace import casadi_namespace
-from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.codegen import Layout, casadi_namespace
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.elements.element import ElementModel, Parameter
 from ssm_planner.elements.rows import (

@@ -18,8 +18,7 @@ from typing import Any
 
 import casadi as ca
 
-from ssm_planner.codegen.c import PLAIN, Argument, write_function
-from ssm_planner.codegen.namespace import casadi_namespace
+from ssm_planner.codegen import PLAIN, Argument, casadi_namespace, write_function
 from ssm_planner.dynamics import LOAD, efforts_by_figures
 from ssm_planner.elements.compiled import DRIVE, EYE, MECHANISM, MESHES
 from ssm_planner.elements.free_element import FreeElement, range_rows, rate_rows, seen_rows

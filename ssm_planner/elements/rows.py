@@ -41,7 +41,7 @@ from ssm_planner.problem import (
     ToolLimit,
     unchecked,
 )
-from ssm_planner.typing import Array, frozen
+from ssm_planner.typing import Array, Arrays, frozen
 
 UNLIMITED = 1e9
 LIMITS = {
@@ -62,12 +62,12 @@ LIMITS = {
 TIP = list(JACOBIANS).index(TipSpeed)
 
 
-def joint_limits(robot: Robot, cooling: Array | None = None) -> dict[str, Array]:
+def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
     """Return the limits of joints and motors by their names in LIMITS, and `cooling`, (4,) each."""
     joints = robot.joints
     limits = {
-        "velocity": np.array([joint.velocity for joint in joints]),
-        "acceleration": np.array([joint.acceleration for joint in joints]),
+        "velocity": robot.velocities,
+        "acceleration": robot.accelerations,
         "jerk": np.array([UNLIMITED if joint.jerk is None else joint.jerk for joint in joints]),
         "torque": np.full(4, UNLIMITED),
         "cooling": np.zeros(4) if cooling is None else cooling,
@@ -78,7 +78,7 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> dict[str, Array]
     return limits
 
 
-def tool_limits(limits: Iterable[ToolLimit]) -> dict[str, Array]:
+def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
     """Return the limits of the tool by their names in LIMITS: speeds (kinds,) and stop (1,)."""
     limits = tuple(limits)
     stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)

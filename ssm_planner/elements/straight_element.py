@@ -20,7 +20,7 @@ from types import SimpleNamespace
 
 import casadi as ca
 
-from ssm_planner.codegen.vectorised import Layout
+from ssm_planner.codegen import Layout
 from ssm_planner.elements.element import ElementModel, Parameter
 from ssm_planner.elements.rows import (
     JOINT_ROWS,

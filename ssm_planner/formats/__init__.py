@@ -1,0 +1,5 @@
+"""Files for controllers and simulators, and how they are read. Each name is loaded on first use."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

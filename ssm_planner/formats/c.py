@@ -14,8 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.c import REAL, SIGN, Argument, literal, write_function
-from ssm_planner.codegen.vectorised import dense
+from ssm_planner.codegen import REAL, SIGN, Argument, dense, literal, write_function
 from ssm_planner.display import environment, render_template
 from ssm_planner.dynamics import RigidBody, directions_law, motor_law
 from ssm_planner.formats.spline_points import REST
@@ -35,8 +34,7 @@ from ssm_planner.problem import (
 )
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import JsonObject, record
-from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.ends import end_velocities
+from ssm_planner.verification import Certificate, end_velocities
 
 PACKAGE = "ssm_planner.formats"
 """Package that contains the templates."""
@@ -143,9 +141,8 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
     """
 
     def limit(joint: Joint, limit_type: type[Limit]) -> float:
-        return next(
-            (bound.high for bound in joint.limits if isinstance(bound, limit_type)), math.inf
-        )
+        found = joint.find_limit(limit_type)
+        return math.inf if found is None else found.high
 
     joints = robot.joints
     return {
@@ -183,7 +180,7 @@ def c_text(name: str) -> str:
 
 def c_functions(robot: Robot) -> list[CFunction]:
     """Build the C functions for forward and inverse kinematics, inverse dynamics, motor torques."""
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     body = RigidBody.from_robot(robot)
     q, qd, qdd, qddd, task, guess = (
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "task", "near")

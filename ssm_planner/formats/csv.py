@@ -11,10 +11,11 @@ import math
 import re
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import IO
+from typing import IO, TextIO
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, TASK, Robot
 from ssm_planner.trajectory import BLOCK, Samples, Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 RATE = 1000.0
 """Default rate, Hz."""
@@ -120,7 +121,7 @@ def table(
                 values += [getattr(motor, group)[:, i] for i in driven]
     if "task" in columns:
         header += [f"task_{name}_{'m' if name == 'depth' else 'rad'}" for name in TASK]
-        mechanism = Mechanism.from_geometry(robot.geometry)
+        mechanism = Mechanism.from_robot(robot)
         header += [f"tip_{axis}_m" for axis in "xyz"]
         values += [*task_from_joints(mechanism, samples.q).T, *tip_position(mechanism, samples.q).T]
     return header, np.stack(values, axis=1)
@@ -455,7 +456,7 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
     table = large_array((count, len(columns)))
     start = 0
     try:
-        with path.open(encoding="utf-8-sig") as file, warnings.catch_warnings():
+        with _opened(path) as file, warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # numpy warns about empty lines.
             for _ in range(layout.header + 1):
                 file.readline()
@@ -469,12 +470,8 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
                     max_rows=BLOCK,
                 )
                 table[start : start + BLOCK] = block * factors
-    except UnicodeDecodeError as error:
-        raise TrajectoryError(f"{path}: not a text file") from error
     except ValueError as error:
         raise TrajectoryError(_fault(path, layout, str(error), start)) from error
-    except OSError as error:
-        raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
     except OverflowError as error:
         raise TrajectoryError(f"{path}: a number is too large for a float") from error
     if last_width < len(layout.names):
@@ -572,9 +569,16 @@ def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    with _opened(path) as file:
+        yield from enumerate(file)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[TextIO]:
+    """Open a file for reading. Raises TrajectoryError if it cannot be read or contains no text."""
     try:
-        with path.open(encoding="utf-8-sig", newline=None) as file:
-            yield from enumerate(file)
+        with path.open(encoding="utf-8-sig") as file:
+            yield file
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except OSError as error:

@@ -40,15 +40,14 @@ from ssm_planner.formats.spline_points import REST, at_times
 from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, TASK, Joint, Robot, TaskLimits
-from ssm_planner.typing import Array, JsonObject, record
+from ssm_planner.typing import Array, Arrays, JsonObject, record
 from ssm_planner.units import display_unit, rpm
-from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.ends import end_velocities
+from ssm_planner.verification import Certificate, end_velocities
 
 LARGEST_PERIOD = 100
 """Largest interpolation period, ms (object 0x60C2)."""
 
-Stream = dict[str, Array]
+Stream = Arrays
 """Integer values (n,) by name of the column."""
 
 
@@ -168,8 +167,7 @@ class Setpoints:
             limits = rates_of_rows(limits, self.robot, q, qd)
         return Content(
             {
-                "start_rate": dict(limits.start_rate or {}),
-                "end_rate": dict(limits.end_rate or {}),
+                **limits.declared_rates,
                 "mode": self.mode,
                 "rate_hz": 1000 / self.period,
                 "interpolation_period_ms": self.period,
@@ -290,7 +288,7 @@ def _moving_notes(plan: Plan) -> list[str]:
     ]
 
 
-def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
+def _motion(plan: Plan, t: Array, stretch: float) -> Arrays:
     """Return q and the speeds and torques of the motors (n, 4) at instants t (n,) since the start.
 
     `stretch` is the factor on the duration. Joints that end at rest hold their last position.
@@ -312,7 +310,7 @@ def _motion(plan: Plan, t: Array, stretch: float) -> dict[str, Array]:
     return {"q": samples.q, "speed": motor.speed, "torque": motor.torque}
 
 
-def _streams(axes: Mapping[str, Axis], motion: dict[str, Array], mode: str) -> dict[str, Stream]:
+def _streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, Stream]:
     streams = {}
     for name, axis in axes.items():
         i = JOINTS.index(name)
@@ -420,7 +418,7 @@ def rates_of_rows(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> Task
 
     An end without a declared rate remains unchanged.
     """
-    rates = task_rates(Mechanism.from_geometry(robot.geometry), q[[0, -1]], qd[[0, -1]]).tolist()
+    rates = task_rates(Mechanism.from_robot(robot), q[[0, -1]], qd[[0, -1]]).tolist()
     start, end = (dict(zip(TASK, rate, strict=True)) for rate in rates)
     return replace(
         limits,

@@ -10,7 +10,7 @@ from ssm_planner.dynamics import RigidBody, motor_motion
 from ssm_planner.problem import FeedForward, Joint, MotorTorque, Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Mask, record
-from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification import LimitCheck
 
 NEAR = 2
 """Number of intervals on each side of a setpoint whose accelerations the setpoint may have."""
@@ -105,9 +105,9 @@ def _torque_range(
 
     They cover any acceleration near the setpoint and, at rest, any friction.
     """
-    rest_speed = np.array([_slow(robot, i, offsets) for i in range(4)])
-    standing = np.abs(qd) <= rest_speed
-    lowest, highest = _accelerations(robot, t, qd, offsets, standing=standing)
+    rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
+    standing = np.abs(qd) <= 1e-6 * robot.velocities + rounding
+    lowest, highest = _accelerations(robot, t, qd, rounding, standing=standing)
     body = RigidBody.from_robot(robot)
     low = np.full(q.shape, np.inf)
     high = np.full(q.shape, -np.inf)
@@ -130,17 +130,12 @@ def _torque_range(
     return low, high
 
 
-def _slow(robot: Robot, i: int, offsets: dict[int, Offsets]) -> float:
-    """Return the speed up to which a joint may be at rest, given the rounding of its offset."""
-    return 1e-6 * robot.joints[i].velocity + (offsets[i].velocity_rounding if i in offsets else 0.0)
-
-
 def _accelerations(
-    robot: Robot, t: Array, qd: Array, offsets: dict[int, Offsets], *, standing: Mask
+    robot: Robot, t: Array, qd: Array, rounding: Array, *, standing: Mask
 ) -> tuple[Array, Array]:
     """Return the extreme accelerations (n, 4) near each setpoint, within the limits.
 
-    `standing` is a mask (n, 4) of the joints at rest.
+    rounding (4,): largest error of a velocity; standing (n, 4): mask of the joints at rest.
     """
     h = np.diff(t)
     mean = np.diff(qd, axis=0) / h[:, None]
@@ -153,8 +148,7 @@ def _accelerations(
         near_rest |= standing[interval] | standing[interval + 1]
         low = np.minimum(low, mean[interval])
         high = np.maximum(high, mean[interval])
-    limit = np.array([joint.acceleration for joint in robot.joints])
-    rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
+    limit = robot.accelerations
     share = np.where(near_rest, 1.0, min(1.0, float(h.max()) / FULL))
     pad = limit * share + 2 * rounding / h.min()
     # A drive that holds its position needs no acceleration.

@@ -24,10 +24,9 @@ from ssm_planner.problem import Robot, robot_hash
 from ssm_planner.publishing import EXPORT, MANIFEST, VERSION, hashes, publishing
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import JsonObject
-from ssm_planner.verification.certificate import Certificate, sealed
+from ssm_planner.typing import JsonObject, Keywords
+from ssm_planner.verification import Certificate, check_slower, sealed
 from ssm_planner.verification.check import check
-from ssm_planner.verification.slower import check_slower
 
 WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
 
@@ -145,8 +144,8 @@ def slower(plan: Plan, speed: float, passed: bool) -> Plan:
     limits = plan.limits.slower(1 / speed) if 0 < speed <= 1 else plan.limits
     certificate = check_slower(plan.motion, plan.robot, plan.limits, speed)
     motion = plan.motion.slower(speed)
-    rates = limits.start_rate or {}, limits.end_rate or {}
-    problem = replace(plan.problem, motion=limits.motion, start_rate=rates[0], end_rate=rates[1])
+    rates: Keywords = limits.declared_rates
+    problem = replace(plan.problem, motion=limits.motion, **rates)
     slowed = replace(
         plan,
         problem=problem,
@@ -277,8 +276,7 @@ def write_manifest(
         "robot": {"name": plan.robot.name, "sha256": robot_hash(plan.robot)},
         "software": software(),
         # Rates of task coordinates in rad/s and m/s. Missing ones are 0.
-        "start_rate": dict(ends.start_rate or {}),
-        "end_rate": dict(ends.end_rate or {}),
+        **ends.declared_rates,
         **details,
         "certificate": certificate.to_dict(),
         "files": hashes(folder),

@@ -20,9 +20,9 @@ import numpy as np
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.agreement import Content
 from ssm_planner.problem import Robot, TaskLimits
-from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, cubics, quintics
+from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, blocks, cubics, quintics
 from ssm_planner.typing import Array, Mask, record
-from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
 LONG = 1_000_000
@@ -120,8 +120,7 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
     coefficients = large_array((n - 1, DEGREE + 1, 4))
-    for start in range(0, n - 1, BLOCK):
-        block = slice(start, min(start + BLOCK, n - 1))
+    for block in blocks(n - 1, BLOCK):
         coefficients[block] = _pieces(points, block, cubic[block], quintic[block])
     trajectory = Trajectory(points.t, coefficients, ())
     straight = not cubic.all()
@@ -177,18 +176,20 @@ def check_points(points: Points, robot: Robot) -> None:
         ("acceleration", points.qdd),
     )
     for name, values in row_name:
-        for start in range(0, n, BLOCK):
-            finite = np.isfinite(values[start : start + BLOCK] if values is not None else 0.0)
+        if values is None:
+            continue
+        for block in blocks(n, BLOCK):
+            finite = np.isfinite(values[block])
             if not finite.all():
-                k = start + int(np.argwhere(~finite)[0][0])
+                k = block.start + int(np.argwhere(~finite)[0][0])
                 raise TrajectoryError(f"{points.place(k)}: {name} is not a finite number")
     backward = np.flatnonzero(t[1:] <= t[:-1])
     if len(backward):
         k = int(backward[0]) + 1
         fault = "the same time twice" if t[k] == t[k - 1] else "time goes back"
         raise TrajectoryError(f"{points.place(k)}: {fault}: {t[k]:.12g} s after {t[k - 1]:.12g} s")
-    for start in range(0, n, BLOCK):
-        check_magnitudes(points.q[start : start + BLOCK], robot, points.place, start)
+    for block in blocks(n, BLOCK):
+        check_magnitudes(points.q[block], robot, points.place, block.start)
     if points.qd is not None and points.has_qd is None:
         check_derivatives(t, points.q, points.qd, robot, ("positions", "velocities"))
         if points.qdd is not None and points.has_qdd is None:

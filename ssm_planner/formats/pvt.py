@@ -35,8 +35,7 @@ from ssm_planner.formats.spline_points import at_times
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Joint, Robot, TaskLimits
 from ssm_planner.typing import Array, JsonObject, record
-from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.check import check
+from ssm_planner.verification import Certificate
 
 INT24 = 2**23 - 1
 LARGEST_TIME = 255
@@ -196,8 +195,7 @@ def content(
                 "velocity": "increments/s; without a drive rad, m and s",
             },
             "axes": entries,
-            "start_rate": dict(limits.start_rate or {}),
-            "end_rate": dict(limits.end_rate or {}),
+            **limits.declared_rates,
         },
         files,
     )
@@ -276,10 +274,7 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
                 )
             reading = join_points(Points(t, *state), plan.robot)
             limits = rates_of_rows(plan.limits.slower(stretch), plan.robot, *state)
-            certificate = check(
-                reading.trajectory, plan.robot, limits, interpolation=reading.interpolation
-            )
-            yield Table(t, rows, stretch, limits, certificate)
+            yield Table(t, rows, stretch, limits, reading.check(plan.robot, limits))
 
 
 def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:

@@ -40,7 +40,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem import Robot, plain
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array, JsonObject
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 LARGEST_RATE = 1000.0
 """Largest rate of joint states, Hz."""

@@ -16,8 +16,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem import ContinuousTorque, Symmetric
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, record
-from ssm_planner.verification.certificate import Certificate, LimitCheck
-from ssm_planner.verification.check import check
+from ssm_planner.verification import Certificate, LimitCheck
 
 PARTS = (1, 2, 4, 8)
 """Numbers of parts into which each piece is divided, in the order of trial."""
@@ -128,21 +127,14 @@ def _trial(
     if np.all(np.abs(s.qd[-1]) < 1e-6):
         s.qd[-1] = 0.0
     reading = join_points(Points(t, s.q, s.qd, s.qdd if with_acceleration else None), plan.robot)
-    certificate = check(
-        reading.trajectory,
-        plan.robot,
-        plan.limits.slower(stretch),
-        interpolation=reading.interpolation,
-    )
+    certificate = reading.check(plan.robot, plan.limits.slower(stretch))
     return SplinePoints(s, with_acceleration, stretch, certificate)
 
 
 def _acceleration_jump(plan: Plan) -> float:
     inner = plan.motion.breaks[1:-1]
     jump = plan.motion.sample(inner, "right").qdd - plan.motion.sample(inner, "left").qdd
-    return float(
-        np.max(np.abs(jump) / [joint.acceleration for joint in plan.robot.joints], initial=0.0)
-    )
+    return float(np.max(np.abs(jump) / plan.robot.accelerations, initial=0.0))
 
 
 def _slower(plan: Plan, violation: LimitCheck) -> float:

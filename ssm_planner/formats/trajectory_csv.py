@@ -117,11 +117,12 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     if joint is None:
         return None
     base, per = _base(unit)
-    units = LENGTHS if robot.joints[joint].slides else ANGLES
+    moved = robot.joints[joint]
+    units = LENGTHS if moved.slides else ANGLES
     if base not in units:
+        kind = f"; joint {moved.name} {'slides' if moved.slides else 'turns'}"
         raise ValueError(
-            _unit_fault(unit, f"{', '.join(units)}; derivatives add /s or /s^2")
-            + _joint_motion(robot, joint)
+            _unit_fault(unit, f"{', '.join(units)}; derivatives add /s or /s^2") + kind
         )
     if order is not None and order != per:
         raise ValueError(
@@ -171,8 +172,3 @@ def _unit_fault(unit: str, allowed: str) -> str:
     if unit:
         return f"unit {unit!r} is not allowed (allowed: {allowed})"
     return f"the unit is missing (allowed: {allowed})"
-
-
-def _joint_motion(robot: Robot, joint: int) -> str:
-    joint_moved = robot.joints[joint]
-    return f"; joint {joint_moved.name} {'slides' if joint_moved.slides else 'turns'}"

@@ -19,7 +19,7 @@ from ssm_planner.plans import Plan
 from ssm_planner.problem import Joint, Robot
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array, JsonObject
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -14,9 +14,11 @@ from .prediction import (
 )
 from .recorder_csv import parse_table as parse_table
 from .recordings import (
+    quantum as quantum,
     read_recording as read_recording,
     read_recordings as read_recordings,
     read_text as read_text,
+    rms as rms,
 )
 from .torque_map import (
     TABLE as TABLE,

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ssm_planner.atomic import replacing
+from ssm_planner.atomic import write_text
 from ssm_planner.dynamics import friction_of
 from ssm_planner.identification.fit import Estimate, MapFit
 from ssm_planner.problem import LOAD_OFFSET, Drive, Friction, Posterior, Rig, Ripple, quantities
 from ssm_planner.publishing import one_line
+from ssm_planner.typing import JsonObject
 from ssm_planner.units import KINDS
 
 
@@ -49,7 +50,7 @@ def write_drive(
     """
     import yaml
 
-    content: dict[str, Any] = yaml.safe_load(Path(template).read_text(encoding="utf-8"))
+    content: JsonObject = yaml.safe_load(Path(template).read_text(encoding="utf-8"))
     content["friction"] = _friction(drive, fit, dynamic, evidence)
     if "preload" in fit.estimates and not fit.estimates["preload"].fixed:
         content["preload"] = _with_source(drive, "preload", drive.preload, fit.estimates["preload"])
@@ -60,9 +61,7 @@ def write_drive(
     text = _heading(fit, evidence) + yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, width=110
     )
-    path = Path(path)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(Path(path), text)
     return str(path)
 
 
@@ -88,7 +87,7 @@ def _heading(fit: MapFit, evidence: str) -> str:
 
 def _friction(
     drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str
-) -> dict[str, Any]:
+) -> JsonObject:
     """Return the mapping of the key `friction`."""
     friction = friction_of(drive)
     estimates = {**fit.estimates, **dynamic}
@@ -96,7 +95,7 @@ def _friction(
     if friction.law != "coulomb":
         names[2:2] = ["mu_stribeck", "stribeck_speed"]
     names += [name for name in ("dwell_constant", "memory") if getattr(friction, name)]
-    table: dict[str, Any] = {"law": friction.law, "source": f"identified from {evidence}"}
+    table: JsonObject = {"law": friction.law, "source": f"identified from {evidence}"}
     for name in names:
         table[name] = _with_source(drive, name, float(getattr(friction, name)), estimates.get(name))
     if friction.identified_speed is not None:
@@ -106,10 +105,10 @@ def _friction(
     return table
 
 
-def _posterior(posterior: Posterior) -> dict[str, Any]:
+def _posterior(posterior: Posterior) -> JsonObject:
     """Return the posterior with numbers in SI as texts, which YAML reads fast."""
     draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
-    table: dict[str, Any] = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
+    table: JsonObject = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
     if posterior.speeds:
         table |= {
             "speeds": _numbers(posterior.speeds),
@@ -135,9 +134,7 @@ def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{value:.6g}" for value in values)
 
 
-def _with_source(
-    drive: Drive, name: str, value: float, estimate: Estimate | None
-) -> dict[str, Any]:
+def _with_source(drive: Drive, name: str, value: float, estimate: Estimate | None) -> JsonObject:
     """Return a value and its source."""
     return {"value": _quantity(drive, name, value), "source": _origin(name, estimate)}
 

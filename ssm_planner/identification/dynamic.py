@@ -12,7 +12,7 @@ import numpy as np
 from ssm_planner.dynamics import friction_of
 from ssm_planner.identification.fit import Estimate
 from ssm_planner.identification.prediction import Motion, departure, predict_torque
-from ssm_planner.identification.recordings import Recording
+from ssm_planner.identification.recordings import Recording, rms
 from ssm_planner.problem import CONFIDENCE, Drive
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, record
@@ -98,7 +98,7 @@ class _Problem:
 
     def nrmsd(self, theta: Array) -> tuple[float, ...]:
         """Return the NRMSD of each recording."""
-        return tuple(float(np.sqrt(np.mean(part**2))) for part in self.residuals(theta))
+        return tuple(map(rms, self.residuals(theta)))
 
 
 def fit_dynamic(

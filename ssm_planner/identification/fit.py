@@ -30,12 +30,13 @@ from ssm_planner.identification.posterior import (
     prior_pull,
     simplest,
 )
+from ssm_planner.identification.recordings import rms
 from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, weighted_interval
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem import LAW, LAWS, LOAD_OFFSET, Drive, Posterior
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, Arrays, frozen, record
 
 DRAWS = 1000
 """Number of equally likely parameter sets in a posterior."""
@@ -224,10 +225,10 @@ def _choose_model(
     """
     models = [model for model, _ in determined]
     errors = [blind_errors(model, z) for model, z in determined]
-    blind = [float(np.sqrt(np.mean(error**2))) for error in errors]
+    blind = [rms(error) for error in errors]
     criterion: dict[str, float] = {}
-    for model, rms in zip(models, blind, strict=True):
-        criterion[model.law] = min(rms, criterion.get(model.law, math.inf))
+    for model, size in zip(models, blind, strict=True):
+        criterion[model.law] = min(size, criterion.get(model.law, math.inf))
     chosen = simplest(models, errors)
     criterion[models[chosen].law] = blind[chosen]
     return determined[chosen], criterion
@@ -291,7 +292,7 @@ def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[S
     return [(law_sample, share) for law_sample, share in pairs if share]
 
 
-def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> dict[str, Array]:
+def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> Arrays:
     """Return the parameter sets of all possible laws as columns (sets,) by name.
 
     The columns are the parameters, the torques at the slow speeds (2,) in rad/s, the WEIGHT, and
@@ -317,7 +318,7 @@ def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> dict[str, Arra
     }
 
 
-def _draw_sets(pooled: dict[str, Array]) -> dict[str, Array]:
+def _draw_sets(pooled: Arrays) -> Arrays:
     """Return DRAWS equally likely sets by systematic resampling, as columns (DRAWS,) by name.
 
     A Coulomb law has the Stribeck speeds of the other laws, which do not affect it.
@@ -371,7 +372,7 @@ def _report(
         inseparable=(together,) if together else (),
         combinations={name: _estimate(value, pooled, name) for name, value in torques},
         predicted=predicted,
-        nrmsd=float(np.sqrt(np.mean((model.tau - predicted) ** 2)) / np.ptp(model.tau)),
+        nrmsd=float(rms(model.tau - predicted) / np.ptp(model.tau)),
         outliers=(),
         criterion={},
         law_shares=posterior.law_shares(model.law),
@@ -394,7 +395,7 @@ def _posterior(
     predicted: Array,
     data: TorqueMap,
     possible: list[tuple[Sample, float]],
-    columns: dict[str, Array],
+    columns: Arrays,
 ) -> Posterior:
     """Return the posterior with numbers of six digits, as a drive file has them."""
     usual = model.weight == 1.0
@@ -417,7 +418,7 @@ def _six_digits(values: Array) -> tuple[float, ...]:
     return tuple(float(f"{value:.6g}") for value in values)
 
 
-def _estimate(value: float, pooled: dict[str, Array], name: str) -> Estimate:
+def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
     """Return the estimate with the interval of a column of the pooled sets."""
     present = np.isfinite(pooled[name])
     low, high = weighted_interval(pooled[name][present], pooled[WEIGHT][present])
@@ -467,7 +468,7 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
                 f"{name} is {ratio:.2g} times the expected value: are these recordings of this "
                 "drive?"
             )
-    error = float(np.sqrt(np.mean((model.tau - predicted) ** 2)) / np.mean(np.abs(model.tau)))
+    error = rms(model.tau - predicted) / float(np.mean(np.abs(model.tau)))
     if error > BAD:
         notes.append(
             f"the error of the law is {error:.0%} of the mean torque: are these recordings of this "

@@ -28,7 +28,7 @@ def travelled(recording: Recording) -> Array:
     if recording.angle is not None:
         return recording.angle
     steps = np.diff(recording.time) * (recording.w[1:] + recording.w[:-1]) / 2
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return np.append(0.0, np.cumsum(steps))
 
 
 def ripple_rms(angle: Array, tau: Array) -> float:
@@ -89,10 +89,12 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
     turns = np.array([np.ptp(angle) for angle, _ in series])
     mean = single[int(np.argmax(turns))]
     for _ in range(_ROUNDS):
+        starts = [-_start(mean.coefficients, item.coefficients) for item in single]
         aligned = [
-            _complex(item.rotated(-_start(_complex(mean), _complex(item)))) for item in single
+            item.rotated(start).coefficients for item, start in zip(single, starts, strict=True)
         ]
-        mean = _harmonics(mean.orders, np.average(aligned, axis=0, weights=turns), phased=False)
+        average = np.average(aligned, axis=0, weights=turns)
+        mean = Harmonics.from_coefficients(mean.orders, average, phased=False)
     return mean
 
 
@@ -105,16 +107,6 @@ def _orders(ratio: float | None) -> tuple[float, ...]:
     return motor if ratio is None else (*(k / ratio for k in motor), *motor)
 
 
-def _complex(harmonics: Harmonics) -> Any:
-    """Return c_k of the torque Re Σ c_k exp(i order_k θ)."""
-    return np.array(harmonics.cosine) - 1j * np.array(harmonics.sine)
-
-
-def _harmonics(orders: tuple[float, ...], c: Any, phased: bool) -> Harmonics:
-    """Return the harmonics with the complex amplitudes c of `_complex`."""
-    return Harmonics(orders, tuple(c.real.tolist()), tuple((-c.imag).tolist()), phased)
-
-
 def _fit(
     curves: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool
 ) -> Harmonics:
@@ -125,7 +117,7 @@ def _fit(
     torque = np.concatenate([tau for _, tau in curves])
     solution = np.linalg.lstsq(columns, torque, rcond=None)[0][len(curves) :]
     cosine, sine = np.split(solution, 2)
-    return _harmonics(orders, cosine - 1j * sine, phased)
+    return Harmonics.from_coefficients(orders, cosine - 1j * sine, phased)
 
 
 def _start(reference: Any, c: Any) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.dynamics import friction_of
@@ -27,7 +26,7 @@ from ssm_planner.loading import find, load_drive
 from ssm_planner.problem import Drive, Harmonics
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import record
+from ssm_planner.typing import JsonObject, Keywords, record
 
 
 @record
@@ -79,7 +78,7 @@ class Identification(ShortRepr):
         )
         return Path(path)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the object that `identify --json` prints, without files; SI."""
         fit, dynamic = self.fit, self.dynamic
         estimates = {**fit.estimates, **self.dynamic_estimates}
@@ -206,7 +205,7 @@ def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> 
     friction = friction_of(drive)
     if friction.posterior is None:
         return drive
-    fields: dict[str, Any] = {f"harmonics_{name}": series for name, series in harmonics.items()}
+    fields: Keywords = {f"harmonics_{name}": series for name, series in harmonics.items()}
     posterior = replace(friction.posterior, **fields)
     return replace(drive, friction=replace(friction, posterior=posterior))
 

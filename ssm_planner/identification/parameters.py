@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import cast
 
 from ssm_planner.dynamics import friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem import LAWS, Drive, Friction, FrictionLawName, unchecked
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Keywords
 
 TYPICAL_MU = 0.15
 """Prior centre of μ without a value in the drive file: metal on greased metal or polymer."""
@@ -43,7 +43,7 @@ def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Driv
 
     The values may be arrays that represent many sets.
     """
-    friction: dict[str, Any] = {name: values[name] for name in _FRICTION_FIELDS if name in values}
+    friction: Keywords = {name: values[name] for name in _FRICTION_FIELDS if name in values}
     base = drive.friction or Friction(mu=TYPICAL_MU, mu_static=TYPICAL_MU, b_c=0.0, b_v=0.0)
     if law == "coulomb":
         friction |= {"mu_stribeck": 0.0, "stribeck_speed": None}

@@ -30,7 +30,7 @@ import numpy as np
 from ssm_planner.dynamics import mesh_coefficients
 from ssm_planner.identification.parameters import TYPICAL_MU, map_torque, with_parameters
 from ssm_planner.problem import LOAD_OFFSET, Drive, Posterior
-from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.typing import Array, Arrays, Indices, Keywords, Mask, record
 
 SPREADS = {
     "b_c": 1.0,
@@ -121,7 +121,7 @@ class MapModel:
         """Return ν s₀², N²·m²."""
         return DEGREES * self.scatter**2
 
-    def parameters(self, z: Array) -> dict[str, Array]:
+    def parameters(self, z: Array) -> Arrays:
         """Return the parameters by name, (sets, 1) each, of z (sets, k)."""
         centre, spread = self.prior
         x = centre + z * spread
@@ -141,7 +141,7 @@ class MapModel:
 
         w: motor speeds (points,) in rad/s instead of those of the map.
         """
-        values: dict[str, Any] = {**self.fixed, **self.parameters(z)}
+        values: Keywords = {**self.fixed, **self.parameters(z)}
         load = self.total_load(values.pop(LOAD_OFFSET, 0.0))
         torque = map_torque(
             with_parameters(self.drive, self.law, values), self.w if w is None else w, load
@@ -154,7 +154,7 @@ class MapModel:
 
     def residual(self, z: Array) -> Array:
         """Return weighted errors of the torque, (sets, points) in N·m, for z (sets, k)."""
-        return np.asarray((self.torque(z) - self.tau) * self.weight)
+        return (self.torque(z) - self.tau) * self.weight
 
     @cached_property
     def whiteners(self) -> list[tuple[Array, float]]:
@@ -288,7 +288,7 @@ def _information(model: MapModel, z: Array) -> Array:
     sets = np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])
     values = model.residual(sets) / _scatter(model, z)
     jacobian = (values[1:] - values[0]) / 1e-5
-    return np.asarray(jacobian @ jacobian.T)
+    return jacobian @ jacobian.T
 
 
 def covariance_near(model: MapModel, z: Array) -> Array:
@@ -303,12 +303,12 @@ def data_correlation(model: MapModel, z: Array) -> Array:
     """
     covariance = np.linalg.inv(_information(model, z) + NEGLIGIBLE * np.eye(len(z)))
     deviation = np.sqrt(np.diag(covariance))
-    return np.asarray(covariance / np.outer(deviation, deviation))
+    return covariance / np.outer(deviation, deviation)
 
 
 def _log_speed(w: Array) -> Array:
     """Return the logarithm of |w| (n,), at least that of SLOWEST."""
-    return np.asarray(np.log(np.maximum(np.abs(w), SLOWEST)))
+    return np.log(np.maximum(np.abs(w), SLOWEST))
 
 
 def correlation(v: Array, w: Array) -> Array:
@@ -335,7 +335,7 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     distance = np.abs(_log_speed(w)[:, None] - _log_speed(speeds))
     same = np.sign(w)[:, None] == np.sign(speeds)
     distance_to_recorded = _or_one(np.where(same, distance, np.inf).min(axis=1))
-    return np.asarray(factors), np.asarray(remaining * (1.0 + distance_to_recorded))
+    return np.asarray(factors), remaining * (1.0 + distance_to_recorded)
 
 
 def outside(posterior: Posterior, w: Array) -> Array:
@@ -364,4 +364,4 @@ def prior_pull(covariance: Array) -> Array:
     model would move by the covariance (k, k) of z, row by row in units of √cov_ii. The data alone
     determine a parameter with a small value.
     """
-    return np.asarray(np.linalg.norm(covariance, axis=1) / np.sqrt(np.diag(covariance)))
+    return np.linalg.norm(covariance, axis=1) / np.sqrt(np.diag(covariance))

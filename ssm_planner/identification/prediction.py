@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -25,11 +24,11 @@ from ssm_planner.dynamics.transmission import (
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
-from ssm_planner.identification.recordings import Recording
+from ssm_planner.identification.recordings import Recording, rms
 from ssm_planner.identification.torque_map import kind_of, rest_mask, runs
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, Indices, record
+from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, record
 
 START_LEAD = 0.05
 """Time before the first nonzero speed reading in which the motor already pushes, s.
@@ -59,7 +58,7 @@ class PredictionBand(ShortRepr):
     (0.9, 1.1)
     """
 
-    mean: tuple[float, float]
+    mean: Range
     """Band of the mean, from uncertain parameters and from the scatter between recordings."""
     low: Array
     """Lower end of the band of single samples, which includes ripple and noise."""
@@ -138,7 +137,7 @@ class Prediction(ShortRepr):
             )
         return ()
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the object that `predict --json` prints for one recording, without files."""
         return {
             "recording": self.recording.name,
@@ -166,7 +165,7 @@ def nrmsd(predicted: Array, measured: Array) -> float:
     span = float(np.ptp(measured))
     if span == 0.0:
         raise RecordingError("the measured torque is constant: NRMSD is not defined")
-    return float(np.sqrt(np.mean((predicted - measured) ** 2)) / span)
+    return rms(predicted - measured) / span
 
 
 def predict_recording(
@@ -262,7 +261,7 @@ def departure(drive: Drive, motion: Motion, load: float) -> Array:
     factors, _ = expected_departure(posterior, w)
     median = np.median(_sets(drive, posterior, w, load), axis=0)
     expected = median + factors @ np.array(posterior.departures)
-    return np.asarray(np.where(direction == 0, 0.0, expected)[index])
+    return np.where(direction == 0, 0.0, expected)[index]
 
 
 def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
@@ -283,13 +282,13 @@ def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
     w: motor speeds (speeds,) in rad/s. Each set agrees with the recordings at their speeds, because
     its expected departure from them is subtracted.
     """
-    sets: dict[str, Any] = {name: column[:, None] for name, column in posterior.values().items()}
+    sets: Keywords = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
     drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((len(posterior.draws), 1), offset))
     drives = drive_with(drive, sets)
 
     def difference(v: Array) -> Array:
-        return np.asarray(map_torque(drives, v, drawn_load) - map_torque(drive, v, load))
+        return map_torque(drives, v, drawn_load) - map_torque(drive, v, load)
 
     factors, _ = expected_departure(posterior, w)
     return difference(w) - difference(np.array(posterior.speeds)) @ factors.T

@@ -10,7 +10,6 @@ from dataclasses import field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssm_planner.dynamics import STANDSTILL
 from ssm_planner.errors import ProblemError, RecordingError
@@ -24,7 +23,7 @@ from ssm_planner.identification.recorder_csv import (
 )
 from ssm_planner.loading.files import bytes_of
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, Indices, Mask, record
 
 MAX_BYTES = 32_000_000
 """Largest file: more than half an hour at 1 kHz. An export of the EPOS recorder has about 10 kB."""
@@ -138,16 +137,14 @@ def read_recording(
         w=direction * speed,
         tau=direction * torque,
         repairs=(*table.repairs, *repairs),
-        quantum=_quantum(speed),
+        quantum=quantum(speed, 6),
         header=table.header,
         angle=direction * angle if "position" in columns else None,
         begin=float(time[0]),
     )
 
 
-def _finite_samples(
-    channels: Array, table: Table, path: Path
-) -> tuple[Array, NDArray[np.int_], list[str]]:
+def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, Indices, list[str]]:
     """Return the channels (4, samples) without samples that are not finite, with their lines.
 
     The third value has a remark on samples that are left out. Raises RecordingError if they are too
@@ -171,7 +168,7 @@ def _finite_samples(
     return channels, lines, [remark] if bad else []
 
 
-def _remove_spikes(channels: Array, lines: NDArray[np.int_]) -> list[str]:
+def _remove_spikes(channels: Array, lines: Indices) -> list[str]:
     """Replace spikes of torque and speed by NaN, and return a remark on each channel with spikes.
 
     channels: time, speed, torque and position (4, samples), which change. lines: (samples,).
@@ -226,7 +223,7 @@ def read_recordings(
     ]
 
 
-def find_spikes(values: Array) -> NDArray[np.intp]:
+def find_spikes(values: Array) -> Indices:
     """Return the indices of isolated samples of values (samples,).
 
     A gap of SPIKE_GAP times the range of all but the outermost samples separates them from the
@@ -294,7 +291,7 @@ def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
 
 
 def _torque_remarks(
-    torque: Array, column: Column, nominal_torque: float | None, moving: NDArray[np.bool_]
+    torque: Array, column: Column, nominal_torque: float | None, moving: Mask
 ) -> list[str]:
     """Return remarks on a suspicious torque (samples,) in N·m. moving: mask (samples,)."""
     remarks, size = [], np.abs(torque)
@@ -317,7 +314,7 @@ def _torque_remarks(
     return remarks
 
 
-def _longest_rows(torque: Array, moving: NDArray[np.bool_]) -> tuple[int, int]:
+def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
     """Return the lengths of the longest and second longest row of equal torques in motion.
 
     torque, moving: (samples,). Without two rows, the second length is 1.
@@ -384,7 +381,12 @@ def _check_time(time: Array, lines: Array, path: Path) -> None:
         )
 
 
-def _quantum(speed: Array) -> float:
-    """Return the smallest difference of two speeds (samples,), rad/s, or 0."""
-    steps = np.diff(np.unique(np.round(speed, 6)))
+def rms(values: Array) -> float:
+    """Return the root mean square of values (n,)."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def quantum(values: Array, decimals: int) -> float:
+    """Return the smallest difference of two values (samples,) rounded to `decimals`, or 0."""
+    steps = np.diff(np.unique(np.round(values, decimals)))
     return float(steps.min()) if len(steps) else 0.0

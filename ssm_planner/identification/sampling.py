@@ -23,7 +23,7 @@ import numpy as np
 
 from ssm_planner.identification.posterior import DEGREES, SHARES, MapModel, covariance_near
 from ssm_planner.problem import CONFIDENCE
-from ssm_planner.typing import Array, Indices, record
+from ssm_planner.typing import Array, Indices, Range, record
 
 ADAPTATION = (2**12, 2**12, 2**12, 2**13, 2**14)
 """Number of points in each round of adaptation. The components double from round to round."""
@@ -66,7 +66,7 @@ class Sample:
     @cached_property
     def weight(self) -> Array:
         """Return the weights (shares, points) with the sum 1."""
-        return np.asarray(np.exp(self.log_weight - self.log_evidence))
+        return np.exp(self.log_weight - self.log_evidence)
 
     @property
     def flat(self) -> tuple[Array, Array]:
@@ -116,7 +116,7 @@ def sample(model: MapModel, z: Array, shift: float = 0.5) -> Sample:
     return _sampled(model, mixture, POINTS, shift)
 
 
-def weighted_interval(values: Array, weight: Array) -> tuple[float, float]:
+def weighted_interval(values: Array, weight: Array) -> Range:
     """Return the central interval of values (sets,) with weights (sets,)."""
     order = np.argsort(values)
     cumulative = np.cumsum(weight[order])
@@ -143,7 +143,7 @@ def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
     for _ in range(60):
         phi = (1 + phi) ** (1 / (dimensions + 1))
     steps = phi ** -np.arange(1.0, dimensions + 1)
-    return np.asarray((shift + (index[:, None] + 1) * steps) % 1.0)
+    return (shift + (index[:, None] + 1) * steps) % 1.0
 
 
 def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -> Array:
@@ -283,4 +283,4 @@ def _log_t(x: Array, degrees: float) -> Array:
     """Return the logarithm of Student's density at x, with its shape."""
     half = 0.5 * (degrees + 1)
     constant = math.lgamma(half) - math.lgamma(0.5 * degrees) - 0.5 * math.log(degrees * math.pi)
-    return np.asarray(constant - half * np.log1p(x * x / degrees))
+    return constant - half * np.log1p(x * x / degrees)

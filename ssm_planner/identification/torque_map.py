@@ -142,8 +142,7 @@ def runs(mask: Mask) -> list[list[int]]:
     list of [int, int]
     """
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
-    pairs: list[list[int]] = np.flatnonzero(edges).reshape(-1, 2).tolist()
-    return pairs
+    return np.flatnonzero(edges).reshape(-1, 2).tolist()
 
 
 def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:

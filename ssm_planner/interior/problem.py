@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.mapped import Mapped
+from ssm_planner.codegen import Mapped
 from ssm_planner.interior.spline import Spline
 from ssm_planner.typing import Array, Indices, keyword_record, record
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.codegen.namespace import Namespace
+from ssm_planner.codegen import Namespace
 from ssm_planner.problem import Eye, Lens, LensClearance, RetinaClearance
 
 NO_LENGTH = 1e-12

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.codegen import NUMPY
 from ssm_planner.kinematics.mechanism import Mechanism, azimuths
 from ssm_planner.kinematics.task import joints_of_task
 from ssm_planner.typing import Array, record

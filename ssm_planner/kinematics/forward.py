@@ -8,7 +8,7 @@ named ..._symbolic express the same equations for one configuration in CasADi.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import batch, constant, rotation_symbolic
 from ssm_planner.problem import SpeedLimit, TipSpeed
+from ssm_planner.trajectory import blocks
 from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     q = batch("q", q, 4)
     rotations = np.empty((len(q), 9))
     positions = np.empty((len(q), 3))
-    for block in blocks(len(q)):
+    for block in blocks(len(q), BLOCK):
         term_1, term_2, term_3 = (_terms(q[block, i]) for i in range(3))
         _pose(
             mechanism,
@@ -59,16 +60,11 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
     q = batch("q", q, 4)
     jacobians = np.empty((len(q), 24))
     space = _space_terms(mechanism)
-    for block in blocks(len(q)):
+    for block in blocks(len(q), BLOCK):
         np.matmul(
             _products(_terms(q[block, 0]), _terms(q[block, 1])).T, space, out=jacobians[block]
         )
     return jacobians.reshape(-1, 6, 4)
-
-
-def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
-    """Return consecutive slices that cover range(count)."""
-    return (slice(start, min(start + size, count)) for start in range(0, count, size))
 
 
 def _terms(angle: Array) -> Array:
@@ -137,7 +133,7 @@ JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] =
 
 def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
     """Return the limited speed |J(q) q̇| (n,) in SI units for joints q and rates qd (n, 4)."""
-    from ssm_planner.codegen.vectorised import call
+    from ssm_planner.codegen import call
 
     return call(_speed(limit_type, mechanism), q, qd)[0][:, 0]
 

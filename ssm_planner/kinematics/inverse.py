@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.codegen import NUMPY
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.forward import blocks
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism
 from ssm_planner.kinematics.rotations import batch, finite
 from ssm_planner.kinematics.solutions import OF_EACH, Solutions, select
 from ssm_planner.kinematics.task import joints_of_task, roll_and_tilt, task_batch, task_from_joints
 from ssm_planner.kinematics.workspace import tilt_magnitudes
-from ssm_planner.typing import Array
+from ssm_planner.trajectory import blocks
+from ssm_planner.typing import Array, Mask
 
 BRANCHES = (1, -1)
 TOLERANCE = 1e-7
@@ -133,7 +133,7 @@ def _pointing(
     mech: Mechanism,
     tip: Array,
     depth: Array,
-    at_rcm: NDArray[np.bool_],
+    at_rcm: Mask,
     reference: ArrayLike | None,
 ) -> tuple[Array, Array]:
     """Return roll and tilt of the tool for tip positions at given depths.

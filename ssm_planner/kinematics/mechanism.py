@@ -30,10 +30,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import NUMPY, Namespace
+from ssm_planner.codegen import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.rotations import exponential_terms, rotation
-from ssm_planner.problem import Geometry, read_only_array
+from ssm_planner.problem import Geometry, Robot, read_only_array
 from ssm_planner.typing import Array, record
 
 PARALLEL = 1e-9
@@ -67,6 +67,11 @@ class Mechanism:
     def __post_init__(self) -> None:
         for array in (self.omega1, self.omega2, self.omega3, self.tool_home, self.tilt_axis):
             array.setflags(write=False)
+
+    @classmethod
+    def from_robot(cls, robot: Robot) -> Mechanism:
+        """Build the mechanism of a robot."""
+        return cls.from_geometry(robot.geometry)
 
     @classmethod
     def from_geometry(cls, geometry: Geometry) -> Mechanism:

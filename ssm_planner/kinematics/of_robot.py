@@ -14,7 +14,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import Extreme, boundary_distance, extremes, tilt_interval
 from ssm_planner.problem import Robot
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, JsonObject, Mask, record
+from ssm_planner.typing import Array, JsonObject, Mask, Range, record
 
 SAME = 1e-7
 """Largest difference of the joints (rad, m) of two solutions that count as one."""
@@ -96,7 +96,7 @@ class Workspace(ShortRepr):
     """Angle between the axes of joints 1 and 2."""
     beta: float
     """Angle between the axis of joint 2 and the tool."""
-    tilt_range: tuple[float, float]
+    tilt_range: Range
     home_roll: float
     """Roll at q = 0."""
     home_tilt: float
@@ -152,7 +152,7 @@ def fk(robot: Robot, q: ArrayLike) -> ToolPose:
     [0.00391, 0.0, -0.00921]
     """
     joints = np.asarray(q, dtype=float)
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     rows = joints[None] if joints.ndim == 1 else joints
     rotation, position = forward(mechanism, rows)
     task = task_from_joints(mechanism, rows)
@@ -191,7 +191,7 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
     >>> J[3:, 0].round(6).tolist()
     [1.0, 0.0, 0.0]
     """
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     screws = space_jacobian(mechanism, q)
     velocity = screws[:, :3]
     turning = screws[:, 3:]
@@ -249,7 +249,7 @@ def ik(
     >>> ik(robot, tilt=np.radians([-110, -100, -90])).joints.shape
     (3, 2, 4)
     """
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     try:
         points = np.stack(np.broadcast_arrays(roll, tilt, spin, depth), axis=-1)
     except ValueError:
@@ -304,7 +304,7 @@ def workspace(robot: Robot) -> Workspace:
     >>> np.degrees(workspace(load_robot("vitreoretinal")).tilt_range).round(3).tolist()
     [-139.778, -79.778]
     """
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     return Workspace(
         mechanism.alpha,
         mechanism.beta,

@@ -80,7 +80,10 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
     A single row becomes a batch of one. Raises GeometryError for another shape or a value that is
     not finite.
     """
-    array = _floats(name, value)
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise GeometryError(f"{name} is not an array of numbers: {error}") from error
     if array.ndim == 1 and array.shape[0] == width:
         array = array[np.newaxis]
     if array.ndim != 2 or array.shape[1] != width:
@@ -101,11 +104,3 @@ def finite(name: str, array: Array) -> None:
         raise GeometryError(
             f"{name} of shape {array.shape} is not finite at {list(index)}: {array[index]}"
         )
-
-
-def _floats(name: str, value: ArrayLike) -> Array:
-    """Return the argument as an array of floats. Raises GeometryError."""
-    try:
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise GeometryError(f"{name} is not an array of numbers: {error}") from error

@@ -129,8 +129,7 @@ def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
 
     The shapes of both arguments broadcast.
     """
-    shifted = angle - TURN * np.ceil((angle - np.asarray(centre)) / TURN - 0.5)
-    return shifted
+    return angle - TURN * np.ceil((angle - np.asarray(centre)) / TURN - 0.5)
 
 
 def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:

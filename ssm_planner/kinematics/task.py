@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.codegen.namespace import NUMPY, Namespace, casadi_namespace
+from ssm_planner.codegen import NUMPY, Namespace, casadi_namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.mechanism import Mechanism, azimuths, elbow_squares, tilt_magnitude
 from ssm_planner.kinematics.rotations import batch, rotation
@@ -157,7 +157,7 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
     # row by row, so that operations run along many values
     lateral = np.cos(roll) * across + np.sin(roll) * upwards
     pointing = np.cos(tilt) * axial + np.sin(tilt) * lateral
-    return np.asarray(mechanism.insertion_sign * depth * pointing).T
+    return (mechanism.insertion_sign * depth * pointing).T
 
 
 def joints_from_task_symbolic(

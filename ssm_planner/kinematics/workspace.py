@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.arguments import checked
-from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.codegen import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares
 from ssm_planner.problem import JOINTS
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, Range, frozen, record
 
 GRID = 20001
 """Number of tilts at which the bound on the tilt rate is evaluated."""
@@ -53,7 +53,7 @@ class Extreme(ShortRepr):
     """Magnitude |φ_r| in [0, π]."""
 
 
-def tilt_magnitudes(alpha: float, beta: float) -> tuple[float, float]:
+def tilt_magnitudes(alpha: float, beta: float) -> Range:
     """Return the smallest and the largest |φ| in [0, π] (paper, eq. 9).
 
     They are |α − β| and α + β, folded at π, for any α and β in [0, π]. If one of the angles is 0 or
@@ -62,7 +62,7 @@ def tilt_magnitudes(alpha: float, beta: float) -> tuple[float, float]:
     return abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - (alpha + beta))
 
 
-def tilt_interval(mechanism: Mechanism) -> tuple[float, float]:
+def tilt_interval(mechanism: Mechanism) -> Range:
     """Return the range (low, high) of the signed tilt on the home side.
 
     For the vitreoretinal robot it is (−139.778°, −79.778°).
@@ -107,11 +107,10 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
         NUMPY, mechanism.alpha, mechanism.beta, np.cos(half), np.sin(half)
     )
     x = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))
-    theta2 = mechanism.delta + check_branch(branch) * x
-    return theta2
+    return mechanism.delta + check_branch(branch) * x
 
 
-def magnitude_range(name: str, tilt_range: tuple[float, float]) -> tuple[float, float]:
+def magnitude_range(name: str, tilt_range: Range) -> Range:
     """Return the smallest and the largest |φ| of a signed tilt range. Raises GeometryError."""
     low, high = (float(end) for end in tilt_range)
     if not -math.pi <= low <= high <= math.pi:
@@ -138,8 +137,7 @@ def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     magnitude = np.abs(_tilts(tilt))
-    distance = np.minimum(magnitude - low, high - magnitude)
-    return distance
+    return np.minimum(magnitude - low, high - magnitude)
 
 
 def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
@@ -180,8 +178,7 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
         joint_2 = sine / (product * sin_x)
         third = -on_t / (math.sin(beta) * sin_x * sine)
     side = np.where(tilts < 0.0, -1.0, 1.0)
-    speeds = np.stack((joint_1, joint_2, third), axis=-1) * side[..., np.newaxis]
-    return speeds
+    return np.stack((joint_1, joint_2, third), axis=-1) * side[..., np.newaxis]
 
 
 def _tilts(value: ArrayLike) -> Array:
@@ -203,9 +200,7 @@ class TiltRateBound:
     joint: str
 
 
-def tilt_rate_bound(
-    mechanism: Mechanism, ends: tuple[float, float], acceleration: float
-) -> TiltRateBound:
+def tilt_rate_bound(mechanism: Mechanism, ends: Range, acceleration: float) -> TiltRateBound:
     """Bound the tilt rate between two tilts (rad) at rest under a joint acceleration (rad/s²).
 
     Roll and spin are constant. A joint that starts or ends at rest satisfies q̇² ≤ 2·q̈_max·travel.
@@ -257,7 +252,7 @@ class DesignRegion(ShortRepr):
     False
     """
 
-    tilt_range: tuple[float, float]
+    tilt_range: Range
     margin: float
     vertices: Array
     """Corners (α, β) in order, (4, 2), the one with the smallest α first.
@@ -333,7 +328,7 @@ def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> Des
     return DesignRegion((tilt_low, tilt_high), margin, vertices)
 
 
-def design_margin(alpha: float, beta: float, tilt_range: tuple[float, float]) -> float:
+def design_margin(alpha: float, beta: float, tilt_range: Range) -> float:
     """Return the tilt in rad by which the workspace of (α, β) exceeds both ends of a range.
 
     The margin is negative if the range is not reached.

@@ -5,6 +5,7 @@ from .catalogues import (
     entries as entries,
     gears_of as gears_of,
     motors_of as motors_of,
+    number_or_text as number_or_text,
     stated_beside as stated_beside,
 )
 from .drives import drive_from as drive_from, drive_model as drive_model

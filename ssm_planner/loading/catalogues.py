@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import ProblemError
@@ -42,7 +41,7 @@ class Row:
     """Row of a table with its text by column and its line."""
 
     label: str
-    cells: Mapping[str, Any]
+    cells: JsonObject
     line: int
 
 
@@ -176,7 +175,7 @@ def rows_of(file: Path) -> list[Row]:
     rows: dict[str, Row] = {}
     for line, cells in table:
         row: JsonObject = {
-            name: cell if name in NAMES else _value(f"{cell} {unit}".rstrip())
+            name: cell if name in NAMES else number_or_text(f"{cell} {unit}".rstrip())
             for (name, unit), cell in zip(headings, cells, strict=True)
             if cell
         }
@@ -204,8 +203,8 @@ def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
     return named_entries
 
 
-def _value(text: str) -> str | float:
-    """Convert a cell to a number if possible, and otherwise return its text."""
+def number_or_text(text: str) -> str | float:
+    """Convert a text to a number if possible, and otherwise return it."""
     try:
         return float(text)
     except ValueError:
@@ -234,7 +233,7 @@ def _motor(row: Row, file: str) -> JsonObject:
     return entry
 
 
-def _section(file: Path, row: Row, values: Mapping[str, Any]) -> Section:
+def _section(file: Path, row: Row, values: JsonObject) -> Section:
     return Section(file, plain_node(values, line=row.line))
 
 

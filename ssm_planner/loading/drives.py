@@ -55,6 +55,7 @@ from ssm_planner.problem import (
     hints,
     quantities,
 )
+from ssm_planner.typing import JsonObject, Keywords
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
@@ -183,7 +184,7 @@ def drive_model(drive_kind: str) -> Any:
     return model_of(Drive, keys, slides=slides, sourced=True, without=without, base=base)
 
 
-def _keys_of_thread(slides: bool) -> dict[str, Any]:
+def _keys_of_thread(slides: bool) -> Keywords:
     """Return the keys of a drive with a thread that differ from the fields of Drive."""
     friction = {
         "mu_static": optional(reading(Friction, "mu_static", sourced=True)),
@@ -219,7 +220,7 @@ def _keys_of_thread(slides: bool) -> dict[str, Any]:
 _OF_FRICTION = f"Friction of mesh and bearings. {TO_IDENTIFY!r} is allowed for a drive on a rig."
 
 
-def _keys_of_efficiencies(kind: Any) -> dict[str, Any]:
+def _keys_of_efficiencies(kind: Any) -> Keywords:
     """Return the keys of a drive with efficiencies that differ from the fields of Drive."""
     friction = {name: optional(reading(Friction, name, sourced=True)) for name in ("b_c", "b_v")}
     if hints(kind):
@@ -233,7 +234,7 @@ def _keys_of_efficiencies(kind: Any) -> dict[str, Any]:
     return {"friction": optional(nested(model), "Friction, none by default.")}
 
 
-def _may_be_identified(schema: dict[str, Any]) -> None:
+def _may_be_identified(schema: JsonObject) -> None:
     schema["anyOf"].append({"const": TO_IDENTIFY})
 
 
@@ -275,7 +276,7 @@ def _dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
 
 def _of_thread(
     section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
-) -> dict[str, Any]:
+) -> Keywords:
     """Return the fields of a worm or screw that follow from its geometry and friction."""
     lead_angle = dimensions["lead_angle"]
     friction = None
@@ -300,7 +301,7 @@ def _of_thread(
 
 def _of_efficiencies(
     section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
-) -> dict[str, Any]:
+) -> Keywords:
     """Return the fields of a drive with efficiencies, as those of a thread that has them."""
     ratio = kind.motor_ratio(dimensions)
     bearings = {} if model.friction is None else model.friction.numbers()
@@ -320,7 +321,7 @@ def _of_efficiencies(
     }
 
 
-def _values(model: Model) -> dict[str, Any]:
+def _values(model: Model) -> Keywords:
     """Return the figures of a model by the fields of its value."""
     numbers = {
         name: field_value.value if isinstance(field_value, Figure) else field_value

@@ -42,6 +42,7 @@ from ssm_planner.problem import (
     Stroke,
 )
 from ssm_planner.problem import Problem as Problem
+from ssm_planner.typing import JsonObject
 
 
 @checked
@@ -233,7 +234,7 @@ def _models(file_kind: Kind) -> tuple[Any, ...]:
     return tuple(map(drive_model, TRANSMISSIONS)) if file_kind == "drive" else (models[file_kind],)
 
 
-def json_schema(file_kind: Kind) -> dict[str, Any]:
+def json_schema(file_kind: Kind) -> JsonObject:
     """Return the JSON schema of a kind of file, for editors that complete and check YAML."""
     every: Any = Union[_models(file_kind)]  # noqa: UP007 - of a tuple
     return TypeAdapter(every).json_schema()

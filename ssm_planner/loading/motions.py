@@ -45,7 +45,7 @@ from ssm_planner.problem import (
     Tip,
 )
 from ssm_planner.registry import Registry
-from ssm_planner.typing import frozen
+from ssm_planner.typing import JsonObject, Keywords, frozen
 
 JointValues = Annotated[
     tuple[float, float, float, float], vector("angle", "angle", "angle", "length")
@@ -64,7 +64,7 @@ _FORMS = (
 
 class _NamedModel(Model):
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> JsonObject:
         schema = super().__get_pydantic_json_schema__(core, handler)
         return {"anyOf": [schema, {"type": "string", "description": "A name among `points`."}]}
 
@@ -190,7 +190,7 @@ def _motion_to(
     return nested(model_of(Straight, keys, without=(*TASK, "name", *without)))
 
 
-def _through(model: Any, description: str) -> dict[str, Any]:
+def _through(model: Any, description: str) -> Keywords:
     """Return the optional key of the points between the start and the end."""
     points = Annotated[tuple[Annotated[Any, Part(model)], ...], Field(max_length=MOST_POINTS)]
     return {"through": (points, Field((), description=description))}

@@ -238,7 +238,7 @@ def _robot(section: Section, model: Any) -> Robot:
         raise section.error(
             "invalid share of the speed", "speed", allowed="above 0 and at most 100 %"
         )
-    joints = []
+    joints: Any = []
     for joint in robot.joints:
         joint_model = None if model.joints is None else getattr(model.joints, joint.name)
         overrides = (
@@ -246,9 +246,7 @@ def _robot(section: Section, model: Any) -> Robot:
             if joint_model is None
             else {name: value for name, value in joint_model if value is not None}
         )
-        velocity = overrides.get("velocity", joint.velocity) * (
-            1.0 if model.speed is None else model.speed
-        )
+        velocity = overrides.get("velocity", joint.velocity) * (model.speed or 1.0)
         joints.append(replace(joint, **{**overrides, "velocity": velocity}))
     gravity = robot.gravity
     if model.mounting is not None:
@@ -258,7 +256,7 @@ def _robot(section: Section, model: Any) -> Robot:
             )
         turn = rotation(tuple((axis, float(angle)) for axis, angle in model.mounting))
         gravity = read_only_array(turn.T @ gravity, (3,))
-    robot = replace(robot, joints=(joints[0], joints[1], joints[2], joints[3]), gravity=gravity)
+    robot = replace(robot, joints=tuple(joints), gravity=gravity)
     if not model.tip_payload:
         return robot
     from ssm_planner.dynamics import with_payload

@@ -55,7 +55,7 @@ from ssm_planner.problem import (
     read_only_array,
     unit_vector,
 )
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, Keywords, record
 
 FOLLOWED = ("alpha", "home_tilt", "home_roll")
 """Angles of the geometry that a frame may name, so that the bodies depend on them."""
@@ -240,7 +240,7 @@ class _BodyModel(Model):
 BodyModel = model_of(
     Body, {"mass": optional(_Mass, "Or parts.")}, base=_BodyModel, without=("com",)
 )
-_ACTUATION: dict[str, Any] = {
+_ACTUATION: Keywords = {
     "drive": (Reference | None, None),
     "motor": (Reference | None, None),
     "alternatives": (list[Reference], []),
@@ -289,10 +289,10 @@ def robot_from(section: Section) -> Robot:
         turn = _frame(section.sub("bodies", i), body.frame, model.geometry)
         frames.append((frames[-1] if frames else np.eye(3)) @ turn)
     geometry = _geometry(section.sub("geometry"), model.geometry, omegas, frames[-1])
-    joints = tuple(
+    joints: Any = tuple(
         _joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS
     )
-    bodies = []
+    bodies: Any = []
     for i, body in enumerate(model.bodies):
         setting = _Setting(i, frames, geometry, joints)
         bodies.append(_body(section.sub("bodies", i), body, setting))
@@ -300,8 +300,8 @@ def robot_from(section: Section) -> Robot:
         return Robot(
             name=model.name,
             geometry=geometry,
-            bodies=(bodies[0], bodies[1], bodies[2], bodies[3]),
-            joints=(joints[0], joints[1], joints[2], joints[3]),
+            bodies=tuple(bodies),
+            joints=joints,
             gravity=read_only_array(model.gravity, (3,)),
             limits=ranges_from(model.limits),
             file=section.file_name,

@@ -31,7 +31,7 @@ from ssm_planner.problem import (
     hints,
     strip_annotations,
 )
-from ssm_planner.typing import JsonObject, record
+from ssm_planner.typing import JsonObject, Keywords, record
 from ssm_planner.units import KINDS, NUMBER
 
 M = TypeVar("M", bound="Model")
@@ -178,8 +178,7 @@ class Part:
     model: Any
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
-        schema: CoreSchema = handler.generate_schema(self.model)
-        return schema
+        return handler.generate_schema(self.model)
 
 
 def nested(model: Any) -> Any:
@@ -336,7 +335,7 @@ def model_of(
     """
     value_fields = {field.name: field for field in dataclasses.fields(cls)}
     model_fields = dict(extra_keys or {})
-    fields: dict[str, Any] = {}
+    fields: Keywords = {}
     for field in value_fields.values():
         if field.name in model_fields:
             fields[field.name] = model_fields.pop(field.name)
@@ -384,7 +383,7 @@ def by_joint(turning: Any, sliding: Any, every: bool = False) -> Any:
     Revolute joints have the type `turning`, and the prismatic joint has the type `sliding`. If
     `every` is true, the mapping must contain every joint.
     """
-    fields: dict[str, Any] = {}
+    fields: Keywords = {}
     for i, name in enumerate(JOINTS, 1):
         hint = nested(sliding if name == "insertion" else turning)
         fields[name] = (required if every else optional)(hint, f"Joint {i}.")

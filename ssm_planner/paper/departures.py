@@ -26,7 +26,7 @@ from ssm_planner.problem import (
     read_only_array,
     unchecked,
 )
-from ssm_planner.reporting.figures.style import COLOURS, finish, legend, new_figure
+from ssm_planner.reporting import COLOURS, finish, legend, new_figure
 from ssm_planner.sizing import DutyCycle, JointLoad, joint_loads
 from ssm_planner.typing import Array, frozen, record
 

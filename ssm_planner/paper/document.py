@@ -21,9 +21,9 @@ from ssm_planner.paper.section import Section, render
 from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.publishing import publishing
-from ssm_planner.reporting.figures.style import save_figures
+from ssm_planner.reporting import save_figures
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import frozen, record
+from ssm_planner.typing import Files, frozen, record
 
 FILE = "README.md"
 
@@ -144,7 +144,7 @@ def compute(inputs: Inputs, progress: Progress = silent) -> Document:
     return Document(tuple(sections), runs, rig_results)
 
 
-def write(document: Document, folder: Path, progress: Progress = silent) -> dict[str, Path]:
+def write(document: Document, folder: Path, progress: Progress = silent) -> Files:
     """Write README.md and every picture as PNG and PDF, all or nothing; return the paths by name.
 
     Raises ExportError.

@@ -41,8 +41,7 @@ from ssm_planner.paper.published import (
 )
 from ssm_planner.paper.section import Section
 from ssm_planner.problem import JOINTS, Drive, Friction, FrictionLawName, Joint, Rig, Robot
-from ssm_planner.reporting.figures.sizing import speeds_of_map
-from ssm_planner.reporting.figures.style import (
+from ssm_planner.reporting import (
     COLOURS,
     FIFTH,
     SIZE,
@@ -50,6 +49,7 @@ from ssm_planner.reporting.figures.style import (
     legend,
     legend_above,
     new_figure,
+    speeds_of_map,
     zero_lines,
 )
 from ssm_planner.typing import Array, record
@@ -122,7 +122,7 @@ def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
 
     The range covers the robot's tilt range, ±30° of roll and its travel.
     """
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     low, high = robot.ranges["tilt"]
     half = published.REQUIRED_ROLL / 2
     axes = (

@@ -41,18 +41,18 @@ from ssm_planner.problem import (
     Stroke,
     Task,
 )
-from ssm_planner.reporting.figures.sizing import payload_curves
-from ssm_planner.reporting.figures.style import (
+from ssm_planner.reporting import (
     COLOURS,
     LIMIT,
     SIZE,
     finish,
     new_figure,
+    payload_curves,
     shade_phases,
 )
 from ssm_planner.sizing import DutyCycle, JointLoad, MotorRequirement, joint_loads
 from ssm_planner.sizing.size import Sizing, size
-from ssm_planner.typing import record
+from ssm_planner.typing import Range, record
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class SpeedRun:
     plan: Plan
     loads: tuple[JointLoad, ...]
 
-    def envelope(self, joint: str) -> tuple[float, float]:
+    def envelope(self, joint: str) -> Range:
         """Return the smallest and the largest motor torque while the joint moves, N·m."""
         load = self.load(joint)
         torque = load.torque()[load.direction != 0]
@@ -86,7 +86,7 @@ class SpeedRun:
         if self.plan.trajectory is None:
             return math.nan
         samples = self.plan.trajectory.uniform(1000.0)
-        rates = task_rates(Mechanism.from_geometry(robot.geometry), samples.q, samples.qd)
+        rates = task_rates(Mechanism.from_robot(robot), samples.q, samples.qd)
         return float(np.abs(rates[:, TASK.index("tilt")]).max())
 
     def reaches(self) -> bool:
@@ -124,7 +124,7 @@ def speed_runs(
     return tuple(runs)
 
 
-def tilts_of(problem: Problem) -> tuple[float, float]:
+def tilts_of(problem: Problem) -> Range:
     """Return the lowest and the highest tilt in the problem, rad."""
     values = _values(problem, "tilt")
     return min(values), max(values)
@@ -150,7 +150,7 @@ def _values(problem: Problem, name: str) -> list[float]:
 
 def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
     """Return the section about Table III."""
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    mechanism = Mechanism.from_robot(problem.robot)
     allowed = problem.robot.ranges["tilt"]
     tilts = tilts_of(problem)
     limit = published.ROTARY_ACCELERATION

@@ -13,7 +13,7 @@ from pathlib import Path
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading import load_drive, load_motorisation, load_problem
 from ssm_planner.problem import Drive, Eye, Motorisation, Problem, Robot, Task
-from ssm_planner.typing import frozen, record
+from ssm_planner.typing import Range, frozen, record
 
 DRIVEN = ("roll", "tilt", "insertion")
 """Joints 1, 2 and 4, which have a drive."""
@@ -176,7 +176,7 @@ def _check(problem: Problem) -> None:
         )
 
 
-BOUNDS: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in RIGS}
+BOUNDS: dict[str, dict[str, Range]] = {name: {} for name in RIGS}
 """Lower and upper bound by rig and parameter, SI (sd_1dof.m of the package)."""
 with Path(__file__).with_name("bounds.csv").open(encoding="utf-8") as _table:
     for _rig, _parameter, *_ends in list(csv.reader(_table))[1:]:

@@ -19,18 +19,16 @@ from ssm_planner.paper import published
 from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
 from ssm_planner.paper.section import Section
 from ssm_planner.problem import Eye, Robot
-from ssm_planner.reporting.figures.style import (
+from ssm_planner.reporting import (
     COLOURS,
     LIMIT,
     SIZE,
+    axes_figure,
+    design_region_figure,
     finish,
     legend,
     legend_above,
     new_figure,
-)
-from ssm_planner.reporting.figures.workspace import (
-    axes_figure,
-    design_region_figure,
     pointings,
     reachable_set_figure,
 )
@@ -122,14 +120,14 @@ class TiltRange:
 
 def tilt_range(robot: Robot) -> TiltRange:
     """Compute both versions of Table I; rad."""
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     rounded = Mechanism.from_angles(published.ALPHA, published.BETA, published.FIRST_TILT)
     return TiltRange(tilt_table(rounded), tilt_table(mechanism), mechanism.beta)
 
 
 def workspace_section(robot: Robot) -> Section:
     """Return the section about Table I, the reason for its differences, and the figures."""
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     figures = {
         "axes": axes_figure(mechanism),
         "tilt_disks": tilt_disks(mechanism),
@@ -174,7 +172,7 @@ def design_choice() -> DesignChoice:
 def design_section(robot: Robot, eye: Eye) -> Section:
     """Return the section about the axes, the other required ranges, the eye and the offset."""
     choice = design_choice()
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     low, high = robot.joints[3].position
     across, offset, axial = robot.bodies[3].com
     values = {

@@ -7,7 +7,15 @@ from dataclasses import field
 from typing import Annotated
 
 from ssm_planner.problem.robot import JOINTS
-from ssm_planner.problem.value import Bound, Names, NotNegative, Positive, Quantity, Value
+from ssm_planner.problem.value import (
+    Bound,
+    Names,
+    NotNegative,
+    Positive,
+    Quantity,
+    Value,
+    uncompared,
+)
 from ssm_planner.typing import record
 
 
@@ -118,7 +126,7 @@ class Controller(Value):
         default_factory=dict
     )
     """Compliance between drive and joint, by joint."""
-    file: str | None = field(default=None, compare=False)
+    file: str | None = uncompared()
 
     def _check(self) -> None:
         if self.output_share > 1:

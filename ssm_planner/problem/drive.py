@@ -9,8 +9,16 @@ from typing import Annotated, Literal
 
 from ssm_planner.problem.posterior import Posterior
 from ssm_planner.problem.transmissions import LARGEST_THREAD_ANGLE, TRANSMISSIONS, Transmission
-from ssm_planner.problem.value import Names, NotNegative, Positive, Quantity, Sign, Value
-from ssm_planner.typing import record
+from ssm_planner.problem.value import (
+    Names,
+    NotNegative,
+    Positive,
+    Quantity,
+    Sign,
+    Value,
+    uncompared,
+)
+from ssm_planner.typing import Range, record
 
 LARGEST_LEAD_ANGLE = math.radians(60)
 RANGED = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
@@ -272,10 +280,10 @@ class Drive(Value):
     """Names of the figures that replace unknown ones. `sources` states the reason."""
     rig: Rig | None = None
     """Rig of a drive on a test rig, otherwise None."""
-    file: str | None = field(default=None, compare=False)
+    file: str | None = uncompared()
     ratings: Ratings | None = None
     """Manufacturer's ratings. Without them, the gear is not checked."""
-    friction_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    friction_ranges: Mapping[str, Range] = field(default_factory=dict)
     """Ranges of friction parameters, by their names in Friction.
 
     They cover lubrication, temperature and wear.

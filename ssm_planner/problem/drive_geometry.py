@@ -90,8 +90,7 @@ def resolve(family: Family, numbers: Mapping[str, float]) -> dict[str, float]:
         raise BadGeometry(f"the dimensions given ({have}) do not determine {family.advice}")
     lead_angle = math.atan(dimensions.pop("tan_lead_angle"))
     diameter = dimensions.pop("diameter")
-    result = {family.diameter: diameter, "lead_angle": lead_angle, **dimensions}
-    return result
+    return {family.diameter: diameter, "lead_angle": lead_angle, **dimensions}
 
 
 def _internal(dimensions: Mapping[str, float]) -> dict[str, tuple[str, float]]:

@@ -212,8 +212,7 @@ class Between(Limit):
 def replaced(value: P, **changes: Any) -> P:
     """Return dataclasses.replace for a value of a type that is not imported in this module."""
     instance: Any = value
-    changed: P = replace(instance, **changes)
-    return changed
+    return replace(instance, **changes)
 
 
 def outwards(value: float, bound: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import field
 from typing import Annotated, ClassVar, Literal
 
 from ssm_planner.deprecation import Renamed
@@ -16,6 +15,7 @@ from ssm_planner.problem.value import (
     Quantity,
     Value,
     check_name,
+    uncompared,
 )
 from ssm_planner.typing import Array, record
 
@@ -53,7 +53,7 @@ class Task(Value):
     """Rotation of the tool about its own axis, rad."""
     depth: Annotated[float, Quantity("length")] | None = None
     """Distance of the tip beyond the remote centre, m."""
-    line: Line | None = field(default=None, compare=False)
+    line: Line | None = uncompared()
     """Line of the problem file, for messages."""
 
     @property
@@ -76,7 +76,7 @@ class Joints(Value):
     """
 
     values: tuple[float, float, float, float]
-    line: Line | None = field(default=None, compare=False)
+    line: Line | None = uncompared()
 
     @classmethod
     def from_array(cls, q: Array) -> Joints:
@@ -98,7 +98,7 @@ class Tip(Value):
 
     position: tuple[float, float, float]
     spin: float
-    line: Line | None = field(default=None, compare=False)
+    line: Line | None = uncompared()
 
     def _check(self) -> None:
         if sum(x * x for x in self.position) < 1e-12:
@@ -135,7 +135,7 @@ class Straight(Value):
 
     The default is the coordinate that moves (insert for depth), or straight.
     """
-    line: Line | None = field(default=None, compare=False)
+    line: Line | None = uncompared()
     blend: Annotated[Positive, Quantity("length")] | None = None
     """Tip distance from the end within which the corner to the next motion is rounded, m.
 
@@ -170,13 +170,13 @@ class Free(Value):
     """
 
     kind: ClassVar[str] = "free"
-    to: Task | Joints | Tip
-    through: tuple[Task | Joints | Tip, ...] = ()
+    to: Point
+    through: tuple[Point, ...] = ()
     """Points to pass without stopping, in order."""
     duration: Positive | None = None
     """Requested duration, s. The motion then minimises effort."""
     name: str = "free"
-    line: Line | None = field(default=None, compare=False)
+    line: Line | None = uncompared()
     spin_free: bool = False
     """True if the planner chooses the fastest final spin. The spin of `to` is then ignored."""
 
@@ -201,8 +201,8 @@ class Follow(Value):
     """
 
     kind: ClassVar[str] = "path"
-    to: Task | Joints | Tip
-    through: tuple[Task | Joints | Tip, ...] = ()
+    to: Point
+    through: tuple[Point, ...] = ()
     """Points of the curve in order. An arc has exactly one, and a line has none."""
     name: str = "path"
     curve: Literal["spline", "samples", "line", "arc", "retina"] = "spline"
@@ -215,9 +215,9 @@ class Follow(Value):
     path length.
     "retina" is a great circle at a constant distance from the retina.
     """
-    file: str | None = field(default=None, compare=False)
+    file: str | None = uncompared()
     """Table that contains the points. Their lines refer to it."""
-    line: Line | None = field(default=None, compare=False)
+    line: Line | None = uncompared()
     duration: Positive | None = None
     """Requested duration, s. Not allowed for samples."""
     blend: Positive | None = None
@@ -308,7 +308,7 @@ class Dwell(Value):
     duration: Annotated[Positive, Quantity("time")]
     """Duration of the pause, s."""
     name: str = "dwell"
-    line: Line | None = field(default=None, compare=False)
+    line: Line | None = uncompared()
 
 
 @record
@@ -346,7 +346,7 @@ class Scan(Value):
     order: Literal["given", "fastest"] = "given"
     """Order of the spots: that of the pattern, or the fastest order of all spots of all rings."""
     name: str = "scan"
-    line: Line | None = field(default=None, compare=False)
+    line: Line | None = uncompared()
     duration: ClassVar[None] = None
 
     def _check(self) -> None:
@@ -412,7 +412,7 @@ class Motorisation(Value):
     name: str
     robot: Robot
     strokes: tuple[Stroke, ...]
-    file: str | None = field(default=None, compare=False)
+    file: str | None = uncompared()
 
     def _check(self) -> None:
         drives = {joint.name: joint.drive for joint in self.robot.joints}

@@ -6,7 +6,13 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated
 
-from ssm_planner.problem.value import Bound, Positive, Quantity, Value
+from ssm_planner.problem.value import (
+    Bound,
+    Positive,
+    Quantity,
+    Value,
+    uncompared,
+)
 from ssm_planner.typing import record
 
 LARGEST_DRIFT = -0.01
@@ -65,7 +71,7 @@ class Motor(Value):
 
     `sources` states the substitute and the reason.
     """
-    file: str | None = field(default=None, compare=False)
+    file: str | None = uncompared()
 
     @property
     def placeholder(self) -> bool:

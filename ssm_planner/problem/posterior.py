@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.value import NotNegative, Positive, Shape, Value
-from ssm_planner.typing import Array, JsonObject, record
+from ssm_planner.typing import Array, JsonObject, Range, record
 
 CONFIDENCE = 0.95
 PEAK_SPREAD = 0.3
@@ -38,7 +38,7 @@ FRICTION_NAMES = (
 """Parameters of a drive that may be uncertain, by their names in Friction (and preload)."""
 
 
-def interval_of(draws: Array, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def interval_of(draws: Array, confidence: float = CONFIDENCE) -> Range:
     """Return the central interval of equally likely values (sets,)."""
     low, high = np.quantile(draws, [(1 - confidence) / 2, (1 + confidence) / 2])
     return float(low), float(high)
@@ -135,6 +135,22 @@ class Harmonics(Value):
                     name, "needs one value for each order", f"{len(self.orders)} values"
                 )
 
+    @classmethod
+    def from_coefficients(
+        cls, orders: tuple[float, ...], coefficients: Any, phased: bool
+    ) -> Harmonics:
+        """Return the series Re Σ_k coefficients_k exp(i order_k θ).
+
+        orders and coefficients: (orders,).
+        """
+        sine = tuple((-coefficients.imag).tolist())
+        return cls(orders, tuple(coefficients.real.tolist()), sine, phased)
+
+    @property
+    def coefficients(self) -> Any:
+        """Complex coefficients of `from_coefficients`, (orders,) in N·m."""
+        return np.array(self.cosine) - 1j * np.array(self.sine)
+
     @property
     def amplitudes(self) -> Array:
         """Amplitudes of the orders, (orders,) in N·m."""
@@ -147,15 +163,8 @@ class Harmonics(Value):
 
     def rotated(self, start: float) -> Harmonics:
         """Return the same series for an angle that is measured from `start` in rad."""
-        coefficients = (np.array(self.cosine) - 1j * np.array(self.sine)) * np.exp(
-            1j * start * np.array(self.orders)
-        )
-        return Harmonics(
-            self.orders,
-            tuple(coefficients.real.tolist()),
-            tuple((-coefficients.imag).tolist()),
-            self.phased,
-        )
+        coefficients = self.coefficients * np.exp(1j * start * np.array(self.orders))
+        return Harmonics.from_coefficients(self.orders, coefficients, self.phased)
 
     def to_dict(self) -> JsonObject:
         """Return the object that `identify --json` prints for one direction."""
@@ -258,7 +267,7 @@ class Posterior(Value):
         """Return the values of one parameter, (sets,)."""
         return self.draws[:, self.names.index(name)]
 
-    def interval(self, name: str, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    def interval(self, name: str, confidence: float = CONFIDENCE) -> Range:
         """Return the central interval of one parameter."""
         return interval_of(self.column(name), confidence)
 

@@ -44,6 +44,7 @@ from ssm_planner.problem.value import (
     Value,
     Vector,
     unchecked,
+    uncompared,
 )
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Range, record
@@ -253,6 +254,11 @@ class TaskLimits(Limited, ShortRepr):
         return replace(self, start_rate=start, end_rate=end, motion=tuple(motion))
 
     @property
+    def declared_rates(self) -> dict[str, dict[str, float]]:
+        """Rates at both ends by key of a problem or a manifest. An end at any rate has none."""
+        return {"start_rate": dict(self.start_rate or {}), "end_rate": dict(self.end_rate or {})}
+
+    @property
     def promising(self) -> str:
         """Names of the motions along prescribed lines."""
         lines = (
@@ -351,7 +357,7 @@ class Problem(Value, Limited):
 
     The constructor fills it in.
     """
-    file: str | None = field(default=None, compare=False)
+    file: str | None = uncompared()
     from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]
     """Return the problem that a mapping with the keys of a problem file describes.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import field
 from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -38,6 +37,7 @@ from ssm_planner.problem.value import (
     Value,
     Vector,
     check_name,
+    uncompared,
 )
 from ssm_planner.problem.value import read_only_array as read_only_array
 from ssm_planner.typing import Array, Range, record
@@ -271,10 +271,14 @@ class Joint(Value):
 
     def limit(self, limit_type: type[L]) -> L:
         """Return the limit of one kind. Raises KeyError if the robot does not have it."""
-        for limit in self.limits:
-            if isinstance(limit, limit_type):
-                return limit
-        raise KeyError(limit_type.__name__)
+        limit = self.find_limit(limit_type)
+        if limit is None:
+            raise KeyError(limit_type.__name__)
+        return limit
+
+    def find_limit(self, limit_type: type[L]) -> L | None:
+        """Return the limit of one kind, or None if the robot does not have it."""
+        return next((limit for limit in self.limits if isinstance(limit, limit_type)), None)
 
 
 @record
@@ -305,7 +309,7 @@ class Robot(Value, Limited):
     """
     lightest: tuple[Robot, ...] = ()
     """Variants for braking torques."""
-    file: str | None = field(default=None, compare=False)
+    file: str | None = uncompared()
 
     def _check(self) -> None:
         task_limits(self.limits, "Robot.limits")
@@ -324,6 +328,16 @@ class Robot(Value, Limited):
                 raise self._wrong(
                     "limits.depth", "outside the travel of joint 4", allowed, (lower, upper)
                 )
+
+    @property
+    def velocities(self) -> Array:
+        """Largest velocities of the joints, (4,), rad/s and m/s."""
+        return np.array([joint.velocity for joint in self.joints])
+
+    @property
+    def accelerations(self) -> Array:
+        """Largest accelerations of the joints, (4,), rad/s² and m/s²."""
+        return np.array([joint.acceleration for joint in self.joints])
 
     @property
     def jerk_limited(self) -> tuple[str, ...]:

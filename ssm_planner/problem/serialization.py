@@ -168,7 +168,7 @@ def _point_from(data: Any, location: str) -> Point:
     check_mapping(data, ("task", "joints", "tip", "spin", "line"), location)
     line = {"line": data.get("line")}
     if data.get("joints") is not None:
-        point: Point = built(Joints, {"values": data["joints"], **line}, location)
+        point = built(Joints, {"values": data["joints"], **line}, location)
     elif data.get("tip") is not None:
         point = built(Tip, {"position": data["tip"], "spin": data.get("spin"), **line}, location)
     else:
@@ -202,8 +202,7 @@ def _motion_from(data: Any, location: str) -> Motion:
         values["through"] = tuple(
             _point_from(point, f"{location}.through[{k}]") for k, point in enumerate(through)
         )
-    motion: Motion = built(cls, values, location)
-    return motion
+    return built(cls, values, location)
 
 
 def limits_to_plain(value: Problem | TaskLimits) -> JsonObject:
@@ -263,7 +262,7 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
             for key, item in data.items()
             if key not in {*resolved, *limits_to_plain(task)}
         }
-        problem: Problem = built(Problem, fields_left, "problem", resolved)
+        problem = built(Problem, fields_left, "problem", resolved)
     return problem
 
 
@@ -273,7 +272,7 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
     file is named in messages. Raises ProblemError with the key, its value and the allowed values.
     """
     with _name_file(file):
-        robot: Robot = built(
+        robot = built(
             Robot, {**data, "limits": _ranges(data.get("limits"), "robot.limits")}, "robot"
         )
     return robot
@@ -294,13 +293,9 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
                 Positive | None, problem.get(limit_type.field), f"problem.{limit_type.field}"
             )
             limits += [] if bound is None else [limit_type(bound)]
-        eye: Eye | None = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)
-        friction: float | None = converted(
-            Positive | None, problem.get("friction"), "problem.friction"
-        )
-        payload: tuple[float, float] | None = converted(
-            Interval | None, problem.get("payload"), "problem.payload"
-        )
+        eye = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)
+        friction = converted(Positive | None, problem.get("friction"), "problem.friction")
+        payload = converted(Interval | None, problem.get("payload"), "problem.payload")
     return TaskLimits(tuple(limits), eye, friction=friction, payload=payload)
 
 
@@ -313,7 +308,5 @@ def _ranges(data: Any, location: str) -> list[Limit]:
 
 def _by_task(hint: Any, data: Any, location: str) -> dict[str, Any]:
     """Return a mapping from task coordinates, empty if data is None."""
-    by_coordinate = converted(
-        Annotated[Mapping[str, hint], Names(TASK)], {} if data is None else data, location
-    )
-    return by_coordinate
+    hint = Annotated[Mapping[str, hint], Names(TASK)]
+    return converted(hint, {} if data is None else data, location)

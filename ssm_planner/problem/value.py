@@ -25,9 +25,14 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError, suggestion
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, frozen
+from ssm_planner.typing import Array, JsonObject, Range, frozen
 
 V = TypeVar("V", bound="Value")
+
+
+def uncompared() -> Any:
+    """Return a field with the default None that does not count when values are compared."""
+    return dataclasses.field(default=None, compare=False)
 
 
 @frozen
@@ -90,7 +95,7 @@ class Ascending:
 Positive = Annotated[float, Bound(above=0.0)]
 NotNegative = Annotated[float, Bound(at_least=0.0)]
 Count = Annotated[int, Bound(at_least=0)]
-Interval = Annotated[tuple[float, float], Ascending()]
+Interval = Annotated[Range, Ascending()]
 Vector = Annotated[Array, Shape((3,))]
 Matrix = Annotated[Array, Shape((3, 3))]
 Sign = Literal[-1, 1]
@@ -135,7 +140,7 @@ class Value(ShortRepr):
         )
 
 
-def attributes(value: object, names: Iterable[str]) -> dict[str, Any]:
+def attributes(value: object, names: Iterable[str]) -> JsonObject:
     """Return attributes of a value by name."""
     return {name: getattr(value, name) for name in names}
 

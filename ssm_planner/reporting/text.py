@@ -23,9 +23,9 @@ from ssm_planner.problem import (
     SelfLocking,
 )
 from ssm_planner.sizing import PARTS, JointSizing, MotorRequirement, MotorVerdict, Sizing, WhatIf
-from ssm_planner.typing import frozen
+from ssm_planner.typing import JsonObject, frozen
 from ssm_planner.units import RPM, display_unit
-from ssm_planner.verification.certificate import LimitCheck
+from ssm_planner.verification import LimitCheck
 
 if TYPE_CHECKING:  # `check` prints tables without loading the planner.
     from ssm_planner.comparison.findings import Kept
@@ -629,7 +629,7 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
     return lines
 
 
-def selection_lines(selection: Sequence[dict[str, Any]]) -> list[str]:
+def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
     """Describe the best pairs of motor and gear for each joint, and why other pairs are excluded.
 
     `selection` is the object `selection` in the output of `size --json`.

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ssm_planner.codegen.vectorised import Vectorised
+from ssm_planner.codegen import Vectorised
 from ssm_planner.dynamics import drive_with, spread_of
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Robot
@@ -14,7 +12,7 @@ from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.plant import FRICTION, Q, W
 from ssm_planner.simulation.playback import CURRENT, TRIP, Commands, ControlledArm
-from ssm_planner.typing import Array, Mask, record
+from ssm_planner.typing import Array, JsonObject, Keywords, Mask, record
 
 SEED = 20_261_122
 TIP_INTERVAL = 5
@@ -63,10 +61,9 @@ class Draws(ShortRepr):
     def passed(self) -> Mask:
         """Mask (n,) of playbacks without saturated motor, tripped drive and excessive tip error."""
         failed = self.saturated.any(axis=1) | self.tripped.any(axis=1)
-        passed: Mask = ~failed & (self.tip_error <= self.tip_limit)
-        return passed
+        return ~failed & (self.tip_error <= self.tip_limit)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the object `draws` in the output of `simulate --json`, in SI units.
 
         Tip errors and torques are given by their quantiles at 2.5, 50 and 97.5 %.
@@ -126,7 +123,7 @@ def drawn_frictions(
                 "friction, which is used as stated"
             )
         deviations = uncertainty.deviations(count)
-        values: dict[str, Any] = uncertainty.values(deviations[np.arange(count) % len(deviations)])
+        values: Keywords = uncertainty.values(deviations[np.arange(count) % len(deviations)])
         values |= {
             name: rng.uniform(low, high, count) for name, (low, high) in uncertainty.ranges.items()
         }
@@ -184,7 +181,7 @@ def play_draws(
     x = np.tile(start, (count, 1))
     width = table.shape[1]
     inputs = _inputs(width, offsets, friction)
-    mechanism = Mechanism.from_geometry(arm.robot.geometry)
+    mechanism = Mechanism.from_robot(arm.robot)
     targets = tip_position(mechanism, planned[::TIP_INTERVAL])
     constants = [getattr(arm.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
     tip, peak, error = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 4))

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 from dataclasses import field
 
 import casadi as ca
@@ -45,7 +46,7 @@ class Compliance:
         cls,
         body: RigidBody,
         q: Array,
-        frequency: tuple[float, float, float, float] = (30.0, 30.0, 30.0, 100.0),
+        frequency: Sequence[float] = (30.0, 30.0, 30.0, 100.0),
     ) -> Compliance:
         """Compute stiffness and damping from the natural frequencies of the joints.
 

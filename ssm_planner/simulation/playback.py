@@ -7,11 +7,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.vectorised import dense
+from ssm_planner.codegen import dense
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.dynamics.robot_dynamics import motor_torque
-from ssm_planner.formats.epos4 import Stream
-from ssm_planner.formats.epos4_setup import Axis
+from ssm_planner.formats import Axis, Stream
 from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
 from ssm_planner.simulation.plant import (
@@ -66,16 +65,14 @@ class Commands:
     """Torque offset, N·m."""
     prescribed: Array
     """Prescribed accelerations of joints without a drive, rad/s² or m/s²."""
-    power: Array
-    """1 while the drives have power, otherwise 0, (n,)."""
     stalled: Array
     """1 while the motor is blocked, otherwise 0."""
+    power: Array
+    """1 while the drives have power, otherwise 0, (n,)."""
 
     def table(self) -> Array:
         """Return all columns side by side, (n, 25)."""
-        columns = {**vars(self)}
-        power = columns.pop("power")  # It becomes the last column.
-        return np.column_stack([*columns.values(), power])
+        return np.column_stack(list(vars(self).values()))
 
 
 @record
@@ -159,7 +156,7 @@ def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> C
     default = Compliance.of_frequency(
         RigidBody.from_robot(robot),
         np.zeros(4),
-        (frequency[0], frequency[1], frequency[2], frequency[3]),
+        frequency,
     )
     damping = default.damping * np.asarray(ratios) / DAMPING_RATIO
     return Compliance(default.stiffness * scale, damping * scale, np.asarray(backlash))

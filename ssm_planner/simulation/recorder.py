@@ -12,7 +12,7 @@ import numpy as np
 from ssm_planner.atomic import replacing
 from ssm_planner.problem import JOINTS
 from ssm_planner.simulation.simulate import SimulationResult
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Files, Indices
 from ssm_planner.units import SPEEDS
 
 SAMPLING = 1e-3
@@ -24,9 +24,7 @@ _CHANNELS = (
 )
 
 
-def write_recordings(
-    result: SimulationResult, folder: Path, sampling: float = SAMPLING
-) -> dict[str, Path]:
+def write_recordings(result: SimulationResult, folder: Path, sampling: float = SAMPLING) -> Files:
     """Write one recording for each driven joint into a folder, and return the paths by joint.
 
     `sampling` is the sampling period, s. Raises ExportError if a file cannot be written.
@@ -88,8 +86,7 @@ def write_recording(
 
 def _averaged(values: Array, indices: Indices) -> Array:
     """Return the means (k,) of values (n,) over the sampling periods that begin at indices (k,)."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
+    total = np.append(0.0, np.cumsum(values))
     step = max(1, int(np.median(np.diff(indices)))) if len(indices) > 1 else 1
     end = np.minimum(indices + step, len(values))
-    means: Array = (total[end] - total[indices]) / (end - indices)
-    return means
+    return (total[end] - total[indices]) / (end - indices)

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from ssm_planner.arguments import checked
 from ssm_planner.dynamics import with_payload
 from ssm_planner.errors import ProblemError
-from ssm_planner.formats.epos4 import setpoint_times, setpoints
-from ssm_planner.formats.epos4_setup import QUADRATURE, Axis, axes_of, following_error_window
-from ssm_planner.formats.spline_points import at_times
+from ssm_planner.formats import (
+    QUADRATURE,
+    Axis,
+    at_times,
+    axes_of,
+    following_error_window,
+    setpoint_times,
+    setpoints,
+)
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import JOINTS, Controller, Robot
@@ -32,7 +38,7 @@ from ssm_planner.simulation.playback import (
     compliance_of,
 )
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, JsonObject, frozen, record
 
 PERIOD = 1
 """Period of the exported set points, ms."""
@@ -306,7 +312,7 @@ class SimulationResult(ShortRepr):
     @property
     def tip_error(self) -> float:
         """Largest tip error while the drives have power, m."""
-        return float(self.tip[: self._powered].max())
+        return float(self.tip[: max(int(np.sum(self.powered)), 1)].max())
 
     @property
     def holds(self) -> bool:
@@ -318,12 +324,7 @@ class SimulationResult(ShortRepr):
         """Largest travel of the tip after a loss of power, m."""
         return float(self.losses.travel.max())
 
-    @property
-    def _powered(self) -> int:
-        """Number of instants at which the drives have power, at least 1."""
-        return max(int(np.sum(self.powered)), 1)
-
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the output of `simulate --json`, in SI units."""
         losses, worst = self.losses, self.losses.worst
         return {
@@ -418,7 +419,7 @@ class _Stage:
         stretch = setpoint_times(plan, PERIOD)[1]
         samples = at_times(plan, plan.motion.breaks[0] + self.time, stretch)
         self.planned, speed = samples.q, samples.qd
-        standing = np.abs(speed[0]) <= [STANDS * joint.velocity for joint in robot.joints]
+        standing = np.abs(speed[0]) <= STANDS * robot.velocities
         velocity = np.where(standing, 0.0, speed[0])
         self.initial_motion = samples.q[0], velocity, samples.qdd[0] * np.any(velocity)
         prescribed = np.diff(speed, axis=0, append=speed[-1:]) / self.period
@@ -505,14 +506,14 @@ class _Stage:
         path = np.vstack(states)
         moving = np.flatnonzero(np.logical_not(self._standing(path)))
         periods = moving[-1] + 1 if len(moving) else 0
-        tips = tip_position(Mechanism.from_geometry(self.plan.robot.geometry), path[::5, Q])
+        tips = tip_position(Mechanism.from_robot(self.plan.robot), path[::5, Q])
         travel = float(np.linalg.norm(tips - tips[0], axis=1).max())
         stopped = periods <= len(path) - still_periods or not len(moving)
         return travel, float(self.period * periods) if stopped else np.inf
 
     def _standing(self, states: Array) -> Array:
         """Return a mask (n,) of the states (n, 44) in which all motors and joints rest."""
-        largest = np.array([STANDS * joint.velocity for joint in self.plan.robot.joints])
+        largest = STANDS * self.plan.robot.velocities
         joints_stand = np.all(np.abs(states[:, QD]) <= largest, axis=1)
         return np.all(states[:, W] == 0.0, axis=1) & joints_stand
 
@@ -539,7 +540,7 @@ class _Stage:
     ) -> SimulationResult:
         """Build the result and its verdict."""
         states, robot = played.states[:-1], self.plan.robot
-        mechanism = Mechanism.from_geometry(robot.geometry)
+        mechanism = Mechanism.from_robot(robot)
         planned_tip = tip_position(mechanism, self.planned)
         tip = np.linalg.norm(tip_position(mechanism, states[:, Q]) - planned_tip, axis=1)
         torque = played.states[1:, CURRENT] * self._torque_constants()

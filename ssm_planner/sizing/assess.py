@@ -176,6 +176,13 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     )
 
 
+def gear_case(load: JointLoad, conditions: Conditions) -> Case:
+    """Return the case of the gear that a joint has, whatever its motor is."""
+    spread = spread_of(load.drive, conditions.spread)
+    band = band_of(replace(load, motor=None), spread, conditions)
+    return Case(load, band, spread, conditions)
+
+
 def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
     """Compute the range of the demands.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics import (
@@ -18,7 +19,7 @@ from ssm_planner.dynamics import (
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr
-from ssm_planner.trajectory import DEGREE, Trajectory
+from ssm_planner.trajectory import DEGREE, Trajectory, parts_of
 from ssm_planner.typing import Array, Indices, Mask, record
 
 RATE = 2000.0
@@ -114,7 +115,7 @@ class JointLoad(ShortRepr):
         """
         friction = friction_of(self.drive)
         w = self.speed()
-        mu = np.asarray(friction_coefficient(friction, w))
+        mu = friction_coefficient(friction, w)
         if not self.breakaway.any():
             return mu
         return np.where(self.breakaway > 0, np.asarray(breakaway_coefficient(friction, w)), mu)
@@ -207,8 +208,7 @@ def _instants(
     """
     index, start, end = _stretches(trajectory, robot, rate)
     counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, _max_instants(trajectory)) + 2
-    stretch = np.repeat(np.arange(len(index)), counts)
-    k = np.arange(len(stretch)) - np.repeat(np.cumsum(counts) - counts, counts)
+    stretch, k = parts_of(counts)
     # The first two instants coincide: breakaway, and the motion just after it.
     share = np.maximum(k - 1, 0) / (counts[stretch] - 2)
     local = np.where(share == 1.0, end[stretch], start[stretch] + share * (end - start)[stretch])
@@ -228,13 +228,10 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
     """
     lengths = np.diff(trajectory.breaks)
     counts = np.clip(np.ceil(lengths * rate).astype(int), 4, _max_instants(trajectory)) + 1
-    index = np.repeat(np.arange(len(lengths)), counts)
-    k = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+    index, k = parts_of(counts)
     local = k / (counts[index] - 1) * lengths[index]
     qd = trajectory.sample_pieces(index, local).qd
-    sign = np.where(
-        np.abs(qd) > STILL * np.array([joint.velocity for joint in robot.joints]), np.sign(qd), 0.0
-    )
+    sign = np.where(np.abs(qd) > STILL * robot.velocities, np.sign(qd), 0.0)
     # Index of the last instant, before each one, at which the joint moved.
     last_moving = np.maximum.accumulate(
         np.where(sign != 0, np.arange(len(sign))[:, None], 0), axis=0
@@ -263,10 +260,7 @@ def _turns(
     )
 
     def ahead(t: Array) -> Array:
-        value = np.zeros_like(t)
-        for coefficient in coefficients.T[::-1]:
-            value = value * t + coefficient
-        return np.sign(value)
+        return np.sign(polyval(t, coefficients.T, tensor=False))
 
     sign = ahead(low)
     for _ in range(60 if len(index) else 0):
@@ -279,8 +273,6 @@ def _turns(
 
 def _weights(t: Array) -> Array:
     """Return the trapezoidal weights (n,) of instants t (n,), whose sum is 1."""
-    step = np.diff(t)
-    weight = np.zeros(len(t))
-    weight[:-1] += step / 2
-    weight[1:] += step / 2
+    half = np.diff(t, prepend=t[0], append=t[-1]) / 2
+    weight = half[1:] + half[:-1]
     return weight / weight.sum()

@@ -186,7 +186,7 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
     drive = load.drive
     moving = load.direction != 0
     zero = np.zeros_like(load.t)
-    lossless = _without_friction(drive)
+    lossless = _with_bearings_only(drive, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
     rough = _with_bearings_only(drive)
     w = load.speed()
     wd = load.acceleration()
@@ -223,11 +223,6 @@ def _mesh(lossless: Drive, effort: Array, direction: Array) -> Array:
     """Return the torque of a lossless drive at constant speed, N·m, (n,)."""
     zero = np.zeros_like(effort)
     return motor_torque(lossless, effort, zero, zero, direction=direction)
-
-
-def _without_friction(drive: Drive) -> Drive:
-    """Return the drive without losses in mesh and bearings."""
-    return _with_bearings_only(drive, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
 
 
 def _with_bearings_only(drive: Drive, **bearings: float) -> Drive:

@@ -10,24 +10,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.dynamics import RigidBody, drive_with, spread_of, with_payload
+from ssm_planner.dynamics import RigidBody, drive_with, with_payload
 from ssm_planner.loading import Part
 from ssm_planner.problem import Drive, Motor
 from ssm_planner.sizing.assess import (
     CONFIDENCE,
     MotorVerdict,
     assess,
-    band_of,
+    gear_case,
     limits_of,
     shaft_inertia,
     with_rotor,
 )
-from ssm_planner.sizing.checks import TOLERANCE, Case, Check, gear_checks
+from ssm_planner.sizing.checks import TOLERANCE, Check, gear_checks
 from ssm_planner.sizing.demand import ELECTRICAL, volts_per_torque
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.heat_check import heat_of
@@ -41,7 +41,7 @@ from ssm_planner.sizing.motor_limits import (
     torque_constant,
 )
 from ssm_planner.sizing.thermal_network import FIGURES, Modes, ThermalModel
-from ssm_planner.typing import Array, JsonObject, record
+from ssm_planner.typing import Array, Arrays, JsonObject, Keywords, Mask, record
 
 Rank = Literal["mass", "length", "torque", "margin"]
 RANKS: tuple[Rank, ...] = ("mass", "length", "torque", "margin")
@@ -345,15 +345,15 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
     return float(np.sqrt(passes)), float(np.sqrt(fails))
 
 
-Row = tuple[dict[str, NDArray[np.int8]], dict[str, Array], tuple[Check, ...]]
+Row = tuple[dict[str, Answers], Arrays, tuple[Check, ...]]
 """Answers (m,) and margins (m,) of one gear with all motors, and the checks of the gear."""
 
 
 def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     """Assess all motors with the gear in `load.drive`."""
-    spread = spread_of(load.drive, conditions.spread)
-    band = band_of(replace(load, motor=None), spread, conditions)
-    gear = gear_checks(Case(load, band, spread, conditions))
+    case = gear_case(load, conditions)
+    spread = case.spread
+    gear = gear_checks(case)
     speed = _margin(load.peak_speed, fleet.max_speed)
     if spread.names:
         return _assess_by_draws(load, fleet, conditions, gear, speed)
@@ -408,8 +408,8 @@ _WORDS = {True: 1, None: 0, False: -1}
 
 
 def _bands(
-    load: JointLoad, corners: Sequence[dict[str, Any]], ends: Array, fleet: _Fleet
-) -> tuple[dict[str, Array], dict[str, Array]]:
+    load: JointLoad, corners: Sequence[Keywords], ends: Array, fleet: _Fleet
+) -> tuple[Arrays, Arrays]:
     """Return the largest and smallest demands (m,) of every motor.
 
     `ends` (m, 2) are the smallest and largest inertia of its shaft, kg·m².
@@ -464,8 +464,8 @@ def _heat(
     fleet: _Fleet,
     conditions: Conditions,
     band: tuple[Array, Array],
-    fails: NDArray[np.bool_],
-) -> NDArray[np.int8]:
+    fails: Mask,
+) -> Answers:
     """Return the answers (m,) of the thermal check.
 
     `band` contains the largest and the smallest RMS torque over motion and pause. An answer is 0 if
@@ -497,7 +497,7 @@ def _margin(demand: Array | float, limit: Array) -> Array:
         return np.where(limit <= 0, -1.0, (limit - demand) / limit)
 
 
-def _answer(highest_margin: Array, lowest_margin: Array) -> NDArray[np.int8]:
+def _answer(highest_margin: Array, lowest_margin: Array) -> Answers:
     """Return answers equal to `Check.passed` for the margins at both ends of the uncertain data."""
     return np.where(
         highest_margin >= -TOLERANCE, 1, np.where(lowest_margin < -TOLERANCE, -1, 0)

@@ -11,12 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics import spread_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Motor, Robot
 from ssm_planner.representation import ShortRepr
-from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, band_of
-from ssm_planner.sizing.checks import Case, Check, all_of, binding, gear_checks
+from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, gear_case
+from ssm_planner.sizing.checks import Check, all_of, binding, gear_checks
 from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.duty import DutyCycle, no_drive
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
@@ -215,14 +214,12 @@ def _joint(
         for motors in (candidates, substitutes)
     )
     verdicts.sort(key=lambda verdict: (verdict.motor.nominal_torque, verdict.motor.max_torque))
-    spread = spread_of(load.drive, conditions.spread)
-    band = band_of(replace(load, motor=None), spread, conditions)
-    gear = gear_checks(Case(load, band, spread, conditions))
+    case = gear_case(load, conditions)
     return JointSizing(
         load,
         motor_requirement(load),
-        band,
-        gear,
+        case.band,
+        gear_checks(case),
         candidates=tuple(verdicts),
         alternatives=tuple(alternatives),
     )

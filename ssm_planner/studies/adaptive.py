@@ -47,22 +47,18 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
             seed=search.seed, population_size=POPULATION, constraints_func=_violation
         )
     )
-    signs = [-1.0 if name.endswith("margin") else 1.0 for name in study.minimise]
-    engine = optuna.create_study(directions=["minimize"] * len(signs), sampler=sampler)
+    count = len(study.minimise)
+    engine = optuna.create_study(directions=["minimize"] * count, sampler=sampler)
     for start in range(0, search.points, BATCH):
         trials = [engine.ask() for _ in range(min(BATCH, search.points - start))]
         designs = [_design(study, trial) for trial in trials]
 
         def tell(rows: Sequence[Candidate], trials: Sequence[Any] = tuple(trials)) -> None:
             for trial, row in zip(trials, rows, strict=True):
-                values: list[Any] = [row.figures.get(name) for name in study.minimise]
-                rejected = row.state != "done" or None in values
-                trial.set_user_attr("rejected", rejected)
+                costs = row.costs(study.minimise)
+                trial.set_user_attr("rejected", costs is None)
                 # A rejected candidate violates the constraint. Its values only need to be finite.
-                objectives = [1e6] * len(signs)
-                if not rejected:
-                    objectives = [sign * v for sign, v in zip(signs, values, strict=True)]
-                engine.tell(trial, objectives)
+                engine.tell(trial, [1e6] * count if costs is None else costs)
 
         yield designs, tell
 

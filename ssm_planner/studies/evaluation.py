@@ -216,8 +216,7 @@ def _release_memory() -> None:
 @lru_cache(maxsize=1)
 def _read(pickled: bytes) -> Evaluation:
     """Unpickle an evaluation. The latest one is cached."""
-    evaluation: Evaluation = pickle.loads(pickled)
-    return evaluation
+    return pickle.loads(pickled)
 
 
 def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
@@ -475,6 +474,6 @@ def _geometry_figures(problem: Problem) -> JsonObject:
     """Return α, β and the tilt range of a robot, rad."""
     from ssm_planner.kinematics import Mechanism, tilt_interval
 
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    mechanism = Mechanism.from_robot(problem.robot)
     low, high = tilt_interval(mechanism)
     return {"alpha": mechanism.alpha, "beta": mechanism.beta, "tilt_low": low, "tilt_high": high}

@@ -8,17 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.reporting.figures.style import (
-    COLOURS,
-    FIFTH,
-    finish,
-    legend,
-    new_figure,
-    save_figures,
-)
+from ssm_planner.reporting import COLOURS, FIFTH, finish, legend, new_figure, save_figures
 from ssm_planner.studies.page import choices_at, scaled, title_of
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import Study
+from ssm_planner.typing import Files, Keywords
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +28,7 @@ def write_study_figures(
     rows: Sequence[Candidate],
     front: Sequence[Candidate],
     folder: Path,
-) -> dict[str, Path]:
+) -> Files:
     """Write the figures `front` and `map` as PNG and PDF, and return the paths by name.
 
     The figure `front` needs two objectives, and the figure `map` two variables. Raises ExportError
@@ -104,11 +98,10 @@ def _map(axes: Axes, study: Study, rows: Sequence[Candidate]) -> None:
     horizontal, vertical = (choices_at(study, path, rows) for path in study.paths[:2])
     points: dict[str, list[tuple[float, float]]] = {}
     for x, y, row in zip(horizontal["at"], vertical["at"], rows, strict=True):
-        state = row.state if row.state in ("done", "waiting") else row.stage or row.state
-        points.setdefault(state, []).append((x, y))
+        points.setdefault(row.rejection or row.state, []).append((x, y))
     for k, state in enumerate(sorted(points, key=lambda state: (state != "done", state))):
         colour = COLOURS[0] if state == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
-        style: dict[str, Any] = {"color": colour, "label": f"{state}, {len(points[state])}"}
+        style: Keywords = {"color": colour, "label": f"{state}, {len(points[state])}"}
         x_values, y_values = zip(*points[state], strict=True)
         axes.plot(x_values, y_values, MARKERS[k % len(MARKERS)], markersize=4, **style)
     finish(axes, horizontal["title"], vertical["title"])

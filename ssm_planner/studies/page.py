@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.atomic import replacing
+from ssm_planner.atomic import write_text
 from ssm_planner.display import number, plain_words
-from ssm_planner.reporting.html.page import render
+from ssm_planner.reporting import render
 from ssm_planner.studies.store import Candidate, better
 from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array, JsonObject
@@ -59,8 +59,7 @@ def write_study_page(
     content = _content(study, candidates, front)
     content["own"] = against_own(study, original, front)
     text = render("study.html", _data(study, candidates, front), **content, unfinished=not finished)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(path, text)
     return path
 
 
@@ -86,8 +85,8 @@ def _rejections(rows: Sequence[Candidate]) -> list[JsonObject]:
     """Return the number of rejections and an example for each stage, most frequent first."""
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
-        if row.state not in ("done", "waiting"):
-            stages.setdefault(row.stage or row.state, []).append(row)
+        if row.rejection is not None:
+            stages.setdefault(row.rejection, []).append(row)
     return [
         {
             "stage": stage,
@@ -146,7 +145,7 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
         "objectives": [name for name in study.minimise if name in plotted],
         "number": [row.number for row in rows],
         "state": [row.state for row in rows],
-        "stage": [row.stage or row.state for row in rows],
+        "stage": [row.rejection or row.state for row in rows],
         "front": [i for i, row in enumerate(rows) if row.number in front_numbers],
     }
 

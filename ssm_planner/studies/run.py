@@ -8,9 +8,9 @@ import os
 import pickle
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,8 @@ from ssm_planner.studies.store import Candidate, Store, better, key_of, pareto, 
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
-from ssm_planner.typing import frozen
+from ssm_planner.trajectory import blocks
+from ssm_planner.typing import JsonObject, frozen
 
 STORE = "study.sqlite"
 TABLE = "table.csv"
@@ -88,8 +89,7 @@ class StudyResult(ShortRepr):
     @property
     def reasons(self) -> dict[str, int]:
         """Number of rejected candidates by stage, in descending order."""
-        rejected = [row for row in self.rows if row.state not in ("done", "waiting")]
-        counts = Counter(row.stage or row.state for row in rejected)
+        counts = Counter(row.rejection for row in self.rows if row.rejection is not None)
         return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
     @property
@@ -165,7 +165,9 @@ def study(
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
         store = stack.enter_context(Store(folder / STORE))
-        pool = executor or stack.enter_context(_killed_on_exit(Workers(count)))
+        pool = executor or Workers(count)
+        if executor is None:
+            stack.callback(pool.shutdown, cancel_futures=True)
         driver = _Driver(
             of, store, pool, AHEAD * count if executor is None else AHEAD_ELSEWHERE, progress
         )
@@ -182,15 +184,6 @@ def study(
     write_study_page(of, (original, *rows), result.front, folder / PAGE, finished=True)
     write_study_figures(of, original, rows, result.front, folder)
     return result
-
-
-@contextmanager
-def _killed_on_exit(workers: Workers) -> Iterator[Workers]:
-    """Provide workers within a `with` block, and kill them at its end."""
-    try:
-        yield workers
-    finally:
-        workers.shutdown(cancel_futures=True)
 
 
 class _Driver:
@@ -232,8 +225,8 @@ class _Driver:
                 tell(self._process(designs, len(self.keys), self._study.search.points))
             return
         designs = list(self._study.designs())
-        for chunk in _chunks(designs, SCREENED_TOGETHER):
-            self._process(chunk, len(self.keys), len(designs), collect=False)
+        for block in blocks(len(designs), SCREENED_TOGETHER):
+            self._process(designs[block], len(self.keys), len(designs), collect=False)
         self._drain()
         self.flush()
 
@@ -378,7 +371,7 @@ def context_of(study: Study) -> str:
     These are the robot, the motions, the catalogues, the requirements and the version of the
     package.
     """
-    contents: dict[str, Any] = {v.path: v.contents for v in study.vary if isinstance(v, Choice)}
+    contents: JsonObject = {v.path: v.contents for v in study.vary if isinstance(v, Choice)}
     contents |= {v.path: [v.select, v.contents, v.beside] for v in study.selected}
     dependencies: Mapping[str, Any] = {
         "robot": study.robot,
@@ -391,9 +384,3 @@ def context_of(study: Study) -> str:
     }
     text = json.dumps(dependencies, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _chunks(designs: list[Design], size: int) -> Iterator[list[Design]]:
-    """Divide a list into parts of at most `size` designs."""
-    for start in range(0, len(designs), size):
-        yield designs[start : start + size]

@@ -8,10 +8,10 @@ from typing import Any
 
 import yaml
 
-from ssm_planner.atomic import replacing
+from ssm_planner.atomic import write_text
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.folder import write_folder
-from ssm_planner.reporting.html.report import write_report
+from ssm_planner.reporting import write_report
 from ssm_planner.studies.evaluation import plans_of
 from ssm_planner.studies.run import STORE
 from ssm_planner.studies.store import Candidate, Store
@@ -55,9 +55,7 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     robot = target / "robot.yaml"
     tree = study.resolved(study.complete_design(row.design, row.figures))
     text = yaml.safe_dump(_numbered(tree, study, number), sort_keys=False, allow_unicode=True)
-    with replacing(robot) as temporary:
-        heading = f"# Candidate {number} of the study {study.name}.\n"
-        temporary.write_text(heading + text, encoding="utf-8")
+    write_text(robot, f"# Candidate {number} of the study {study.name}.\n{text}")
     paths = [robot]
     for name, plan in plans_of(study, row).items():
         if not plan.passed:

@@ -70,6 +70,20 @@ class Candidate(ShortRepr):
     figures: Mapping[str, Any] = field(default_factory=dict)
     """Results by name, in SI units."""
 
+    @property
+    def rejection(self) -> str | None:
+        """Stage or state in which the candidate was rejected, or None if it was not."""
+        return None if self.state in ("done", "waiting") else self.stage or self.state
+
+    def costs(self, objectives: Sequence[str]) -> list[float] | None:
+        """Return the objectives as numbers to minimise, or None if one of them is not known."""
+        values: list[Any] = [self.figures.get(name) for name in objectives]
+        if self.state != "done" or None in values:
+            return None
+        return [
+            -x if name.endswith("margin") else x for name, x in zip(objectives, values, strict=True)
+        ]
+
 
 def key_of(design: Mapping[str, Any], context: str) -> str:
     """Return the key of a design in the store.
@@ -263,12 +277,10 @@ def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candid
     and all other objectives are minimised. Candidates that are not done or lack an objective are
     ignored. The front is sorted by the first objective.
     """
-    signs = [-1.0 if name.endswith("margin") else 1.0 for name in objectives]
     points: list[tuple[list[float], int, Candidate]] = []
     for row in rows:
-        values: list[Any] = [row.figures.get(name) for name in objectives]
-        if row.state == "done" and None not in values:
-            costs = [sign * value for sign, value in zip(signs, values, strict=True)]
+        costs = row.costs(objectives)
+        if costs is not None:
             points.append((costs, row.number, row))
     points.sort(key=lambda point: point[:2])
     front: list[tuple[list[float], Candidate]] = []

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
+from ssm_planner.loading import number_or_text
 from ssm_planner.problem import NotNegative, Value
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, Range, frozen, record
@@ -235,20 +236,12 @@ def changed_robot(
     tree = copy.deepcopy(dict(robot))
     for path, text in design.items():
         if path != PACE:
-            _put(tree, path, contents[path][text] if path in contents else _number_or_text(text))
+            _put(tree, path, contents[path][text] if path in contents else number_or_text(text))
     for path in design:
         if path.startswith("joints.") and path.endswith(".motor"):
             joint = path.split(".")[1]
             _replace_rotor(tree["joints"][joint], robot["joints"][joint])
     return tree
-
-
-def _number_or_text(text: str) -> str | float:
-    """Return the number in a text without a unit, or a text with a unit unchanged."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def sobol(dimensions: int, points: int, seed: int) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -90,7 +90,7 @@ class StudyModel(Model):
     """Robot file from which the candidates differ."""
     motions: Annotated[list[Text], Field(min_length=1, max_length=50)]
     """Problem files or shipped names; the candidate replaces their robot."""
-    vary: dict[str, Any]
+    vary: JsonObject
     """Dotted paths of the robot file, each {from: …, to: …}, {choices: [ … ]} or {catalogue: FILE,
     select: mass}; pace.
     """

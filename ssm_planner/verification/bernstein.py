@@ -14,6 +14,7 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from ssm_planner.typing import Array, Indices
 
@@ -179,7 +180,7 @@ def _bisect(coefficients: Array) -> Array:
     start_sign = np.sign(coefficients[:, 0])
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        ahead = np.sign(evaluate(powers, middle)) == start_sign
+        ahead = np.sign(polyval(middle, powers.T, tensor=False)) == start_sign
         low = np.where(ahead, middle, low)
         high = np.where(ahead, high, middle)
     return high
@@ -200,11 +201,3 @@ def _bisected(powers: list[float], falling: bool) -> float:
         else:
             high = middle
     return high
-
-
-def evaluate(powers: Array, s: Array) -> Array:
-    """Return Σ powers[:, k] s^k (m,) by Horner's rule. powers: (m, n + 1). s: (m,) or a number."""
-    value = powers[:, -1] + 0.0 * s
-    for coefficient in powers.T[-2::-1]:
-        value = value * s + coefficient
-    return value

@@ -23,7 +23,7 @@ from ssm_planner.dynamics import (
 )
 from ssm_planner.problem import LAW, LAWS, Drive, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Arrays, Indices
 from ssm_planner.verification.limits import Case, Quantity
 
 INSTANTS = 250
@@ -73,7 +73,7 @@ def _case_text(name: str, value: float) -> str:
     return f"{name} {LAWS[int(value)]}" if name == LAW else f"{name} {value:.4g}"
 
 
-def _outermost(sets: dict[str, Array]) -> dict[str, Array]:
+def _outermost(sets: Arrays) -> Arrays:
     """Return the parameter sets (sets,) that are not dominated.
 
     The torque in the direction of motion grows with every parameter. A set is therefore kept if no
@@ -118,9 +118,7 @@ class _Motion:
         )
         return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[instants, i])[0])
 
-    def extreme_sets(
-        self, i: int, drive: Drive, sets: dict[str, Array], load: int
-    ) -> set[tuple[int, int]]:
+    def extreme_sets(self, i: int, drive: Drive, sets: Arrays, load: int) -> set[tuple[int, int]]:
         """Return (set, load) with the largest, the smallest, and the largest mean square torque."""
         everywhere = np.arange(len(self.qd))
         nominal = np.abs(self.torque(i, drive, load, everywhere)[0])

@@ -27,8 +27,8 @@ from ssm_planner.problem import (
     robot_text,
 )
 from ssm_planner.representation import ShortRepr, data_frame, html_table
-from ssm_planner.trajectory import BLOCK, Trajectory
-from ssm_planner.typing import frozen
+from ssm_planner.trajectory import BLOCK, Trajectory, blocks
+from ssm_planner.typing import JsonObject, frozen
 
 TOLERANCE = 1e-6
 """Relative excess of a limit that counts as rounding."""
@@ -84,12 +84,12 @@ class LimitCheck(ShortRepr):
         """True if the limit is kept, up to rounding."""
         return self.margin >= -TOLERANCE
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the entry of `limits` in the output of `check --json`, in SI units."""
         return dict(vars(self))
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> LimitCheck:
+    def from_dict(cls, data: JsonObject) -> LimitCheck:
         """Build a result from the output of `to_dict`. Raises TrajectoryError."""
         try:
             numbers = {key: float(data[key]) for key in ("worst", "limit", "margin", "time")}
@@ -216,7 +216,7 @@ class Certificate(ShortRepr):
         """The limits that are violated."""
         return tuple(limit for limit in self.limits if not limit.passed)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the certificate as plan.json stores it, in SI units."""
         return {
             "passed": self.passed,
@@ -232,7 +232,7 @@ class Certificate(ShortRepr):
         }
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Certificate:
+    def from_dict(cls, data: JsonObject) -> Certificate:
         """Build a certificate from the output of `to_dict`. Raises TrajectoryError."""
         try:
             limits = tuple(LimitCheck.from_dict(limit) for limit in data["limits"])
@@ -318,7 +318,7 @@ def broken_seal(
 def _digest(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str:
-    rates: dict[str, Any] = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
+    rates: JsonObject = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
     if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
         rates["duty"] = limits.duty
     if any(limit.name in PROMISES for limit in certificate.limits):
@@ -335,12 +335,12 @@ def _digest(
     # one object with its keys in order; the robot's text is known from plan to plan
     digest = hashlib.sha256(f'{text[:-1]}, "robot": {robot_text(robot)}}}'.encode())
     digest.update(trajectory.breaks.astype("<f8").tobytes())
-    for start in range(0, len(trajectory.breaks) - 1, BLOCK):
-        digest.update(trajectory.pieces(slice(start, start + BLOCK)).astype("<f8").tobytes())
+    for block in blocks(len(trajectory.breaks) - 1, BLOCK):
+        digest.update(trajectory.pieces(block).astype("<f8").tobytes())
     return digest.hexdigest()
 
 
-def _promise(entry: Straight | Follow) -> dict[str, Any]:
+def _promise(entry: Straight | Follow) -> JsonObject:
     """Return what a motion promises about the path of the tip."""
     return {
         key: value for key, value in plain(entry).items() if key not in ("duration", "line", "file")

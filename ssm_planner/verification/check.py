@@ -17,7 +17,7 @@ import numpy as np
 from ssm_planner.dynamics import self_locking_margin, spread_of
 from ssm_planner.kinematics import Mechanism
 from ssm_planner.problem import ENDS, JUMPS, ContinuousTorque, Joint, Robot, SelfLocking, TaskLimits
-from ssm_planner.trajectory import BLOCK, Trajectory
+from ssm_planner.trajectory import BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array
 from ssm_planner.verification.cases import worst_cases
 from ssm_planner.verification.certificate import (
@@ -118,7 +118,7 @@ def check(
     if not straight:
         checks += _farthest_stop(trajectory, robot, limits)
     if trajectory.phases:
-        mechanism = Mechanism.from_geometry(robot.geometry)
+        mechanism = Mechanism.from_robot(robot)
         for promise in promises_kept(trajectory, mechanism, limits):
             checks += promise.checks
     elif limits.promising:
@@ -159,8 +159,8 @@ def _dynamics_of_smooth_pieces(
 
     These pieces are joined without the linear ones, because each quantity depends on one piece.
     """
-    starts = range(0, len(trajectory.breaks) - 1, BLOCK)
-    curved = [trajectory.pieces(slice(k, k + BLOCK))[:, 2:].any(axis=(1, 2)) for k in starts]
+    every = blocks(len(trajectory.breaks) - 1, BLOCK)
+    curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in every]
     index = np.flatnonzero(np.concatenate(curved))
     if not len(index):
         return []
@@ -193,7 +193,7 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
     """
     checks = []
     for joint in robot.joints:
-        limit = next((item for item in joint.limits if isinstance(item, SelfLocking)), None)
+        limit = joint.find_limit(SelfLocking)
         drive = joint.drive
         if limit is None or drive is None:
             continue

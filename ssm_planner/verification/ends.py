@@ -79,12 +79,13 @@ class Jumps:
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):
-            slides = joint.kind == "prismatic"
-            limits = [_jump(joint.name, JUMP, slides)]
+            limits = [_jump(joint.name, JUMP, joint.slides)]
             if not straight:
-                limits.append(_jump(joint.name, JUMP * joint.velocity, slides, derivative=1))
+                limits.append(_jump(joint.name, JUMP * joint.velocity, joint.slides, derivative=1))
             if not straight and joint.jerk is not None:
-                limits.append(_jump(joint.name, JUMP * joint.acceleration, slides, derivative=2))
+                limits.append(
+                    _jump(joint.name, JUMP * joint.acceleration, joint.slides, derivative=2)
+                )
             for limit in limits:
                 worst, time = (
                     float(values[limit.derivative, i]) for values in (self.worst, self.time)
@@ -135,9 +136,7 @@ def end_checks(
             continue
         for i, joint in enumerate(robot.joints):
             tolerance = JUMP * joint.velocity
-            limit = _end_velocity(
-                joint.name, tolerance, joint.kind == "prismatic", at_end=bool(end)
-            )
+            limit = _end_velocity(joint.name, tolerance, joint.slides, at_end=bool(end))
             deviation = abs(float(velocity[i] - declared_velocity[i]))
             time = float(trajectory.breaks[-end])
             checks.append(LimitCheck.from_extreme(limit, deviation, time))
@@ -149,5 +148,5 @@ def _joint_velocity(
 ) -> Array:
     q = trajectory.sample(np.array([t]), "left" if t == trajectory.breaks[-1] else "right").q[0]
     return joint_rates(
-        Mechanism.from_geometry(robot.geometry), q, np.array([rate.get(name, 0.0) for name in TASK])
+        Mechanism.from_robot(robot), q, np.array([rate.get(name, 0.0) for name in TASK])
     )

@@ -132,14 +132,10 @@ def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
             limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)
         }
         for k, name in enumerate(TASK):
-            if name == "depth" and name in by_coordinate:
-                yield Quantity(
-                    by_coordinate[name],
-                    3,
-                    by_coordinate[name].order,
-                    float(robot.geometry.insertion_sign),
-                )
-            elif name in by_coordinate:
-                yield Quantity(by_coordinate[name], k)
+            of_task = by_coordinate.get(name)
+            if of_task is not None and name == "depth":
+                yield Quantity(of_task, 3, of_task.order, float(robot.geometry.insertion_sign))
+            elif of_task is not None:
+                yield Quantity(of_task, k)
     yield from map(Quantity, limits.speeds)
     yield from map(Quantity, () if limits.eye is None else limits.eye.limits)

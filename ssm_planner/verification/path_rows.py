@@ -12,7 +12,7 @@ import numpy as np
 from ssm_planner.dynamics import STILL, RigidBody, motor_torque_rows, output_effort
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.problem import TASK, Drive, Motor, Robot, TaskLimits
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import Trajectory, parts_of
 from ssm_planner.typing import Array, record
 
 INTERVALS = 200
@@ -82,15 +82,13 @@ class PathRows:
         lengths = np.diff(trajectory.breaks[first : last + 2])
         counts = np.maximum(np.rint(INTERVALS * lengths / lengths.sum()), 1).astype(int)
         counts *= refinement
-        pieces = np.repeat(np.arange(first, last + 1), counts)
-        width = np.repeat(lengths / counts, counts)
-        before = width * (np.arange(len(pieces)) - np.repeat(np.cumsum(counts) - counts, counts))
-        times = np.concatenate([before + share * width for share in shares])
-        samples = trajectory.sample_pieces(np.tile(pieces, len(shares)), times)
+        piece, k = parts_of(counts)
+        width = (lengths / counts)[piece]
+        times = np.concatenate([(k + share) * width for share in shares])
+        samples = trajectory.sample_pieces(np.tile(first + piece, len(shares)), times)
         q = samples.q.reshape(len(shares), -1, 4)
         moved = q[-1] - q[0]
-        slowest = STILL * np.array([joint.velocity for joint in robot.joints])
-        moves = np.abs(moved) > slowest * width[:, None]
+        moves = np.abs(moved) > STILL * robot.velocities * width[:, None]
         speed = np.stack([rate * samples.qd for _, rate in PROBES])
         acceleration = np.stack([u * samples.qd + rate**2 * samples.qdd for u, rate in PROBES])
         body = RigidBody.from_robot(robot)
@@ -132,7 +130,7 @@ class PathRows:
 
     def speed_use(self, limits: TaskLimits) -> Array:
         """Return the largest speed at ṡ = 1 as a share of its limit, (m n,)."""
-        mechanism, qd = Mechanism.from_geometry(self.robot.geometry), self.speed[2]
+        mechanism, qd = Mechanism.from_robot(self.robot), self.speed[2]
         uses = [np.full(len(qd), STANDING)]
         for joint, speed in zip(self.robot.joints, np.abs(qd.T), strict=True):
             uses.append(speed / joint.velocity)

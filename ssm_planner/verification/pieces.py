@@ -14,7 +14,7 @@ import numpy as np
 
 from ssm_planner.dynamics import STILL
 from ssm_planner.problem import Robot
-from ssm_planner.trajectory import DEGREE, Trajectory
+from ssm_planner.trajectory import DEGREE, Trajectory, blocks
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification import bernstein
 from ssm_planner.verification.limits import Worst
@@ -106,15 +106,9 @@ class Pieces:
 
 def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
     """Yield the pieces of a trajectory in blocks."""
-    count = len(trajectory.breaks) - 1
-    for start_index in range(0, count, BLOCK):
-        block = slice(start_index, min(start_index + BLOCK, count))
-        start = trajectory.breaks[block]
-        yield _pieces(
-            start,
-            trajectory.breaks[start_index + 1 : block.stop + 1] - start,
-            trajectory.pieces(block),
-        )
+    for block in blocks(len(trajectory.breaks) - 1, BLOCK):
+        lengths = np.diff(trajectory.breaks[block.start : block.stop + 1])
+        yield _pieces(trajectory.breaks[block], lengths, trajectory.pieces(block))
 
 
 def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
@@ -131,7 +125,7 @@ def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
 
 def still(robot: Robot) -> Array:
     """Return the speeds (4,) up to which the joints count as standing."""
-    return np.array([joint.velocity for joint in robot.joints]) * STILL
+    return robot.velocities * STILL
 
 
 def _horner(powers: Array, s: Array, result: Array | None = None) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.problem import Jump, Robot, SpeedLimit, TaskLimits
-from ssm_planner.trajectory import DEGREE, Trajectory
+from ssm_planner.trajectory import DEGREE, Trajectory, blocks
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import LimitCheck, Unjudged
 from ssm_planner.verification.ends import declared_velocities
@@ -45,8 +45,7 @@ def linear_limits(
     """
     resolution = np.maximum(resolution, FINEST)
     speeds = _Speeds(robot, resolution, declared_velocities(trajectory, robot, limits)[0])
-    for start in range(0, len(trajectory.breaks) - 1, BLOCK):
-        block = slice(start, min(start + BLOCK, len(trajectory.breaks) - 1))
+    for block in blocks(len(trajectory.breaks) - 1, BLOCK):
         speeds.look(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
     speeds.end(declared_velocities(trajectory, robot, limits)[1])
     results, unjudged = [], []
@@ -69,7 +68,7 @@ class _Speeds:
     def __init__(self, robot: Robot, resolution: Array, start: Array) -> None:
         self.robot = robot
         self.resolution = resolution
-        self.allowed = np.array([joint.acceleration for joint in robot.joints])
+        self.allowed = robot.accelerations
         self.fastest = np.zeros(4)
         self.fastest_time = np.zeros(4)
         self.share = np.full(4, -np.inf)
@@ -138,7 +137,7 @@ class _Speeds:
         checks = []
         for i, joint in enumerate(self.robot.joints):
             worst, allowed, time = self.worst[:, i].tolist()
-            limit = Jump(joint.name, allowed, joint.kind == "prismatic", derivative=1)
+            limit = Jump(joint.name, allowed, joint.slides, derivative=1)
             checks.append(LimitCheck.from_extreme(limit, worst, time))
         return checks
 
@@ -173,8 +172,7 @@ def _longer_windows(
     does not exist. It ends where q(t) − bound t is farthest above its lowest earlier value.
     """
     t = trajectory.breaks
-    blocks = (t[k : k + BLOCK] for k in range(0, len(t), BLOCK))
-    q = np.concatenate([trajectory.positions(block)[:, i] for block in blocks])
+    q = np.concatenate([trajectory.positions(t[block])[:, i] for block in blocks(len(t), BLOCK)])
     best = (0.0, 0.0, 0.0)
     for direction in (1.0, -1.0):
         ahead = direction * q - bound * (t - t[0])
@@ -193,7 +191,7 @@ def _of_tool(
     """Judge a tool speed at the start of every piece and at the worst sampled instant."""
     if limit.passed:
         return limit
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
 
     def values(q: Array, qd: Array) -> Array:
         if isinstance(quantity.limit, SpeedLimit):
@@ -210,20 +208,20 @@ def _of_tool(
     speeds_left = unexplained(q_worst, trajectory.pieces(pieces)[:, 1], pieces)
     highest = float(speeds_left.max())
     time = limit.time
-    for start in range(0, len(trajectory.breaks) - 1, BLOCK):
-        block = np.arange(start, min(start + BLOCK, len(trajectory.breaks) - 1))
-        coefficients = trajectory.pieces(slice(start, start + len(block)))
+    for block in blocks(len(trajectory.breaks) - 1, BLOCK):
+        coefficients = trajectory.pieces(block)
         q = coefficients[:, 0]
         speeds = coefficients[:, 1]
         # what does not count without the rounding needs no second look
         faster = values(q, speeds) > highest
         if not faster.any():
             continue
-        speeds_left = unexplained(q[faster], speeds[faster], block[faster])
+        index = block.start + np.flatnonzero(faster)
+        speeds_left = unexplained(q[faster], speeds[faster], index)
         k = int(np.argmax(speeds_left))
         if speeds_left[k] > highest:
             highest = float(speeds_left[k])
-            time = float(trajectory.breaks[block[faster][k]])
+            time = float(trajectory.breaks[index[k]])
     return _replaced(limit, highest, time)
 
 

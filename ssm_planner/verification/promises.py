@@ -38,7 +38,7 @@ from ssm_planner.problem import (
     TaskLimits,
     TipSpeed,
 )
-from ssm_planner.trajectory import Span, Trajectory
+from ssm_planner.trajectory import Span, Trajectory, blocks
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck, Unjudged
 
@@ -353,7 +353,7 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
     size = np.linalg.norm(normal)
     tangent = np.cross(normal / size, radius) if size else radius
     angle = float(np.arctan2(end @ tangent, end @ radius)) % (2 * np.pi) if size else 0.0
-    return lambda s: np.asarray(
+    return lambda s: (
         centre + np.cos(angle * s)[:, None] * radius + np.sin(angle * s)[:, None] * tangent
     )
 
@@ -379,8 +379,8 @@ def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
     largest relative error.
     """
     t = _instants(motion, mechanism, promise)
-    blocks = [t[k : k + SOME] for k in range(0, len(t), SOME)]
-    block_tips = [tip_position(mechanism, motion.positions(block)) for block in blocks]
+    instants = [t[block] for block in blocks(len(t), SOME)]
+    block_tips = [tip_position(mechanism, motion.positions(block)) for block in instants]
     off = np.concatenate(
         [np.min([_off(line, tips) for line in promise.lines], axis=0) for tips in block_tips]
     )
@@ -393,7 +393,7 @@ def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
         checks.append(_farthest_off(RetinaDistance(distance), ON, promise, t, heights))
     stretch = None
     if promise.speed is not None:
-        samples = map(motion.sample, blocks)
+        samples = map(motion.sample, instants)
         speeds = np.concatenate(
             [tool_speed(TipSpeed, mechanism, sample.q, sample.qd) for sample in samples]
         )

@@ -28,8 +28,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.namespace import casadi_namespace
-from ssm_planner.codegen.vectorised import Vectorised, dense
+from ssm_planner.codegen import Vectorised, casadi_namespace, dense
 from ssm_planner.dynamics import RigidBody, drive_torque, motor_law, nut_contact, with_payload
 from ssm_planner.kinematics import (
     JACOBIANS,
@@ -52,7 +51,7 @@ from ssm_planner.problem import (
     TaskRate,
     unchecked,
 )
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import Trajectory, blocks, parts_of
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import Case, Quantity, Worst
@@ -174,8 +173,7 @@ class SampledExtremes:
     def _sample(self, pieces: Pieces, intervals: Intervals) -> Array:
         """Return the values (4, n, k) at the instants of n intervals, and store the worst ones."""
         values = np.empty((len(self.quantities), 4, len(intervals.piece))).transpose(1, 2, 0)
-        for start in range(0, len(intervals.piece), BLOCK):
-            block = slice(start, start + BLOCK)
+        for block in blocks(len(intervals.piece), BLOCK):
             self._sample_block(pieces, intervals.subset(block), values[:, block])
         return values
 
@@ -279,8 +277,7 @@ class Intervals:
             np.ceil((end - start) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
         )
         counts = np.minimum(counts, max_intervals)
-        segment = np.repeat(np.arange(len(piece)), counts)
-        offset = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        segment, offset = parts_of(counts)
         width = ((end - start) / counts)[segment]
         is_first = offset == 0
         is_last = offset == counts[segment] - 1
@@ -299,21 +296,9 @@ class Intervals:
 
     def subset(self, selection: slice) -> Intervals:
         """Return a slice of the intervals."""
-        joined = self.joined[selection].copy()
-        joined[-1:] = False
-        piece = self.piece[selection]
-        start = self.begin[selection]
-        width = self.width[selection]
-        slow = self.slow[selection]
-        return Intervals(
-            piece,
-            start,
-            width,
-            self.direction[selection],
-            starting=self.starting[selection],
-            joined=joined,
-            slow=slow,
-        )
+        columns = {name: values[selection] for name, values in vars(self).items()}
+        columns["joined"] = np.append(columns["joined"][:-1], False)
+        return Intervals(**columns)
 
     def split(self, indices: Indices, count: int) -> Intervals:
         """Cut each of the chosen intervals into `count` equal parts."""
@@ -416,7 +401,7 @@ def _law(
     q, qd, qdd, direction, breakaway = (
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")
     )
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     tau, torque, effort = motor_law(robot, q, qd, qdd, direction, breakaway=breakaway)
     task = task_from_joints_symbolic(mechanism, q)
     rates = task_rates_symbolic(mechanism, q, qd)

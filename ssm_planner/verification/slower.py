@@ -7,16 +7,14 @@ friction may grow towards low speed (Stribeck), and inertia no longer carries pa
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ssm_planner.dynamics import RigidBody, directions, motor_motion
+from ssm_planner.dynamics import RigidBody, directions, motor_motion, motorised
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import ContinuousTorque, MotorTorque, Robot, TaskLimits
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Samples, Trajectory
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import RATE, check
 
@@ -26,6 +24,7 @@ FACTORS = 48
 INSTANTS = 1500
 """Number of instants for the torque at every speed, in addition to both sides of every break."""
 REFINED = 3
+JUDGED = (MotorTorque.name, ContinuousTorque.name)
 """Number of refinements around the worst speed. Each is ten times narrower than the one before."""
 
 
@@ -67,7 +66,7 @@ class SpeedRange(ShortRepr):
         """True if every limit holds at every speed."""
         return all(certificate.passed for _, certificate in self.certificates)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return `speeds` in the output of `check --json`, in SI units."""
         checks = [{"speed": item.speed, **item.found.to_dict()} for item in self.worst]
         return {"slowest": self.slowest, "passed": self.passed, "worst": checks}
@@ -102,38 +101,24 @@ def check_speeds(
         raise ProblemError(
             "no range of speeds", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
         )
-    driven = [
-        i
-        for i, joint in enumerate(robot.joints)
-        if joint.drive is not None and joint.motor is not None
-    ]
-    names = [
-        (limit_name, i) for limit_name in (MotorTorque.name, ContinuousTorque.name) for i in driven
-    ]
+    driven = [i for i, *_ in motorised(robot.joints)]
+    columns = [(row, i) for row in range(len(JUDGED)) for i in driven]
     factors = np.geomspace(slowest, 1.0, FACTORS)
     pause = limits.duty or 0.0
     torques = _torques(motion, robot, factors, pause)
     speeds = [
-        _worst_speed(
-            motion,
-            robot,
-            factors,
-            torques[limit_name == ContinuousTorque.name][:, i],
-            (limit_name == ContinuousTorque.name, i),
-            pause=pause,
-        )
-        for limit_name, i in names
+        _worst_speed(motion, robot, factors, torques[row][:, i], (row, i), pause=pause)
+        for row, i in columns
     ]
     tested = sorted({slowest, 1.0, *speeds})
     certificates = {speed: check_slower(motion, robot, limits, speed) for speed in tested}
     worst_speeds = []
-    for (limit_name, i), speed in zip(names, speeds, strict=True):
-        checks = certificates[speed].limits
-        name = robot.joints[i].name
+    for (row, i), speed in zip(columns, speeds, strict=True):
+        key = (JUDGED[row], robot.joints[i].name)
         worst_speeds += [
             WorstSpeed(speed, check)
-            for check in checks
-            if check.name == limit_name and check.joint == name
+            for check in certificates[speed].limits
+            if (check.name, check.joint) == key
         ]
     return SpeedRange(slowest, tuple(worst_speeds), tuple(certificates.items()))
 
@@ -143,7 +128,7 @@ def _worst_speed(
     robot: Robot,
     factors: Array,
     values: Array,
-    column: tuple[bool, int],
+    column: tuple[int, int],
     pause: float,
 ) -> float:
     """Return the factor with the largest value.
@@ -155,7 +140,7 @@ def _worst_speed(
         low = factors[max(k - 1, 0)]
         high = factors[min(k + 1, len(factors) - 1)]
         factors = np.geomspace(low, high, 13)
-        values = _torques(motion, robot, factors, pause)[int(column[0])][:, column[1]]
+        values = _torques(motion, robot, factors, pause)[column[0]][:, column[1]]
     return float(np.clip(factors[int(np.argmax(values))], 0.0, 1.0))
 
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from ssm_planner.dynamics import (
     RigidBody,
@@ -27,7 +28,7 @@ from ssm_planner.dynamics import (
 )
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Joint, Robot
-from ssm_planner.trajectory import DEGREE, Trajectory, quintics
+from ssm_planner.trajectory import DEGREE, Trajectory, parts_of, quintics
 from ssm_planner.typing import Array, Indices, Mask, record
 
 INSTANTS = 1000
@@ -90,7 +91,7 @@ class StopMotions:
 
 def _motion(lengths: Array, coefficients: Array) -> Trajectory:
     """Return a trajectory that starts at time 0."""
-    return Trajectory(np.concatenate([[0.0], np.cumsum(lengths)]), coefficients, ())
+    return Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
 
 
 @record
@@ -121,8 +122,7 @@ class _Path:
         nodes = np.union1d(breaks, instants[~is_near])
         distances = np.diff(nodes)
         steps = np.clip(np.ceil(distances / STEP - 1e-9), 1, MOST_STEPS).astype(int)
-        interval = np.repeat(np.arange(len(distances)), steps)
-        offset = np.arange(len(interval)) - (np.cumsum(steps) - steps)[interval]
+        interval, offset = parts_of(steps)
         s = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
         ends = [
             motion.sample(motion.breaks[0] + s[:-1], "right"),
@@ -134,7 +134,7 @@ class _Path:
             coefficients.reshape(q.shape)
             for coefficients in body.path_load(*(x.reshape(-1, 4) for x in (q, dq, ddq)))
         )
-        slow = RESTS * np.array([joint.velocity for joint in robot.joints])
+        slow = RESTS * robot.velocities
         rests = np.append(np.all(np.abs(dq[0]) <= slow, axis=1), np.all(np.abs(dq[1, -1]) <= slow))
         return cls(s, q, dq=dq, ddq=ddq, load=(load[0], load[1], load[2]), rests=rests)
 
@@ -152,7 +152,7 @@ def quickest_stops(
         if isinstance(instants, int)
         else np.sort(np.asarray(instants, float))
     )
-    slow = RESTS * np.array([joint.velocity for joint in robot.joints])
+    slow = RESTS * robot.velocities
     rests = np.flatnonzero((np.abs(motion.sample(motion.breaks).qd) <= slow).all(axis=1))
     firsts = [0]
     for rest in rests:
@@ -193,8 +193,9 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
     if len(moving):
         begins = edges[:-1][moving]
         last_pieces = edges[1:][moving] - 1
-        ends = _evaluate(coefficients[last_pieces].transpose(1, 2, 0), lengths[last_pieces])
-        mechanism = Mechanism.from_geometry(robot.geometry)
+        last = coefficients[last_pieces].transpose(1, 2, 0)
+        ends = polyval(lengths[last_pieces], last, tensor=False).T
+        mechanism = Mechanism.from_robot(robot)
         positions = tip_position(mechanism, coefficients[:, 0])
         final = tip_position(mechanism, ends)
         from_where = positions[begins]
@@ -290,7 +291,7 @@ class _Bounds:
         dq = path.dq[end, interval]
         ddq = path.ddq[end, interval]
         a = dq + grows[:, None] * ddq
-        limit = np.array([joint.acceleration * (1 - BACKOFF) for joint in robot.joints])
+        limit = robot.accelerations * (1 - BACKOFF)
         moves = a != 0
         zeros = np.zeros_like(a)
         alone = [
@@ -417,12 +418,9 @@ class _MotorAlong:
         speed = self.dq * root
         acceleration = self.dq * u + self.ddq * (square + self.grows * u)
         rigid = inertia * u + velocity * (square + self.grows * u) + gravity
-        effort = np.asarray(output_effort(drive, rigid, speed, acceleration, self.sigma))
+        effort = output_effort(drive, rigid, speed, acceleration, self.sigma)
         motion = drive.ratio * speed, drive.ratio * acceleration
-        return [
-            np.asarray(self.sigma * self.rows.torque(np.asarray(slope) * effort, *motion))
-            for slope in self.rows.slope
-        ]
+        return [self.sigma * self.rows.torque(slope * effort, *motion) for slope in self.rows.slope]
 
     def bound(self, slope: Array, offset: Array) -> Array:
         """Return the smallest u with slope · u + own ≤ the largest torque.
@@ -476,8 +474,8 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     begins = (q[within], dq[within], ddq[within])
     ends = (q_end[within], dq_end[within], ddq_end[within])
     inner = quintics(h[within], begins, ends).transpose(1, 2, 0)
-    q_end[within] = _evaluate(inner, travel[within])
-    dq_end[within] = _evaluate(inner[1:] * np.arange(1, DEGREE + 1)[:, None, None], travel[within])
+    q_end[within] = polyval(travel[within], inner, tensor=False).T
+    dq_end[within] = polyval(travel[within], polyder(inner), tensor=False).T
     root = np.sqrt(x)[:, None]
     root_after = np.sqrt(end_x)[:, None]
     u = u[:, None]
@@ -485,11 +483,3 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     start = q, dq * root, dq * u + ddq * x[:, None]
     finish = q_end, dq_end * root_after, dq_end * u + ddq_end * end_x[:, None]
     return dt, quintics(dt, start, finish), np.searchsorted(stop, np.arange(count + 1))
-
-
-def _evaluate(coefficients: Array, t: Array) -> Array:
-    """Evaluate polynomials (k, 4, n) at t (n,). The result is (n, 4)."""
-    value = coefficients[-1]
-    for coefficient in coefficients[-2::-1]:
-        value = value * t + coefficient
-    return value.T

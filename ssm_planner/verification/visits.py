@@ -12,7 +12,7 @@ import numpy as np
 
 from ssm_planner.kinematics import Mechanism, task_from_joints
 from ssm_planner.problem import Dwell, Joints, Motion, PathDeparture, Point, Problem, Scan
-from ssm_planner.trajectory import BLOCK, Span, Trajectory
+from ssm_planner.trajectory import BLOCK, Span, Trajectory, blocks
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck, Unjudged, worst_of_each
 from ssm_planner.verification.promises import lines_kept, task_at, unchecked_lines
@@ -40,7 +40,7 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
     unchecked = [text for text in certificate.unchecked if text != unchecked_lines(limits)]
     unjudged = list(certificate.unjudged)
     chain: list[Motion] = []
-    path = _Path(motion, Mechanism.from_geometry(problem.robot.geometry))
+    path = _Path(motion, Mechanism.from_robot(problem.robot))
     _, error = path.nearest_index(path.errors(problem.start)[:1], 0)
     checks = [_of_point("target", "start", error, path.t[0])]
     begin = last = 0
@@ -107,8 +107,8 @@ class _Path:
         count = int(np.clip(INSTANTS / len(lengths), 1, MOST))
         inner = motion.breaks[:-1, None] + np.arange(count) / count * lengths[:, None]
         self.t = np.append(inner, motion.breaks[-1])
-        blocks = (self.t[k : k + BLOCK] for k in range(0, len(self.t), BLOCK))
-        self.q = np.concatenate([motion.positions(block) for block in blocks])
+        every = blocks(len(self.t), BLOCK)
+        self.q = np.concatenate([motion.positions(self.t[block]) for block in every])
         self.tasks = task_from_joints(mechanism, self.q)
         self.mechanism = mechanism
         self.branch = int(mechanism.branch_of(self.q[0]))

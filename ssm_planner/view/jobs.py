@@ -16,7 +16,7 @@ from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.problem import Problem
 from ssm_planner.progress import Step
 from ssm_planner.studies.workers import Workers
-from ssm_planner.typing import frozen
+from ssm_planner.typing import JsonObject, frozen
 from ssm_planner.view.page import Study
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Outcome:
     """Description of the smallest relaxation that gives a motion."""
     changes: Mapping[float, str] = field(default_factory=dict)
     """Changes of limits in words, by their share of that relaxation."""
-    desk: dict[str, Any] | None = None
+    desk: JsonObject | None = None
     """Curves and answers of the motions, as in `comparison_data`."""
 
 
@@ -49,7 +49,7 @@ class Job:
     steps: Path
     outcome: Outcome | None = None
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the object that the page receives."""
         outcome = self.outcome  # read once: the planner may finish while this is written
         result = outcome or Outcome("")
@@ -74,7 +74,7 @@ class Jobs:
         self._workers: Workers | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
-    def start(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def start(self, request: JsonObject) -> JsonObject:
         """Start to plan the motion of a request, and return the name of the run as {job}.
 
         The keys of the request are those of `Study.problem_content`, and two more. `relaxed`
@@ -103,14 +103,14 @@ class Jobs:
             )
         return {"job": identity}
 
-    def progress(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def progress(self, request: JsonObject) -> JsonObject:
         """Answer {job} with {steps, done, message, relaxation, report, plan}.
 
         Raises ProblemError.
         """
         return self._job(request, "job").to_dict()
 
-    def cancel(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def cancel(self, request: JsonObject) -> JsonObject:
         """Kill the planner's process and answer {job} as `progress` does. Raises ProblemError."""
         job = self._job(request, "job")
         with self._lock:
@@ -147,7 +147,7 @@ class Jobs:
             self._end()
         self._folder.cleanup()
 
-    def _job(self, request: Mapping[str, Any], key: str) -> Job:
+    def _job(self, request: JsonObject, key: str) -> Job:
         """Return the run that a request names. Raises ProblemError."""
         job = self._jobs.get(str(request.get(key)))
         if job is None:
@@ -191,8 +191,7 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
     from ssm_planner.pipeline.relaxation import changes_of_limits
     from ssm_planner.pipeline.run import plan
     from ssm_planner.pipeline.thermal import quickly
-    from ssm_planner.reporting.html.compare import comparison_data
-    from ssm_planner.reporting.text import answers
+    from ssm_planner.reporting import answers, comparison_data
 
     plans: dict[str, Plan] = {}
     for name, problem, share in requests:
@@ -227,6 +226,6 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
 
 def text_of(kind: str, plan: Plan) -> str:
     """Return the report of a plan as HTML, or the content of plan.json."""
-    from ssm_planner.reporting.html.report import report_page
+    from ssm_planner.reporting import report_page
 
     return report_page(plan) if kind == "report" else plan.to_json()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -29,9 +28,7 @@ from ssm_planner.loading import (
     shipped_folder,
 )
 from ssm_planner.problem import JOINTS, TASK, Problem, Task
-from ssm_planner.reporting.figures.style import COLOURS
-from ssm_planner.reporting.html.page import render
-from ssm_planner.reporting.html.scene import link_sides, mechanism_scene
+from ssm_planner.reporting import COLOURS, link_sides, mechanism_scene, render
 from ssm_planner.studies.study import Choice, Variable, Varied, changed_robot
 from ssm_planner.studies.study_file import robot_content
 from ssm_planner.typing import JsonObject, Range, record
@@ -98,9 +95,9 @@ class Study:
         """Return the mechanism with the robot's own angles."""
         if self.problem is None:
             return Mechanism.from_angles(*PUBLISHED)
-        return Mechanism.from_geometry(self.problem.robot.geometry)
+        return Mechanism.from_robot(self.problem.robot)
 
-    def mechanism(self, request: Mapping[str, Any]) -> tuple[Mechanism, bool]:
+    def mechanism(self, request: JsonObject) -> tuple[Mechanism, bool]:
         """Return the mechanism with the request's angles, and whether it is the robot's own.
 
         Raises ProblemError.
@@ -153,7 +150,7 @@ class Study:
                     parts.append(Varied(path, size / SPAN, SPAN * size, unit))
         return tuple(parts)
 
-    def changed_robot(self, request: Mapping[str, Any]) -> JsonObject:
+    def changed_robot(self, request: JsonObject) -> JsonObject:
         """Return the content of the robot file with the angles and the design of a request.
 
         The design gives values to variables in `variables`, by path. Static friction keeps its ratio to
@@ -188,7 +185,7 @@ class Study:
             content["geometry"].pop("beta", None)
         return content | {"name": f"{content.get('name', 'robot')} with {', '.join(changes)}"}
 
-    def _design(self, request: Mapping[str, Any]) -> dict[str, str]:
+    def _design(self, request: JsonObject) -> dict[str, str]:
         """Return the design of a request. Raises ProblemError for a bad value or unknown path."""
         given = request.get("design") or {}
         paths = {part.path: part for part in self.variables}
@@ -206,7 +203,7 @@ class Study:
                 raise ProblemError("no such motor", key=path, value=value)
         return design
 
-    def start(self) -> dict[str, Any]:
+    def start(self) -> JsonObject:
         """Return the initial values of the page, such as angles, ranges and joints."""
         mechanism = self.robot_mechanism
         low, high = tilt_interval(mechanism)
@@ -217,7 +214,7 @@ class Study:
             coordinates.get(name, mechanism.home_tilt if name == "tilt" else 0.0) for name in TASK
         ]
         ends = ranges.get("tilt", (low, high))
-        values: dict[str, Any] = {"alpha": mechanism.alpha, "beta": mechanism.beta}
+        values: JsonObject = {"alpha": mechanism.alpha, "beta": mechanism.beta}
         values |= {"low": ends[0], "high": ends[1], **dict(zip(TASK, pose, strict=True))}
         if self.problem is not None:
             values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
@@ -231,7 +228,7 @@ class Study:
             "name": None if self.problem is None else self.problem.name,
         }
 
-    def workspace(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def workspace(self, request: JsonObject) -> JsonObject:
         """Answer {alpha, beta, tilt_range} with {tilt_range, reached, margin, own, scene}.
 
         Raises ProblemError.
@@ -253,7 +250,7 @@ class Study:
             "scene": mechanism_scene(mechanism, {**ranges, "tilt": required}, sides, eye),
         }
 
-    def suggest(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def suggest(self, request: JsonObject) -> JsonObject:
         """Answer {tilt_range} with {alpha, beta, margin}.
 
         The result is the smallest α that reaches the range with the largest possible entry of
@@ -274,7 +271,7 @@ class Study:
                 return {"alpha": alpha, "beta": beta, "margin": margin}
         raise ProblemError("no α and β reach this range", key="tilt_range")
 
-    def problem_content(self, request: Mapping[str, Any]) -> JsonObject:
+    def problem_content(self, request: JsonObject) -> JsonObject:
         """Return the content of a problem file with the robot and the motion of a request.
 
         The request is {alpha, beta, design, payload} with {own: true} for the motion of the file,
@@ -306,11 +303,11 @@ class Study:
         tilts = [_in_units("tilt", end) for end in (low, high)]
         return content | {"limits": {**content.get("limits", {}), "tilt": tilts}}
 
-    def requested_problem(self, request: Mapping[str, Any]) -> Problem:
+    def requested_problem(self, request: JsonObject) -> Problem:
         """Return the problem of a request as in `problem_content`. Raises ProblemError."""
         return problem_from(Section(self._file, plain_node(self.problem_content(request))))
 
-    def problem_file(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def problem_file(self, request: JsonObject) -> JsonObject:
         """Answer a request as in `problem_content` with {text}, YAML that plans the same elsewhere.
 
         Raises ProblemError.
@@ -320,7 +317,7 @@ class Study:
         content = self.problem_content(request)
         return {"text": yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}
 
-    def ik(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def ik(self, request: JsonObject) -> JsonObject:
         """Answer {alpha, beta, pose} with {reachable, error, branches}.
 
         branches: [{joints, branch, in_limits, tip}], in the order of their distance from home.
@@ -349,9 +346,7 @@ class Study:
         }
 
 
-def number(
-    request: Mapping[str, Any], key: str, low: float, high: float, unit: str = "rad"
-) -> float:
+def number(request: JsonObject, key: str, low: float, high: float, unit: str = "rad") -> float:
     """Return a finite number of a request within a range; unit: SI unit of the range.
 
     Raises ProblemError.
@@ -359,7 +354,7 @@ def number(
     return _number_within(request.get(key), key, low, high, unit)
 
 
-def pose(request: Mapping[str, Any], key: str) -> Pose:
+def pose(request: JsonObject, key: str) -> Pose:
     """Return four task coordinates of a request, rad and m. Raises ProblemError."""
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
@@ -371,7 +366,7 @@ def pose(request: Mapping[str, Any], key: str) -> Pose:
     return roll, tilt, spin, depth
 
 
-def tilt_range(request: Mapping[str, Any]) -> Range:
+def tilt_range(request: JsonObject) -> Range:
     """Return the tilt range of a request, rad. Raises ProblemError."""
     ends = request.get("tilt_range")
     if not isinstance(ends, list) or len(ends) != 2:

@@ -6,7 +6,7 @@ import hmac
 import json
 import secrets
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -16,6 +16,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.loading import load_problem
 from ssm_planner.problem import Problem
+from ssm_planner.typing import JsonObject
 from ssm_planner.view.jobs import Jobs
 from ssm_planner.view.page import Study, view_page
 
@@ -32,7 +33,7 @@ HEADERS = {
 }
 KINDS = {"report": "text/html", "plan": "application/json"}
 """Content types of /<kind>/<job>."""
-Answer = Callable[[Mapping[str, Any]], dict[str, Any]]
+Answer = Callable[[JsonObject], JsonObject]
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -178,7 +179,7 @@ class Handler(BaseHTTPRequestHandler):
         )
         return False
 
-    def _request(self) -> dict[str, Any] | None:
+    def _request(self) -> JsonObject | None:
         """Return the JSON object of a request from this server's page, or None after a refusal."""
         fault = self._fault()
         if fault is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,16 +96,16 @@ def test_accelerations_near_a_setpoint_are_those_of_the_intervals_around(robot: 
     t = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 6.5]) * 1e-3
     mean = np.array([0.1, 0.2, -0.3, 0.4, 0.0, 0.1, -0.2])[:, None] * limit
     qd = np.vstack([np.zeros(4), np.cumsum(mean * np.diff(t)[:, None], axis=0)])
-    offsets = {0: Offsets(qd[:, 0], 0 * t, 1e-6 * limit[0], 0.0)}
+    rounding = 1e-6 * limit * np.eye(4)[0]
     moving = np.zeros((8, 4), dtype=bool)
-    low, high = module._accelerations(robot, t, qd, offsets, standing=moving)
+    low, high = module._accelerations(robot, t, qd, rounding, standing=moving)
     pad = limit * 1e-3 / module.FULL
     pad[0] += 2 * 1e-6 * limit[0] / 0.5e-3
     for k in range(8):
         near = mean[np.clip(np.arange(k - 2, k + 2), 0, 6)]
         assert low[k] == pytest.approx(np.minimum(near.min(axis=0) - pad, 0.0))
         assert high[k] == pytest.approx(np.maximum(near.max(axis=0) + pad, 0.0))
-    low, high = module._accelerations(robot, 100 * t, 100 * qd, offsets, standing=moving)
+    low, high = module._accelerations(robot, 100 * t, 100 * qd, rounding, standing=moving)
     assert low.min(axis=0) == pytest.approx(-limit)
     assert high.max(axis=0) == pytest.approx(limit)
 
@@ -115,7 +116,7 @@ def test_near_rest_a_motion_may_be_shorter_than_a_period(robot: Robot) -> None:
     t = np.arange(8) * 1e-3
     standing = np.zeros((8, 4), dtype=bool)
     standing[0, 1] = True
-    low, high = module._accelerations(robot, t, np.zeros((8, 4)), {}, standing=standing)
+    low, high = module._accelerations(robot, t, np.zeros((8, 4)), np.zeros(4), standing=standing)
     full = (low == -limit) & (high == limit)
     assert np.argwhere(full).tolist() == [[0, 1], [1, 1], [2, 1]]
 
@@ -157,9 +158,21 @@ def test_a_torque_offset_within_its_rounding_keeps_the_limit_of_the_motor(plan: 
             assert check.time == t[20]
 
 
-def test_a_joint_may_rest_up_to_the_rounding_of_its_offset(robot: Robot) -> None:
+def test_a_joint_may_rest_up_to_the_rounding_of_its_offset(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """And up to a millionth of its speed limit; a joint without offsets has no rounding."""
     offsets = {1: Offsets(np.zeros(2), np.zeros(2), 0.25, 0.0)}
-    for i, joint in enumerate(robot.joints):
-        expected = 1e-6 * joint.velocity + (0.25 if i == 1 else 0.0)
-        assert module._slow(robot, i, offsets) == pytest.approx(expected)
+    largest = np.array(
+        [1e-6 * joint.velocity + 0.25 * (i == 1) for i, joint in enumerate(robot.joints)]
+    )
+    accelerations, masks = module._accelerations, []
+
+    def noted(*arguments: Any, standing: Any) -> Any:
+        masks.append(standing)
+        return accelerations(*arguments, standing=standing)
+
+    monkeypatch.setattr(module, "_accelerations", noted)
+    speeds = np.outer([0.999, 1.001], largest)
+    module._torque_range(robot, np.array([0.0, 1e-3]), np.zeros((2, 4)), speeds, offsets)
+    assert masks[0].tolist() == [[True] * 4, [False] * 4]

@@ -9,7 +9,6 @@ import pytest
 
 from ssm_planner.identification.harmonics import (
     Harmonics,
-    _complex,
     _fit,
     _start,
     fit_harmonics,
@@ -32,7 +31,7 @@ SCREW = {1: 2e-4, 2: -1e-4, 3: 0.5e-4}
 def start_in(harmonics: Harmonics, angle: np.ndarray, tau: np.ndarray) -> float:
     """Return the angle (rad) at which a recording began, from its motor angle and torque."""
     fitted = _fit([(angle, tau)], harmonics.orders, phased=False)
-    return _start(_complex(harmonics), _complex(fitted))
+    return _start(harmonics.coefficients, fitted.coefficients)
 
 
 def simulated(

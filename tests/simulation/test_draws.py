@@ -29,7 +29,7 @@ def commands() -> Commands:
     zero = np.zeros((PERIODS, 4))
     demand = zero.copy()
     demand[:, 0] = np.arange(PERIODS)
-    return Commands(demand, zero, zero, zero, zero, np.ones(PERIODS), zero)
+    return Commands(demand, zero, zero, zero, zero, zero, np.ones(PERIODS))
 
 
 def playback(

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.polynomial import Polynomial
 
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
@@ -44,17 +43,6 @@ def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -
     slow = module.RESTS * np.array([joint.velocity for joint in robot.joints])
     assert np.array_equal(path.rests, np.all(speeds <= slow, axis=1))
     assert path.rests[[0, -1]].all()
-
-
-@pytest.mark.parametrize("degree", [1, 4, 5])
-def test_polynomials_of_four_joints_are_evaluated_together(degree: int) -> None:
-    rng = np.random.default_rng(1)
-    coefficients, t = rng.normal(size=(degree + 1, 4, 6)), rng.uniform(0, 2, 6)
-    values = module._evaluate(coefficients, t)
-    assert values.shape == (6, 4)
-    for n in range(6):
-        for i in range(4):
-            assert values[n, i] == pytest.approx(Polynomial(coefficients[:, i, n])(t[n]))
 
 
 @pytest.mark.parametrize("varying", [(), (0,), (1,), (0, 3), (0, 1, 3)])

@@ -21,7 +21,7 @@ from ssm_planner.publishing import publishing_results, replacing_result
 from ssm_planner.reporting.figures.style import new_panels
 from ssm_planner.reporting.figures.workspace import great_arc
 from ssm_planner.reporting.html.scene import link_sides
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject, Keywords
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,13 +38,13 @@ LINK, TAIL = 0.026, 0.030
 VIEW = (rotation([1, 0, 0], np.radians(20.0)) @ rotation([0, 0, 1], np.radians(-28.0)))[[0, 2]]
 """Orthonormal rows (2, 3) that project base coordinates onto the picture."""
 JOINT = {"linewidth": 5.0, "marker": "o", "markevery": [0], "markersize": 7, "mfc": "white"}
-LINES: tuple[dict[str, Any], ...] = (
+LINES: tuple[Keywords, ...] = (
     {"color": "#4d5966", **JOINT},
     {"color": "#8694a3", **JOINT},
     {"color": "black"},
 )
 """Styles of link 1, link 2 and the tool. A circle marks the joint at the beginning of a link."""
-LABEL: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": 7}
+LABEL: Keywords = {"ha": "center", "va": "bottom", "fontsize": 7}
 
 
 @checked
@@ -149,7 +149,7 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     tool : (n, 2, 2)
         Both ends of the tool, m.
     """
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     sides, tip = link_sides(robot, mechanism), fk(robot, q).position
     # With an insertion of 1 m, the position of the tip is the unit vector of the tool axis.
     inserted = q.copy()
@@ -163,7 +163,7 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     return link1 @ VIEW.T, link2 @ VIEW.T, tool @ VIEW.T
 
 
-def still(plan: Plan) -> dict[str, Any]:
+def still(plan: Plan) -> JsonObject:
     """Return the lines of the mechanism at the start, halfway and at the end, for an SVG, in mm."""
     t = plan.motion.duration * np.array([0.0, 0.5, 1.0])
     eye = plan.limits.eye

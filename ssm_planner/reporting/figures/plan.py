@@ -33,7 +33,7 @@ from ssm_planner.reporting.figures.style import (
     unit_of,
 )
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Files, Range
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
     return figure
 
 
-def _draw_limit(axes: Axes, ends: tuple[float, float], values: Array) -> None:
+def _draw_limit(axes: Axes, ends: Range, values: Array) -> None:
     """Draw the bounds that are close to the values (n,), so that the curve stays readable."""
     size = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
     for end in ends:
@@ -170,7 +170,7 @@ PLAN_FIGURES: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "moto
 """Function that draws each figure of a plan, by file name."""
 
 
-def write_simulation_figures(result: SimulationResult, folder: Path) -> dict[str, Path]:
+def write_simulation_figures(result: SimulationResult, folder: Path) -> Files:
     """Write the figures of a simulation as PNG and PDF, and return their paths by name.
 
     The figures are playback and, if the simulation contains several power losses, power_loss.

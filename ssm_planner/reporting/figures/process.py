@@ -31,6 +31,7 @@ from ssm_planner.reporting.figures.style import (
     save_figures,
     save_rendered,
 )
+from ssm_planner.typing import Files
 
 if TYPE_CHECKING:
     from ssm_planner.plans import Plan
@@ -44,7 +45,7 @@ OPINION = "opinion"
 """Name of the request for a second opinion."""
 _START = "from ssm_planner.reporting.figures.process import serve; serve()"
 
-Files = dict[str, dict[str, bytes]]
+Contents = dict[str, dict[str, bytes]]
 """Content by figure and file extension."""
 
 
@@ -108,7 +109,7 @@ class FigureProcess:
                 _Plain(message).dump((name, arguments))
                 self._pipe.submit(self._write, message.getvalue())
 
-    def result(self) -> Files:
+    def result(self) -> Contents:
         """Wait for the requested figures, and return the content of their files.
 
         The result is empty if the process failed or took longer than TIMEOUT.
@@ -118,7 +119,7 @@ class FigureProcess:
             return {}
         try:
             answer, _ = self._pipe.submit(process.communicate).result(TIMEOUT)
-            files: Files = pickle.loads(answer) if process.returncode == 0 else {}
+            files: Contents = pickle.loads(answer) if process.returncode == 0 else {}
         except (OSError, ValueError, TookTooLong, EOFError):
             return {}
         return files
@@ -127,8 +128,7 @@ class FigureProcess:
         """Return the next opinion. All figures follow when the standard input is closed."""
         if self._process is None or self._process.stdout is None:
             return None
-        opinions: tuple[Opinion, ...] = pickle.load(self._process.stdout)
-        return opinions
+        return pickle.load(self._process.stdout)
 
     def _write(self, message: bytes) -> None:
         if self._process is not None and self._process.stdin is not None:
@@ -180,10 +180,10 @@ def serve() -> None:
     panels[0, 0].plot([0, 1], label="dummy")
     dummy.legend()
     render_figure(dummy, pdf=False)
-    from ssm_planner.verification.second_opinion import second_opinions
+    from ssm_planner.verification import second_opinions
 
     import_module("toppra")
-    files: Files = {}
+    files: Contents = {}
     while True:
         try:
             name, arguments = pickle.load(sys.stdin.buffer)
@@ -198,7 +198,7 @@ def serve() -> None:
     answer.flush()
 
 
-def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> dict[str, Path]:
+def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> Files:
     """Write the figures of a new plan as PNG.
 
     The figures are motion and, if the robot has drives, motors.
@@ -212,7 +212,7 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
 
     Returns
     -------
-    dict[str, Path]
+    Files
         Paths by name, see `save_rendered`.
 
     Raises
@@ -227,14 +227,14 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     if plan.requirements:
         arguments["motors"] = trajectory, robot, plan.requirements
     files = {} if drawer is None else drawer.result()
-    paths: dict[str, Path] = {}
+    paths: Files = {}
     for name, values in arguments.items():
         images = files.get(name) or render_figure(PLAN_FIGURES[name](*values), pdf=False)
         paths |= save_rendered(images, folder / name, f"plan {plan.sha256}")
     return paths
 
 
-def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> dict[str, Path]:
+def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> Files:
     """Write the figures of a loaded plan as PNG and PDF.
 
     Parameters
@@ -246,7 +246,7 @@ def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> dict
 
     Returns
     -------
-    dict[str, Path]
+    Files
         Paths by name, see `save_rendered`.
 
     Raises

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from ssm_planner.reporting.figures.style import (
     zero_lines,
 )
 from ssm_planner.sizing import available_torque, continuous_torque
-from ssm_planner.typing import Array, Indices
+from ssm_planner.typing import Array, Files, Indices, Keywords
 from ssm_planner.units import RPM
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ PART_COLOURS = ("#56B4E9", "#009E73", "#0072B2", "#D55E00", "#E69F00")
 PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
 
 
-def write_sizing_figures(sizing: Sizing, folder: Path) -> dict[str, Path]:
+def write_sizing_figures(sizing: Sizing, folder: Path) -> Files:
     """Write the figures of a sizing as PNG and PDF, and return their paths by name.
 
     The figures are payload_curves, torque_split and, if motors are assessed, operating_regions. If
@@ -90,7 +90,7 @@ def torque_split_figure(sizing: Sizing) -> Figure:
         axes.plot(t, 1e3 * joint.requirement.torque, color="black", linewidth=1.6, label="torque")
         split = joint.requirement.split.components()
         for (name, torque), colour, dash in zip(split, PART_COLOURS, PART_DASHES, strict=True):
-            style: dict[str, Any] = {"linestyle": dash, "color": colour, "linewidth": 1.2}
+            style: Keywords = {"linestyle": dash, "color": colour, "linewidth": 1.2}
             axes.plot(t, 1e3 * torque, **style, label=plain_words(name))
         time_label = "time (s)" if axes is panels[-1] else ""
         finish(axes, time_label, f"{_label(joint)}\nmotor torque (mN·m)")
@@ -165,7 +165,7 @@ def _curve(axes: Axes, joint: JointSizing, confidence: float) -> None:
         peak = int(np.argmax(np.abs(torque)))
         band = joint.band
         ends = [1e3 * end("peak_torque", confidence) for end in (band.low, band.high)]
-        bar: dict[str, Any] = {"color": COLOURS[i], "linewidth": 3, "alpha": 0.45}
+        bar: Keywords = {"color": COLOURS[i], "linewidth": 3, "alpha": 0.45}
         axes.plot([speed[peak]] * 2, np.copysign(ends, torque[peak]), "_-", **bar)
 
 
@@ -183,9 +183,9 @@ def _label(joint: JointSizing) -> str:
     return f"joint {JOINTS.index(joint.load.joint) + 1} ({joint.load.joint})"
 
 
-MODEL: dict[str, Any] = {"color": COLOURS[1], "linestyle": (0, (5, 3)), "linewidth": 1.4}
-MEASURED: dict[str, Any] = {"color": "black", "linewidth": 0.8}
-OUTLIER: dict[str, Any] = {"color": COLOURS[1], "marker": "x", "markersize": 7, "linestyle": "none"}
+MODEL: Keywords = {"color": COLOURS[1], "linestyle": (0, (5, 3)), "linewidth": 1.4}
+MEASURED: Keywords = {"color": "black", "linewidth": 0.8}
+OUTLIER: Keywords = {"color": COLOURS[1], "marker": "x", "markersize": 7, "linestyle": "none"}
 
 
 def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
@@ -210,7 +210,7 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
     outliers = {name for name, _, _ in fit.outliers}
     is_outlier = np.array([name in outliers for name in data.names])
     speed, torque = RPM * data.w, 1e3 * data.tau
-    marker: dict[str, Any] = {"color": "black", "fillstyle": "none", "markersize": 5}
+    marker: Keywords = {"color": "black", "fillstyle": "none", "markersize": 5}
     axes.plot(speed, torque, "o", **marker, label="measured")
     if is_outlier.any():
         style = {**OUTLIER, "label": "outlier (lower weight)"}
@@ -243,7 +243,7 @@ def _bands(axes: Axes, drive: Drive, w: Array, load: float, with_labels: bool) -
     for variant, alpha, content in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):
         band = band_of(variant, motion, tau, load)
         if band is not None:
-            shade: dict[str, Any] = {"color": COLOURS[1], "alpha": alpha, "linewidth": 0}
+            shade: Keywords = {"color": COLOURS[1], "alpha": alpha, "linewidth": 0}
             label = f"95 % of {content}" if with_labels else None
             axes.fill_between(RPM * w, 1e3 * band.low, 1e3 * band.high, label=label, **shade)
 
@@ -267,7 +267,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
     torque.plot(recording.time, 1e3 * recording.tau, **MEASURED, label="measured")
     torque.plot(recording.time, 1e3 * prediction.tau, **MODEL, label=label)
     if prediction.band is not None:
-        shade: dict[str, Any] = {"color": COLOURS[1], "linewidth": 0}
+        shade: Keywords = {"color": COLOURS[1], "linewidth": 0}
         band = [1e3 * end for end in (prediction.band.low, prediction.band.high)]
         torque.fill_between(recording.time, *band, alpha=0.18, label="95 % of samples", **shade)
         low, high = (1e3 * (end - prediction.tau.mean()) for end in prediction.band.mean)

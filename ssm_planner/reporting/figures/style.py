@@ -15,6 +15,7 @@ from zlib import compress, crc32
 import numpy as np
 
 from ssm_planner.atomic import replacing
+from ssm_planner.typing import Files, Keywords
 from ssm_planner.units import display_unit
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#000000")
 FIFTH = "#A0457E"
 """Colour of a fifth curve. Its line style differs from those of the joints."""
 DASHES = ("-", "--", "-.", ":")
-LIMIT: dict[str, Any] = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
-AXIS: dict[str, Any] = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
+LIMIT: Keywords = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
+AXIS: Keywords = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 """Style of a line at zero."""
 SIZE = 9.0
 DPI = 200
@@ -150,9 +151,7 @@ def render_figure(figure: Figure, pdf: bool = True, about: str | None = None) ->
     return files
 
 
-def save_figure(
-    figure: Figure, path: Path, pdf: bool = True, about: str | None = None
-) -> dict[str, Path]:
+def save_figure(figure: Figure, path: Path, pdf: bool = True, about: str | None = None) -> Files:
     """Write a figure as path.png and optionally path.pdf.
 
     Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
@@ -160,22 +159,18 @@ def save_figure(
     return save_rendered(render_figure(figure, pdf, about), path, about)
 
 
-def save_figures(
-    figures: Mapping[str, Figure], folder: Path, about: str | None = None
-) -> dict[str, Path]:
+def save_figures(figures: Mapping[str, Figure], folder: Path, about: str | None = None) -> Files:
     """Write each figure as PNG and PDF under its name, into a folder.
 
     Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
     """
-    paths: dict[str, Path] = {}
+    paths: Files = {}
     for name, figure in figures.items():
         paths |= save_figure(figure, folder / name, about=about)
     return paths
 
 
-def save_rendered(
-    files: Mapping[str, bytes], path: Path, about: str | None = None
-) -> dict[str, Path]:
+def save_rendered(files: Mapping[str, bytes], path: Path, about: str | None = None) -> Files:
     """Write the files of a rendered figure atomically.
 
     Parameters
@@ -189,7 +184,7 @@ def save_rendered(
 
     Returns
     -------
-    dict[str, Path]
+    Files
         Paths by name: `<name>_figure` for the PNG file, and `<name>_pdf` for the PDF file.
 
     Raises
@@ -267,7 +262,7 @@ def shade_phases(axes: Axes, trajectory: Trajectory, with_names: bool = False) -
     """
     size = SIZE - 1
     inches = axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * MARGIN))  # Inches per second.
-    style: dict[str, Any] = {
+    style: Keywords = {
         "transform": axes.get_xaxis_transform(),
         "ha": "center",
         "fontsize": size,

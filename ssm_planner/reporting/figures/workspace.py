@@ -32,7 +32,7 @@ from ssm_planner.reporting.figures.style import (
     new_figure,
     save_figure,
 )
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Files, Keywords
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,18 +51,18 @@ def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
     }
 
 
-def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> dict[str, str]:
+def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> Files:
     """Write each figure as PNG and PDF into a folder, all at once.
 
     Returns the paths by name: `<name>` for a PNG file and `<name>_pdf` for a PDF file. Raises
     ExportError if a file cannot be written.
     """
     folder = Path(directory)
-    paths: dict[str, str] = {}
+    paths: Files = {}
     with publishing(folder) as temporary:
         for name, figure in figures.items():
             png, pdf = save_figure(figure, temporary / name).values()
-            paths |= {name: str(folder / png.name), f"{name}_pdf": str(folder / pdf.name)}
+            paths |= {name: folder / png.name, f"{name}_pdf": folder / pdf.name}
     return paths
 
 
@@ -212,7 +212,7 @@ def design_region_figure(
         smaller = design_region(*region.tilt_range, region.margin + float(extra))
         if not smaller.empty:
             label = f"margin {np.degrees(smaller.margin):.3g}°"
-            style: dict[str, Any] = {"facecolor": grey, "edgecolor": "black", "zorder": 2}
+            style: Keywords = {"facecolor": grey, "edgecolor": "black", "zorder": 2}
             axes.add_patch(Polygon(np.degrees(smaller.vertices), label=label, **style))
     if not region.empty:
         alpha, beta = np.degrees(region.smallest_alpha)

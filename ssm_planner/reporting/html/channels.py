@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ssm_planner.codegen.namespace import NUMPY
+from ssm_planner.codegen import NUMPY
 from ssm_planner.kinematics import (
     Mechanism,
     eye_limits,
@@ -39,7 +39,7 @@ from ssm_planner.sizing import (
     torque_split,
 )
 from ssm_planner.trajectory import Samples
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Arrays
 
 RATE, FEWEST, MOST = 400.0, 1200, 4000
 """Samples per second of motion, and the smallest and largest number of samples in a page."""
@@ -56,7 +56,7 @@ def time_grid(duration: float) -> Array:
     return np.linspace(0.0, duration, int(np.clip(RATE * duration, FEWEST, MOST)))
 
 
-def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
+def channels_of(plan: Plan, t: Array) -> Arrays:
     """Sample every plotted quantity of a plan.
 
     Parameters
@@ -67,31 +67,29 @@ def channels_of(plan: Plan, t: Array) -> dict[str, Array]:
 
     Returns
     -------
-    dict[str, Array]
+    Arrays
         Values (n,) in SI units by name of the channel. The name "qd2" means the velocity of the
-        joint with index 2.
+        joint with index 2, and "split0_load" the component "load" of the motor torque of joint 0.
     """
     trajectory = plan.motion
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
     channels = {
         "t": t,
-        **_tool_channels(Mechanism.from_geometry(plan.robot.geometry), samples, plan.limits),
+        **_tool_channels(Mechanism.from_robot(plan.robot), samples, plan.limits),
     }
     for name in ("q", "qd", "qdd", "qddd"):
         channels |= {f"{name}{i}": getattr(samples, name)[:, i] for i in range(4)}
     loads = joint_loads(trajectory, plan.robot, LOAD_RATE)
     for load in loads:
         i = JOINTS.index(load.joint)
-        for name, values in (("w", load.speed()), ("tau", load.torque())):
-            channels[f"{name}{i}"] = np.interp(t, load.t - load.t[0], values)
-    return (
-        channels
-        | _split_channels(loads, t)
-        | _temperature_channels(loads, t, pause_of(plan.problem))
-    )
+        curves = {f"w{i}": load.speed(), f"tau{i}": load.torque()}
+        curves |= {f"split{i}_{name}": part for name, part in torque_split(load).components()}
+        for name, values in curves.items():
+            channels[name] = np.interp(t, load.t - load.t[0], values)
+    return channels | _temperature_channels(loads, t, pause_of(plan.problem))
 
 
-def encode(channels: dict[str, Array]) -> dict[str, str]:
+def encode(channels: Arrays) -> dict[str, str]:
     """Encode channels (n,) as base64 of little-endian doubles, which is exact and fast to read."""
     return {
         name: base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
@@ -104,7 +102,7 @@ def limited_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
     return [TipSpeed, *(type(limit) for limit in limits.speeds if not isinstance(limit, TipSpeed))]
 
 
-def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -> dict[str, Array]:
+def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -> Arrays:
     """Return the channels (n,) of the tool in SI units.
 
     They contain the task coordinates, their limited rates, the tip position, the tool speeds and
@@ -130,19 +128,7 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
     return channels
 
 
-def _split_channels(loads: Sequence[JointLoad], t: Array) -> dict[str, Array]:
-    """Return the components (n,) of each motor torque at t (n,), N·m.
-
-    The name "split0_load" means the component "load" for the joint with index 0.
-    """
-    return {
-        f"split{JOINTS.index(load.joint)}_{name}": np.interp(t, load.t - load.t[0], values)
-        for load in loads
-        for name, values in torque_split(load).components()
-    }
-
-
-def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) -> dict[str, Array]:
+def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) -> Arrays:
     """Return the winding and housing temperatures (n,) at t (n,), °C.
 
     They belong to the steady state of the motion that repeats after a pause (s). Motors without

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,9 +18,9 @@ from ssm_planner.reporting.html.panels import Panel, new_panel, panels_of
 from ssm_planner.reporting.html.report import verdict
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import Table
-from ssm_planner.typing import Array
+from ssm_planner.typing import Arrays, JsonObject
 from ssm_planner.units import RPM
-from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification import Certificate
 
 LEFT_OUT = ("Parts of the motor torque",)
 """Sections of the report that the comparison omits."""
@@ -57,7 +56,7 @@ def comparison_page(plan_a: Plan, plan_b: Plan) -> str:
     )
 
 
-def comparison_data(plans: Sequence[Plan]) -> dict[str, Any]:
+def comparison_data(plans: Sequence[Plan]) -> JsonObject:
     """Return the data of one or two plans for the scripts of the page as JSON types.
 
     All plans are sampled on the same time grid. After its end, the shorter plan keeps its last
@@ -82,7 +81,7 @@ def comparison_data(plans: Sequence[Plan]) -> dict[str, Any]:
     }
 
 
-def _margin_panels(plan: Plan, samples: dict[str, Array]) -> Iterator[Panel]:
+def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
     """Yield one panel per motor with the margin that torque and speed keep from their limits.
 
     The function adds the margins (n,) to `samples`, as shares of the limits.

@@ -6,7 +6,7 @@ import base64
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ssm_planner.atomic import replacing
+from ssm_planner.atomic import write_text
 from ssm_planner.reporting.html.page import render
 from ssm_planner.reporting.text import Table
 
@@ -57,6 +57,5 @@ def write_outcome(
         figures=images,
         steps=steps,
     )
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(path, text)
     return path

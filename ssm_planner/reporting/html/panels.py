@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssm_planner.display import number
 from ssm_planner.plans import Plan
@@ -40,10 +39,10 @@ from ssm_planner.sizing import (
     continuous_torque,
     missing,
 )
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Arrays, JsonObject, Mask, Range
 from ssm_planner.units import RPM
 
-Panel = dict[str, Any]
+Panel = JsonObject
 """A plot on the page, as JSON types. `new_panel` lists its keys."""
 T = TypeVar("T", TaskRange, TaskRate)
 NEAR = 0.005
@@ -57,7 +56,7 @@ POINTS = 81
 """Number of speeds in the map of a motor."""
 
 
-def panels_of(plan: Plan, channels: dict[str, Array]) -> list[Panel]:
+def panels_of(plan: Plan, channels: Arrays) -> list[Panel]:
     """Build all panels of a plan, in the order of the page.
 
     `channels` contains the sampled quantities (n,) by name, see `channels_of`.
@@ -127,7 +126,7 @@ def new_limit(
     high: float,
     channel: str | None,
     size: float | None = None,
-) -> dict[str, Any]:
+) -> JsonObject:
     """Return a limit in the form that the page reads.
 
     Parameters
@@ -156,7 +155,7 @@ def new_limit(
     }
 
 
-def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
+def limit_line(limit: Limit, index: int, channel: str) -> JsonObject:
     """Return a limit of the problem in the form that the page reads.
 
     `index` is the index of the colour. `channel` is the channel whose intervals at the limit are
@@ -172,7 +171,7 @@ def limit_line(limit: Limit, index: int, channel: str) -> dict[str, Any]:
     return {**line, "label": limit.name} if isinstance(limit, TaskRange) else line
 
 
-def mark_active(panel: Panel, channels: dict[str, Array]) -> None:
+def mark_active(panel: Panel, channels: Arrays) -> None:
     """Add to a panel the intervals in which one of its limits is active.
 
     `channels` contains the sampled quantities (n,) by name.
@@ -236,13 +235,13 @@ def active_intervals(
                 yield start, end, side
 
 
-def _runs(t: Array, active: NDArray[np.bool_]) -> list[tuple[float, float]]:
+def _runs(t: Array, active: Mask) -> list[Range]:
     """Return the start and end time (s) of each run of true values (n,) at instants t (n,).
 
     Runs with a gap shorter than GAP are merged.
     """
     edges = np.flatnonzero(np.diff(np.concatenate(([0], active.astype(int), [0]))))
-    runs: list[tuple[float, float]] = []
+    runs: list[Range] = []
     for begin, stop in zip(edges[::2], edges[1::2], strict=True):
         start, end = float(t[begin]), float(t[stop - 1])
         if runs and start - runs[-1][1] < GAP:
@@ -266,7 +265,7 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def without_temperature(channels: dict[str, Array], motors: dict[int, Motor]) -> list[str]:
+def without_temperature(channels: Arrays, motors: dict[int, Motor]) -> list[str]:
     """Return a reason for each motor (by joint index) whose temperature cannot be plotted.
 
     `channels` contains the sampled quantities (n,) by name.
@@ -282,7 +281,7 @@ def without_temperature(channels: dict[str, Array], motors: dict[int, Motor]) ->
     return reasons
 
 
-def motor_map(i: int, motor: Motor) -> dict[str, Any]:
+def motor_map(i: int, motor: Motor) -> JsonObject:
     """Return the speed–torque curves of a motor at nominal voltage and 25 °C, as JSON types.
 
     The curves are the largest and the continuous torque (mN·m) over the motor speed (rpm). `i` is
@@ -327,7 +326,7 @@ def _joint_panel(
     )
     unlimited = []
     for i, joint in joints:
-        limit = next((bound for bound in joint.limits if isinstance(bound, limited)), None)
+        limit = joint.find_limit(limited)
         if limit is None:
             unlimited.append(joint.name)
         else:
@@ -339,7 +338,7 @@ def _joint_panel(
     return panel
 
 
-def _motor_panels(joints: tuple[Joint, ...], channels: dict[str, Array]) -> list[Panel]:
+def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> list[Panel]:
     panels = []
     driven = [i for i in range(4) if f"tau{i}" in channels]
     for name, limited, unit in (("w", MotorSpeed, "rpm"), ("tau", MotorTorque, "N·m")):
@@ -362,7 +361,7 @@ def _motor_panels(joints: tuple[Joint, ...], channels: dict[str, Array]) -> list
     return panels
 
 
-def split_panels(channels: dict[str, Array]) -> Iterator[Panel]:
+def split_panels(channels: Arrays) -> Iterator[Panel]:
     """Yield one panel per driven joint that plots the components of its motor torque.
 
     `channels` contains the sampled quantities (n,) by name.
@@ -375,7 +374,7 @@ def split_panels(channels: dict[str, Array]) -> Iterator[Panel]:
             yield new_panel("Parts of the motor torque", f"Torque split: {joint}", "N·m", series)
 
 
-def temperature_panels(channels: dict[str, Array], motors: dict[int, Motor]) -> Iterator[Panel]:
+def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[Panel]:
     """Yield one panel per motor that plots its winding and housing temperature.
 
     `channels` contains the sampled quantities (n,) by name. Motors without channels for their

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -51,9 +50,9 @@ from ssm_planner.reporting.text import (
     range_lines,
     rate_words,
 )
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import display_unit
-from ssm_planner.verification.certificate import Certificate, LimitCheck
+from ssm_planner.verification import Certificate, LimitCheck
 
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
 TIGHTEST = 10
@@ -155,7 +154,7 @@ def repetition(duty: float | None) -> str:
     return f"The motion repeated {f'after a pause of {duty:.6g} s' if duty else 'without pause'}"
 
 
-def report_data(plan: Plan) -> dict[str, Any]:
+def report_data(plan: Plan) -> JsonObject:
     """Return the data for the scripts of the page: channels, panels, phases, joints and scene."""
     channels = channels_of(plan, time_grid(plan.motion.duration))
     motors = {
@@ -199,7 +198,7 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
             clauses.append(f"{name} in {len(phases)} phases")
     if len(clauses) > MAX_CLAUSES:
         clauses = [f"makes {len(plan.phases)} phases"]
-    text = f"{', '.join(clauses) or 'stands still'} in {_seconds(plan.duration, 2)}"
+    text = f"{', '.join(clauses) or 'stands still'} in {format_fixed(plan.duration, 2)} s"
     limits = _limited_by(plan, panels)
     return text[0].upper() + text[1:] + (f"; limited by {limits}" if limits else "") + "."
 
@@ -255,7 +254,7 @@ def _is_spot(phase: PhaseSummary) -> bool:
     return phase.task_start == phase.task_end and ", " in phase.name
 
 
-def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[dict[str, Any]]:
+def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
     """Return the tip position (m) at the end of every phase, and whether it is a spot of a scan.
 
     Equal positions appear once.
@@ -294,17 +293,16 @@ def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
 
 def verdict(plan: Plan) -> list[Mark]:
     """Return the verdicts on the planning, the certificate and the motors of a plan."""
-    return [_feasibility(plan), _certification(plan), motors_verdict(sizing_of(plan))]
+    planning = ("good", "Feasible", "")
+    if plan.status != "solved":
+        planning = ("bad", "No plan", plan.status)
+    return [planning, _certification(plan), motors_verdict(sizing_of(plan))]
 
 
-def sizing_of(plan: Plan) -> dict[str, Any]:
+def sizing_of(plan: Plan) -> JsonObject:
     """Return the sizing of a plan with a trajectory, as `size --json` prints it."""
     assert plan.sizing is not None
     return plan.sizing.to_dict()
-
-
-def _feasibility(plan: Plan) -> Mark:
-    return ("good", "Feasible", "") if plan.status == "solved" else ("bad", "No plan", plan.status)
 
 
 def _certification(plan: Plan) -> Mark:
@@ -320,11 +318,7 @@ def _certification(plan: Plan) -> Mark:
     return "good", "Certified", f"{len(certificate.limits)} limits kept"
 
 
-def _seconds(value: float | None, decimals: int = 4) -> str:
-    return NOTHING if value is None else f"{format_fixed(value, decimals)} s"
-
-
-def _stops(plan: Plan) -> dict[str, Any] | None:
+def _stops(plan: Plan) -> JsonObject | None:
     """Summarise the controlled stops of a plan: the longest one and the one that travels farthest.
 
     The entry `longest` contains the start of a stop, s, and its duration, ms. The entry `farthest`
@@ -356,7 +350,7 @@ def _motion(plan: Plan) -> Table:
     return Table(("motion", "kind", "to"), [start, *moves, *rates], caption="Motion")
 
 
-def _target(motion: Mapping[str, Any]) -> str:
+def _target(motion: JsonObject) -> str:
     """Format the target or the duration of an entry of the motion list."""
     if motion.get("duration") is not None:
         return f"{motion['duration']:g} s"
@@ -372,7 +366,7 @@ def _target(motion: Mapping[str, Any]) -> str:
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:
-    unit, scale = display_unit("rad" if joint.kind == "revolute" else "m", "°")
+    unit, scale = display_unit(joint.unit, "°")
     low, high = (number(scale * end, 6) for end in joint.position)
     derivatives = ((joint.velocity, "/s"), (joint.acceleration, "/s²"), (joint.jerk, "/s³"))
     largest = (

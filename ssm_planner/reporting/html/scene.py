@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism, pose_from_task, tilt_interval
 from ssm_planner.problem import JOINTS, Eye, Robot, TaskLimits, plain
-from ssm_planner.typing import Array, Range
+from ssm_planner.typing import JsonObject, Range
 
 LINK = 0.11
 """Radius of the drawn links, m. Robot files do not contain the shapes of links."""
@@ -20,9 +19,9 @@ STEP = math.radians(5.0)
 """Largest angle between two vertices of the band, rad."""
 
 
-def scene_of(robot: Robot, limits: TaskLimits) -> dict[str, Any]:
+def scene_of(robot: Robot, limits: TaskLimits) -> JsonObject:
     """Return the scene of a robot: its mechanism, the ranges of task coordinates, and the eye."""
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     scene = mechanism_scene(mechanism, limits.ranges, link_sides(robot, mechanism), limits.eye)
     scene["names"] = [joint.name for joint in robot.joints]
     return scene
@@ -33,7 +32,7 @@ def mechanism_scene(
     ranges: Mapping[str, Range],
     sides: list[int] | None = None,
     eye: Eye | None = None,
-) -> dict[str, Any]:
+) -> JsonObject:
     """Return the scene of a mechanism as JSON types, in m and rad in the base frame.
 
     Parameters
@@ -65,7 +64,7 @@ def mechanism_scene(
     }
 
 
-def band(mechanism: Mechanism, tilt: Range, roll: Range) -> dict[str, Any]:
+def band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
     """Return the band of a sphere about the RCM that the tool axis reaches.
 
     The vertices of the band form a grid whose rows have equal tilt. `tilt` and `roll` are the
@@ -77,7 +76,7 @@ def band(mechanism: Mechanism, tilt: Range, roll: Range) -> dict[str, Any]:
     tilts, rolls = np.linspace(*tilt, rows), np.linspace(*roll, columns)
     task = np.zeros((rows * columns, 4))
     task[:, 0], task[:, 1] = np.tile(rolls, rows), np.repeat(tilts, columns)
-    axes: Array = pose_from_task(mechanism, task)[0][:, :, 2]
+    axes = pose_from_task(mechanism, task)[0][:, :, 2]
     return {"rows": rows, "columns": columns, "vertices": np.round(BAND * axes, 6).ravel().tolist()}
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from ssm_planner.reporting.html.panels import (
 from ssm_planner.reporting.html.scene import scene_of
 from ssm_planner.reporting.text import simulation_tables
 from ssm_planner.simulation.simulate import SimulationResult
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Arrays, JsonObject
 
 PLANNED, SIMULATED = range(2)
 """Indices of the two motions on the page."""
@@ -63,7 +62,7 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
     )
 
 
-def simulation_data(plan: Plan, result: SimulationResult) -> dict[str, Any]:
+def simulation_data(plan: Plan, result: SimulationResult) -> JsonObject:
     """Return the data for the scripts of the page as JSON types.
 
     Both motions are sampled on the same time grid. After its end, the plan keeps its last position.
@@ -86,7 +85,7 @@ def simulation_data(plan: Plan, result: SimulationResult) -> dict[str, Any]:
     }
 
 
-def _simulated(plan: Plan, result: SimulationResult, t: Array) -> dict[str, Array]:
+def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
     """Return the channels of the simulated motion: values at t (n,) in SI units by name.
 
     The names are those of `channels_of`. An error is the simulated minus the planned value.
@@ -96,7 +95,7 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> dict[str, Arra
         return np.column_stack([np.interp(t, result.time, column) for column in values.T])
 
     q = resample(result.q)
-    tip = tip_position(Mechanism.from_geometry(plan.robot.geometry), q)
+    tip = tip_position(Mechanism.from_robot(plan.robot), q)
     channels = {
         "t": t,
         "tip_error": resample(result.tip[:, None])[:, 0],
@@ -131,10 +130,9 @@ def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
     for motor in result.motors:
         i = JOINTS.index(motor.joint)
         joint = plan.robot.joints[i]
-        unit = "rad" if joint.kind == "revolute" else "m"
-        errors.append(_panel("Tracking error", joint.name, unit, f"error{i}", (SIMULATED,)))
+        errors.append(_panel("Tracking error", joint.name, joint.unit, f"error{i}", (SIMULATED,)))
         panel = _panel("Motor torque", joint.name, "N·m", f"tau{i}", (PLANNED, SIMULATED))
-        limit = next((bound for bound in joint.limits if isinstance(bound, MotorTorque)), None)
+        limit = joint.find_limit(MotorTorque)
         panel["limits"] = [] if limit is None else [limit_line(limit, i, f"tau{i}")]
         panel["missing"] = ["at rest the controller’s integrator pushes against static friction"]
         torques.append(panel)
