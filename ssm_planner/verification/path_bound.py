@@ -1,25 +1,32 @@
-"""A proven lower bound of the duration along the path of a motion, by weak duality.
+"""Compute a lower bound on the duration of every motion along a path, by weak duality.
 
-Let y = ṡ and x = y², so that 2 s̈ = x', and let the rows a_r s̈ + b_r y² + c_r + k_r y ≤ 1 and the
-speed limit y ≤ F(s) hold on the path 0 ≤ s ≤ S. For any multipliers λ_r(s) ≥ 0 with μ = Σ λ_r a_r /
-2, every motion has
+Let y = ṡ be the speed on the path 0 ≤ s ≤ S, and let x = y². Then 2 s̈ = x', the derivative by s. A
+motion keeps its limits if every row a_r s̈ + b_r y² + c_r + k_r y is at most 1 and y ≤ F(s). Choose
+any functions λ_r(s) ≥ 0, the multipliers, and define μ = ½ Σ λ_r a_r. The duration T of every such
+motion then satisfies
 
     T = ∫ 1/y ds ≥ ∫ [1/y + Σ λ_r (a_r x'/2 + b_r y² + c_r + k_r y − 1)] ds
-      = [μ x] − Σ x Δμ + ∫ [1/y + p y² + κ y + Σ λ_r (c_r − 1)] ds,
+      = [μ x] − Σ x Δμ + ∫ [1/y + p y² + κ y + Σ λ_r (c_r − 1)] ds.
 
-with p = Σ λ_r b_r − μ', κ = Σ λ_r k_r and the jumps Δμ of μ, after integration by parts. At every
-s, the smallest value of 1/y + p y² + κ y for y ≤ F gives a bound that no timing can beat. At a
-jump, x Δμ is at most F² Δμ, or 0 if Δμ < 0. x is 1 at an end where the motion has a speed, and μ is
-0 at an end where it rests. No grid of speeds or accelerations is involved, and Simpson's rule
-computes the integral.
+The second line follows by integration by parts, with p = Σ λ_r b_r − μ', κ = Σ λ_r k_r and the
+jumps Δμ of μ. The bound uses the minimum of 1/y + p y² + κ y over 0 < y ≤ F at every s. At a jump,
+x lies between 0 and F², so x Δμ ≤ F² max(Δμ, 0). The bound holds for motions that have the same
+speed as this motion at both ends, where x = 1, never move backwards, and keep the duration of
+rests. At an end at rest, μ = 0 and the term vanishes.
 
-If a timing y₀ is optimal, 2p y₀³ + κ y₀² = 1 wherever y₀ < F, and λ_r = 0 wherever row r does not
-bind. The bound then equals its duration. A linear program therefore searches piecewise linear λ_r
-that nearly satisfy this equation with the least ∫ Σ λ_r (1 − row_r) ds for toppra's timing. λ_r may
-jump where the speed limit binds. The bound is valid whatever λ_r the program finds.
+If a timing y₀ is optimal, there are multipliers for which 2p y₀³ + κ y₀² = 1 wherever y₀ < F, and
+λ_r = 0 wherever row r does not bind. With them, the bound equals the duration of y₀. A linear
+program therefore looks for piecewise linear λ_r. They nearly satisfy this equation for toppra's
+timing y₀, and they minimise ∫ Σ λ_r (1 − row_r) ds. They may jump at points where y₀ reaches the
+speed limit. The bound is valid for every λ_r ≥ 0, so errors of the program or of toppra can only
+make it smaller.
 
-A row may be left out. This module leaves out the torque of braking motors, whose friction brakes,
-and the torque of a joint where it reverses. Friction has its smallest coefficient at any speed.
+Simpson's rule evaluates the integral. The bound is reduced by the difference between the rule on
+intervals and on half intervals.
+
+The bound stays valid if rows are left out. This module leaves out the torque limit of a motor that
+brakes, because friction does most of the braking, and the torque limit of a joint in an interval
+where it reverses. At every speed, the friction coefficient is the smallest that the joint can have.
 
 Source: S. Boyd, L. Vandenberghe, Convex Optimization, 2004, §5.1 (weak duality).
 """
@@ -36,22 +43,38 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification.path_rows import PathRows, coefficients
 
-SHARES = (0.0, 0.5, 1.0)
-"""Points of an interval."""
-WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6
-"""Weights of Simpson's rule."""
-DERIVATIVES = np.array([[-3.0, 4.0, -1.0], [-1.0, 0.0, 1.0], [1.0, -4.0, 3.0]])
-"""Derivatives of a parabola at the points from its values there, times the length."""
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Positions of the points in an interval, from 0 at its start to 1 at its end."""
+WEIGHTS = np.array([[1.0, 0.0, 4.0, 0.0, 1.0], [0.5, 2.0, 1.0, 2.0, 0.5]]) / 6
+"""Weights of Simpson's rule on an interval and on its halves."""
+DERIVATIVES = (
+    np.array(
+        [
+            [-25.0, 48.0, -36.0, 16.0, -3.0],
+            [-3.0, -10.0, 18.0, -6.0, 1.0],
+            [1.0, -8.0, 0.0, 8.0, -1.0],
+            [-1.0, 6.0, -18.0, 10.0, 3.0],
+            [3.0, -16.0, 36.0, -48.0, 25.0],
+        ]
+    )
+    / 3
+)
+"""Matrix from the values of a quartic at the points to its derivatives there, times the length."""
 NEAR = 0.1
-"""Largest distance of a row, or of the speed, from its limit, as a share, that may bind."""
+"""A row, or the speed, may bind if it is at most this share below its limit."""
 PENALTIES = ((0.02, 0.1), (0.3, None))
-"""Cost of δ = |2p y₀³ + κ y₀² − 1| in pieces (rate, length). The bound loses about δ² / 6 y₀."""
+"""Pieces (rate, length) of the cost of δ = |2p y₀³ + κ y₀² − 1|.
+
+The bound loses about δ² / (6 y₀).
+"""
 CONTINUOUS = 1e-6
-"""Largest jump of a between intervals, relative to its largest value, that is rounding."""
+"""A jump of a coefficient between intervals is rounding up to this share of its largest value."""
 TINY = 1e-30
-"""Smallest −p that is divided by."""
+"""Lower limit of −p in the division 1 / −p."""
+NO_JUMP = 1e-12
+"""A jump of μ is rounding up to this value."""
 BISECTIONS = 80
-"""Number of bisections for y, from the speed limit."""
+"""Number of bisections that locate y in the interval (0, F)."""
 
 
 def path_bound(
@@ -61,12 +84,12 @@ def path_bound(
     span: tuple[float, float],
     squares: Array | None = None,
 ) -> float | None:
-    """Return a duration that no motion along the path of a motion between two times can beat.
+    """Return a lower bound on the duration of every motion along the path of a motion.
 
     Parameters
     ----------
     trajectory : Trajectory
-        The motion. It only serves as a path.
+        The motion. Only its path, the speeds at its ends and its rests count.
     robot : Robot
         The robot with its limits.
     limits : TaskLimits
@@ -74,7 +97,8 @@ def path_bound(
     span : (float, float)
         Times in s, at breaks of the trajectory.
     squares : (n + 1,) array, optional
-        ṡ² of a nearly optimal timing at the grid points, by default that of the motion.
+        ṡ² of a timing at the grid points, by default that of the motion. The bound is closest if
+        this timing is nearly optimal.
 
     Returns
     -------
@@ -82,7 +106,7 @@ def path_bound(
         Bound in s, or None if the linear program has no solution.
     """
     path = PathRows.from_trajectory(trajectory, robot, span, SHARES)
-    fastest = np.where(path.direction.any(axis=1), 1 / path.speed_use(limits), 1.0)
+    fastest = np.where(path.moves, 1 / path.speed_use(limits), 1.0)
     squares = np.ones(len(path.width) + 1) if squares is None else squares
     program = _Program.from_rows(path, fastest, squares)
     multipliers = program.multipliers()
@@ -91,14 +115,17 @@ def path_bound(
 
 @record
 class _Program:
-    """Linear functions of the unknown multipliers λ, as matrices, at the 3n points of a path."""
+    """The linear program for one path.
+
+    Each matrix maps the unknown multipliers to the values of a quantity at the 5n points.
+    """
 
     y: Array
-    """Timing y₀, (3n,)."""
+    """Timing y₀, (5n,)."""
     fastest: Array
-    """Speed limit F, (3n,)."""
+    """Speed limit F, (5n,)."""
     weights: Array
-    """Weights of the integral over s, (3n,)."""
+    """Weights of both integrals over s, (2, 5n)."""
     p: Any
     kappa: Any
     mu: Any
@@ -108,11 +135,11 @@ class _Program:
     slack: Any
     """Σ λ_r (1 − row_r) for the timing."""
     jump: Any
-    """Jumps of μ at m grid points."""
-    top: Array
-    """F² at these points, (m,)."""
-    reached: Array
-    """y₀² at these points, (m,)."""
+    """Jumps of μ at the n − 1 inner grid points."""
+    at_limit: Mask
+    """True at the inner grid points where the speed limit may bind and λ may jump."""
+    fastest_squared: Array
+    """F² at the inner grid points, (n − 1,)."""
 
     @classmethod
     def from_rows(cls, path: PathRows, fastest: Array, squares: Array) -> _Program:
@@ -121,19 +148,20 @@ class _Program:
 
         count = len(path.width)
         gained = np.diff(squares)
-        square = np.concatenate([squares[:-1] + share * gained for share in SHARES])
-        push = np.tile(gained / (2 * path.width), len(SHARES))[:, None]
+        speed_squared = np.concatenate([squares[:-1] + share * gained for share in SHARES])
+        acceleration = np.tile(gained / (2 * path.width), len(SHARES))[:, None]
         a, b, c, k = coefficients(np.stack(_rows(path), axis=2))
-        slack = 1 - (a * push + b * square[:, None] + c + k * np.sqrt(square)[:, None])
+        y = np.sqrt(speed_squared)
+        slack = 1 - (a * acceleration + b * speed_squared[:, None] + c + k * y[:, None])
         slope = np.tensordot(DERIVATIVES, a.reshape(len(SHARES), count, -1), 1)
         slope = (slope / path.width[:, None]).reshape(a.shape)
-        top = np.minimum(fastest[1:count], fastest[-count:-1]) ** 2
-        at_limit = squares[1:-1] >= (1 - NEAR) ** 2 * top
+        fastest_squared = np.minimum(fastest[1:count], fastest[-count:-1]) ** 2
+        at_limit = squares[1:-1] >= (1 - NEAR) ** 2 * fastest_squared
         unknowns = _unknowns(a, slack, at_limit)
         begin: Any = eye(count, count + 1)
-        finish: Any = eye(count, count + 1, 1)
-        value = vstack([hstack([(1 - share) * begin, share * finish]) for share in SHARES])
-        change = vstack([diags(1 / path.width) @ hstack([-begin, finish])] * len(SHARES))
+        end: Any = eye(count, count + 1, 1)
+        value = vstack([hstack([(1 - share) * begin, share * end]) for share in SHARES])
+        change = vstack([diags(1 / path.width) @ hstack([-begin, end])] * len(SHARES))
 
         def linear(factors: Array, of: Any = value) -> Any:
             """Return the matrix of Σ factor · λ at all points, or of λ' with `of=change`."""
@@ -141,17 +169,17 @@ class _Program:
 
         mu = linear(a / 2)
         return cls(
-            y=np.sqrt(square),
+            y=y,
             fastest=fastest,
-            weights=np.outer(WEIGHTS, path.width).ravel(),
+            weights=np.multiply.outer(WEIGHTS, path.width).reshape(2, -1),
             p=linear(b - slope / 2) - linear(a / 2, change),
             kappa=linear(k),
             mu=mu,
             excess=linear(c - 1),
             slack=linear(slack),
-            jump=(mu[1:count] - mu[-count:-1])[at_limit],
-            top=top[at_limit],
-            reached=squares[1:-1][at_limit],
+            jump=mu[1:count] - mu[-count:-1],
+            at_limit=at_limit,
+            fastest_squared=fastest_squared,
         )
 
     def multipliers(self) -> Array | None:
@@ -159,31 +187,35 @@ class _Program:
         from scipy.optimize import linprog
         from scipy.sparse import bmat, csr_matrix, diags, eye, hstack
 
-        y, fastest, size, jumps = self.y, self.fastest, len(self.y), len(self.top)
-        part: Any = eye(size)
+        used = np.flatnonzero(self.weights[0])
+        y, fastest, weights = self.y[used], self.fastest[used], self.weights[0, used]
+        p, kappa = self.p[used], self.kappa[used]
+        reached = self.y[1 : len(self.at_limit) + 1][self.at_limit] ** 2
+        size, jumps = len(used), len(reached)
+        identity: Any = eye(size)
         step: Any = eye(jumps)
-        # δ is a sum of parts (sign, cost, length). The first is the multiplier of the speed limit.
+        # δ is the sum of several variables, each with a sign, a cost and a largest value. The first
+        # is the multiplier of the speed limit.
         limit_cost = np.clip((fastest - y) / y**2, 0.0, 1 / y)
         parts: list[tuple[int, Array, float | None]] = [(1, limit_cost, None)]
         parts += [(sign, rate / y, end) for rate, end in PENALTIES for sign in (1, -1)]
-        bounds: list[tuple[int, float | None]] = [(0, None)] * (self.p.shape[1] + 2 * jumps)
+        bounds: list[tuple[int, float | None]] = [(0, None)] * (p.shape[1] + 2 * jumps)
         bounds += [(0, end) for _, _, end in parts for _ in range(size)]
-        costs = [self.weights * cost for _, cost, _ in parts]
-        signed = [sign * part for sign, _, _ in parts]
-        optimality = diags(2 * y**3) @ self.p + diags(y**2) @ self.kappa
-        # The value at y = F is not smaller than at y₀ if p + κ / (y₀ + F) reaches a threshold. A
-        # deviation lowers it.
+        costs = [weights * cost for _, cost, _ in parts]
+        signed = [sign * identity for sign, _, _ in parts]
+        optimality = diags(2 * y**3) @ p + diags(y**2) @ kappa
+        # The value at F is at least that at y₀ if p + κ / (y₀ + F) is at least this threshold. A
+        # positive δ lowers the threshold.
         threshold = 1 / (y * fastest * (y + fastest))
-        lowered = [diags(-threshold) if sign > 0 else 0 * part for sign, _, _ in parts]
-        at_fastest = self.p + diags(1 / (y + fastest)) @ self.kappa
+        lowered = [diags(-threshold) if sign > 0 else 0 * identity for sign, _, _ in parts]
+        at_fastest = p + diags(1 / (y + fastest)) @ kappa
+        jump_cost = self.fastest_squared[self.at_limit] - reached
         result = linprog(
-            np.concatenate(
-                [self.slack.T @ self.weights, self.top - self.reached, self.reached, *costs]
-            ),
+            np.concatenate([self.slack[used].T @ weights, jump_cost, reached, *costs]),
             A_eq=bmat(
                 [
                     [optimality, None, None, *signed],
-                    [self.jump, -step, step, *[None] * len(parts)],
+                    [self.jump[self.at_limit], -step, step, *[None] * len(parts)],
                 ]
             ),
             b_eq=np.append(np.ones(size), np.zeros(jumps)),
@@ -191,37 +223,39 @@ class _Program:
             b_ub=-threshold,
             bounds=bounds,
         )
-        return None if result.x is None else np.asarray(result.x[: self.p.shape[1]])
+        return None if result.x is None else np.maximum(result.x[: p.shape[1]], 0.0)
 
     def bound(self, multipliers: Array) -> float:
         """Return the bound for given unknowns, s."""
         least = _least(self.p @ multipliers, self.kappa @ multipliers, self.fastest)
-        mu = self.mu @ multipliers
-        lost = self.top @ np.maximum(self.jump @ multipliers, 0.0)
-        return float(self.weights @ (least + self.excess @ multipliers) + mu[-1] - mu[0] - lost)
+        rough, fine = self.weights @ (least + self.excess @ multipliers)
+        mu, jump = self.mu @ multipliers, self.jump @ multipliers
+        jump_loss = self.fastest_squared @ np.where(jump > NO_JUMP, jump, 0.0)
+        return float(fine - abs(fine - rough) + mu[-1] - mu[0] - jump_loss)
 
 
 def _rows(path: PathRows) -> list[Array]:
-    """Return the rows of accelerations and torques at the PROBES, (4, points) each."""
+    """Return the values of all acceleration and torque rows at the PROBES, (4, points) each."""
     rows = path.accelerations()
     for i, drive, motor in motorised(path.robot.joints):
-        friction, fastest = friction_of(drive), drive.ratio * path.robot.joints[i].velocity
-        mu = min(float(friction_coefficient(friction, speed)) for speed in (0.0, fastest))
+        speeds = 0.0, drive.ratio * path.robot.joints[i].velocity
+        smallest = min(float(friction_coefficient(friction_of(drive), w)) for w in speeds)
         direction = path.direction[:, i]
         reverses = (direction * path.speed[2, :, i]).reshape(len(SHARES), -1) < 0
-        keeps = np.tile(~reverses.any(axis=0), len(SHARES))
-        torques = path.torques(i, drive, motor, np.full(len(direction), mu))
-        rows += [keeps * side for side in torques]
+        is_kept = np.tile(~reverses.any(axis=0), len(SHARES))
+        torques = path.torques(i, drive, motor, np.full(len(direction), smallest))
+        rows += [is_kept * side for side in torques]
     return rows
 
 
 def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Any:
     """Return the matrix from the unknowns to λ.
 
-    For every row, λ has values at the starts and then at the ends of the intervals, with a blank
-    for the start after the last interval and the end before the first. The two values at a grid
-    point are one unknown, or two where the speed limit binds. λ is 0 where the row is far from its
-    limit, or where its coefficient a (3n, rows) jumps.
+    For every row, λ has one value at the start and one at the end of every interval. Both lists
+    have n + 1 entries, and two entries are unused: the start at the last grid point and the end at
+    the first. The end of an interval and the start of the next share one unknown. They have two
+    unknowns where the speed limit may bind. λ is 0 where the row is far from its limit, or where
+    its coefficient a (5n, rows) jumps.
     """
     from scipy.sparse import block_diag, bmat, eye
 
@@ -229,14 +263,14 @@ def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Any:
     nearest = np.full((2, count + 1, a.shape[1]), np.inf)
     nearest[0, :-1], nearest[1, 1:] = slack[:count], slack[-count:]
     near = nearest < NEAR
-    apart = np.concatenate([[True], at_limit, [True]])[:, None]
+    may_jump = np.concatenate([[True], at_limit, [True]])[:, None]
     jumps = np.zeros_like(near[0])
     jumps[1:-1] = np.abs(a[1:count] - a[-count:-1]) > CONTINUOUS * np.abs(a).max(axis=0)
-    common = near.any(axis=0) & ~apart & ~jumps
+    common = near.any(axis=0) & ~may_jump & ~jumps
     points: Any = eye(count + 1).tocsc()
     blocks = []
-    for both, start, end in zip(common.T, *(near & apart).transpose(0, 2, 1), strict=True):
-        shared = points[:, both]
+    for is_shared, start, end in zip(common.T, *(near & may_jump).transpose(0, 2, 1), strict=True):
+        shared = points[:, is_shared]
         blocks.append(bmat([[shared, points[:, start], None], [shared, None, points[:, end]]]))
     return block_diag(blocks).tocsr()
 
@@ -246,8 +280,8 @@ def _least(p: Array, kappa: Array, fastest: Array) -> Array:
 
     The function is convex up to y³ = −1/p, or everywhere if p ≥ 0, and concave beyond.
     """
-    convex = np.minimum(fastest, np.cbrt(1 / np.maximum(-p, TINY)))
-    low, high = np.zeros_like(p), np.where(p < 0, convex, fastest)
+    end_of_convex_part = np.minimum(fastest, np.cbrt(1 / np.maximum(-p, TINY)))
+    low, high = np.zeros_like(p), np.where(p < 0, end_of_convex_part, fastest)
     for _ in range(BISECTIONS):
         y = (low + high) / 2
         rises = 2 * p * y**3 + kappa * y**2 > 1

@@ -1,8 +1,8 @@
 """Limits of a robot along the path of a motion, as rows a s̈ + b ṡ² + c + k ṡ ≤ 1.
 
-Nothing is shared with the planner. The path parameter s is the time of the motion, so q' and q''
+The planner does not use this module. The path parameter s is the time of the motion, so q' and q''
 are its velocities and accelerations, and the motion itself has ṡ = 1. Another timing of the path
-has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit is divided by its value.
+has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every row is divided by its limit.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import numpy as np
 from ssm_planner.dynamics import STILL, RigidBody, motor_torque_rows, output_effort
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.problem import TASK, Drive, Motor, Robot, TaskLimits
-from ssm_planner.trajectory import Trajectory, parts_of
-from ssm_planner.typing import Array, record
+from ssm_planner.trajectory import DEGREE, Trajectory, parts_of
+from ssm_planner.typing import Array, Mask, record
 
 INTERVALS = 200
-"""Smallest number n of grid intervals of a motion. Every polynomial piece has at least one."""
+"""Approximate number n of intervals of a motion. Every polynomial piece has at least one."""
 STANDING = 1e-9
-"""Use of the speed limits where nothing moves."""
+"""Smallest result of `speed_use`, which prevents a division by 0 where nothing moves."""
 PROBES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-"""Values of (s̈, ṡ) at which the laws are evaluated. They determine the coefficients of a row."""
+"""Pairs (s̈, ṡ) at which the laws are evaluated. The results determine the coefficients of a row."""
 
 
 def coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
@@ -36,18 +36,21 @@ def coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
 
 @record
 class PathRows:
-    """A path at m points of each of n grid intervals: first all first points, then all second ones.
+    """A path, sampled at m points in each of n intervals.
 
-    The joint motions at the PROBES determine the rows.
+    Arrays list the first points of all intervals, then the second points, and so on. Velocity,
+    acceleration and effort of the joints at the PROBES determine the rows.
     """
 
     robot: Robot
     width: Array
     """Lengths of the intervals, (n,), s."""
+    moves: Mask
+    """True if a joint moves, (m n,)."""
     q: Array
     """Joint positions, (m n, 4)."""
     direction: Array
-    """Direction of every joint in the interval, (m n, 4). 0: it stands."""
+    """Direction of every joint, (m n, 4). It is 0 if the joint ends the interval where it began."""
     speed: Array
     acceleration: Array
     effort: Array
@@ -67,7 +70,7 @@ class PathRows:
         Parameters
         ----------
         trajectory : Trajectory
-            The motion. It only serves as a path.
+            The motion. Only its path counts, and not its timing.
         robot : Robot
             The robot with its limits.
         span : (float, float)
@@ -88,18 +91,24 @@ class PathRows:
         samples = trajectory.sample_pieces(np.tile(first + piece, len(shares)), times)
         q = samples.q.reshape(len(shares), -1, 4)
         moved = q[-1] - q[0]
-        moves = np.abs(moved) > STILL * robot.velocities * width[:, None]
+        slowest = STILL * robot.velocities
+        advances = np.abs(moved) > slowest * width[:, None]
+        powers = lengths[:, None] ** np.arange(1, DEGREE + 1)
+        rates = np.abs(trajectory.pieces(slice(first, last + 1))[:, 1:])
+        travelled = np.einsum("np,npj->nj", powers, rates)
+        moves = (travelled > slowest * lengths[:, None]).any(axis=1)[piece]
         speed = np.stack([rate * samples.qd for _, rate in PROBES])
         acceleration = np.stack([u * samples.qd + rate**2 * samples.qdd for u, rate in PROBES])
         body = RigidBody.from_robot(robot)
         motions = zip(speed, acceleration, strict=True)
         effort = np.stack([body.inverse_dynamics(samples.q, *motion) for motion in motions])
-        direction = np.tile(np.sign(moved) * moves, (len(shares), 1))
+        direction = np.tile(np.sign(moved) * advances, (len(shares), 1))
         return cls(
             robot,
             width,
+            np.tile(moves, len(shares)),
             samples.q,
-            direction,
+            direction=direction,
             speed=speed,
             acceleration=acceleration,
             effort=effort,
@@ -113,10 +122,10 @@ class PathRows:
         return rows
 
     def torques(self, i: int, drive: Drive, motor: Motor, mu: Array) -> list[Array]:
-        """Return two functions at the PROBES, (4, m n) each.
+        """Return the values of two rows at the PROBES, (4, m n) each.
 
-        The larger one is the torque of the motor of joint i in the direction of motion, for
-        friction coefficients mu (m n,).
+        The motor torque of joint i in the direction of motion, as a share of its limit, is the
+        larger of the two. mu (m n,) are the friction coefficients.
         """
         speed, acceleration = self.speed[..., i], self.acceleration[..., i]
         direction = self.direction[:, i]

@@ -1,13 +1,13 @@
 """A second opinion on durations: the package toppra times the path of a motion.
 
-Nothing is shared with the planner. With u = s̈ and x = ṡ², every limit of `path_rows` is a row
+The planner shares only the adapter to toppra. With u = s̈ and x = ṡ², every limit of `path_rows` is a row
 a u + b x + c ≤ 1. It holds at both ends of every grid interval, and u is constant in between. A
-motion that keeps its limits is thus one of the timings that toppra compares, so that no figure is
-above its duration.
+motion that keeps its limits is therefore among the timings that toppra compares, so toppra's
+duration on n intervals is not longer.
 
-Friction depends on the speed, and viscous friction on √x. Every pass takes the coefficients of
-friction, and the tangents of √x, at the speed of the previous pass. The first pass takes those of
-the motion.
+Friction depends on the speed, and viscous friction on √x. In every pass, the friction coefficients
+and the tangents of √x are taken at the speeds of the previous pass, and at first at those of the
+motion.
 
 The error of a duration T is proportional to the length of the grid intervals. The result is the
 limit 2 T(2n) − T(n) of the durations on n and 2n intervals.
@@ -35,10 +35,12 @@ ENDS = (0.0, 1.0)
 REFINEMENTS = (1, 2, 4, 8)
 """Factors on the number of intervals."""
 GRID_ERROR = 5e-5
-"""Relative difference of T(n) and T(2n) that ends the refinement. The result is then within 1e-5.
+"""The refinement ends when T(n) and T(2n) differ by at most this share.
+
+The error of the result is then about 1e-5.
 """
 SAVED_ERROR = 0.05
-"""The same relative to the time that toppra saves, for motions that are much too slow."""
+"""For motions that are much too slow, the same as a share of the time that toppra saves."""
 PASSES = 12
 """Largest number of passes."""
 CONVERGED = 2e-6
@@ -51,7 +53,7 @@ TINY = 1e-9
 
 @record
 class Opinion:
-    """Opinion on the duration of one phase: two durations in s, or the reason why there is none.
+    """Result of the cross-check of one phase: two durations in s, or a reason for none.
 
     Examples
     --------
@@ -63,7 +65,7 @@ class Opinion:
     duration: float | None = None
     """Shortest duration along the path by toppra."""
     bound: float | None = None
-    """Duration that no motion along the path can beat."""
+    """Lower bound on the duration of every motion along the path."""
     not_judged: str | None = None
 
 
@@ -107,7 +109,7 @@ def judge_path(
     Parameters
     ----------
     trajectory : Trajectory
-        The motion. It only serves as a path.
+        The motion. Only its path counts, and not its timing.
     robot : Robot
         The robot with its limits.
     limits : TaskLimits
@@ -141,14 +143,14 @@ def _not_judged(problem: Problem) -> str:
     if problem.robot.jerk_limited:
         return "toppra ignores limits on jerk"
     if problem.friction is not None or problem.payload is not None:
-        return "it ignores ranges of friction and payload"
+        return "toppra ignores ranges of friction and payload"
     if problem.stop_travel is not None:
-        return "it ignores stop_travel"
+        return "toppra ignores stop_travel"
     return "" if problem.duration is None else "a duration is requested"
 
 
 def _request(entry: Any) -> str:
-    """Return the request of an entry that toppra ignores, or an empty text."""
+    """Return the reason why toppra cannot judge an entry, or an empty text."""
     if getattr(entry, "constant_speed", None) is not None:
         return "a constant speed is requested"
     timed = entry.duration is not None and not isinstance(entry, Dwell)
@@ -156,15 +158,15 @@ def _request(entry: Any) -> str:
 
 
 def _timing(path: PathRows, use: Array) -> Array | None:
-    """Return ṡ² (n + 1,) at the grid points after all passes, or None without a convergence.
+    """Return ṡ² (n + 1,) at the grid points after all passes, or None if the passes do not converge.
 
     `use` (2n,) is the largest speed at ṡ = 1 as a share of its limit.
     """
-    fastest = np.where(path.direction.any(axis=1), FASTEST, 1.0)
+    fastest = np.where(path.moves, FASTEST, 1.0)
     begin, end = np.split(np.minimum(1 / use, fastest) ** 2, 2)
     ceiling = np.minimum(np.append(begin, np.inf), np.append(np.inf, end))
-    # An end at rest rests at any ṡ. Another end may be slower than that of the motion, which may
-    # exceed a limit by rounding.
+    # An end at rest rests for every ṡ. At a moving end ṡ ≤ 1 is allowed, because the motion itself
+    # may exceed a limit by rounding.
     start, last = np.where(use[[0, -1]] <= STILL, FASTEST, 1.0)
     squares, grid = np.ones(len(path.width) + 1), np.append(0.0, np.cumsum(path.width))
     duration = path.width.sum()
