@@ -79,7 +79,7 @@ class Jumps:
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):
-            slides = joint.kind == "prismatic"
+            slides = joint.slides
             limits = [_jump(joint.name, JUMP, slides)]
             if not straight:
                 limits.append(_jump(joint.name, JUMP * joint.velocity, slides, derivative=1))
@@ -134,13 +134,9 @@ def end_checks(
         if straight and not bent[end]:
             continue
         for i, joint in enumerate(robot.joints):
-            tolerance = JUMP * joint.velocity
-            limit = _end_velocity(
-                joint.name, tolerance, joint.kind == "prismatic", at_end=bool(end)
-            )
+            limit = _end_velocity(joint.name, JUMP * joint.velocity, joint.slides, at_end=bool(end))
             deviation = abs(float(velocity[i] - declared_velocity[i]))
-            time = float(trajectory.breaks[-end])
-            checks.append(LimitCheck.from_extreme(limit, deviation, time))
+            checks.append(LimitCheck.from_extreme(limit, deviation, float(trajectory.breaks[-end])))
     return checks
 
 

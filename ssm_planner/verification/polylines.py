@@ -44,11 +44,12 @@ def linear_limits(
     result has notes. resolution (4,): largest rounding error of a point, rad or m.
     """
     resolution = np.maximum(resolution, FINEST)
-    speeds = _Speeds(robot, resolution, declared_velocities(trajectory, robot, limits)[0])
+    first, last = declared_velocities(trajectory, robot, limits)
+    speeds = _Speeds(robot, resolution, first)
     for start in range(0, len(trajectory.breaks) - 1, BLOCK):
-        block = slice(start, min(start + BLOCK, len(trajectory.breaks) - 1))
-        speeds.look(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
-    speeds.end(declared_velocities(trajectory, robot, limits)[1])
+        end = start + BLOCK
+        speeds.look(trajectory.breaks[start : end + 1], trajectory.pieces(slice(start, end)))
+    speeds.end(last)
     results, unjudged = [], []
     for quantity, limit in checks.items():
         result = _within_rounding(quantity, limit, trajectory, robot, speeds)
@@ -108,9 +109,8 @@ class _Speeds:
 
     def end(self, velocity: Array) -> None:
         """Add the end of the motion with the velocity q̇ (4,)."""
-        length = np.array([self._length])
-        zero = np.zeros(1)
-        self._jumps(np.array([self._time]), length, zero, (velocity - self._before)[None])
+        time, length = np.array([[self._time], [self._length]])
+        self._jumps(time, length, np.zeros(1), (velocity - self._before)[None])
 
     def _jumps(self, time: Array, length_before: Array, length_after: Array, jump: Array) -> None:
         """Add jumps (n, 4) at times (n,) between intervals of the given lengths.
@@ -138,7 +138,7 @@ class _Speeds:
         checks = []
         for i, joint in enumerate(self.robot.joints):
             worst, allowed, time = self.worst[:, i].tolist()
-            limit = Jump(joint.name, allowed, joint.kind == "prismatic", derivative=1)
+            limit = Jump(joint.name, allowed, joint.slides, derivative=1)
             checks.append(LimitCheck.from_extreme(limit, worst, time))
         return checks
 

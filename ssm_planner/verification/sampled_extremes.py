@@ -30,7 +30,14 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import casadi_namespace
 from ssm_planner.codegen.vectorised import Vectorised, dense
-from ssm_planner.dynamics import RigidBody, drive_torque, motor_law, nut_contact, with_payload
+from ssm_planner.dynamics import (
+    STILL,
+    RigidBody,
+    drive_torque,
+    motor_law,
+    nut_contact,
+    with_payload,
+)
 from ssm_planner.kinematics import (
     JACOBIANS,
     Mechanism,
@@ -55,7 +62,7 @@ from ssm_planner.problem import (
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import Case, Quantity, Worst
+from ssm_planner.verification.limits import JUMP, Case, Quantity, Worst
 from ssm_planner.verification.pieces import Pieces, State, still
 
 CLOSE = 1e-8
@@ -272,8 +279,11 @@ class Intervals:
         # within a segment no joint turns back, so that its direction is that at the middle
         at_begin, middle, at_end = pieces.speeds(piece, np.stack([start, (start + end) / 2, end]))
         direction = np.sign(middle) * pieces.moving(robot)[piece]
+        # a velocity may jump by JUMP, so a joint may start with such a speed
+        before = np.vstack([np.zeros(4), direction[:-1]])
+        slowest = np.where(direction == before, 1.0, JUMP / STILL) * still(robot)
         starting, stopping = (
-            (np.abs(qd) <= still(robot)) & (direction != 0) for qd in (at_begin, at_end)
+            (np.abs(qd) <= slowest) & (direction != 0) for qd in (at_begin, at_end)
         )
         counts = np.maximum(
             np.ceil((end - start) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
@@ -301,18 +311,14 @@ class Intervals:
         """Return a slice of the intervals."""
         joined = self.joined[selection].copy()
         joined[-1:] = False
-        piece = self.piece[selection]
-        start = self.begin[selection]
-        width = self.width[selection]
-        slow = self.slow[selection]
         return Intervals(
-            piece,
-            start,
-            width,
+            self.piece[selection],
+            self.begin[selection],
+            self.width[selection],
             self.direction[selection],
             starting=self.starting[selection],
             joined=joined,
-            slow=slow,
+            slow=self.slow[selection],
         )
 
     def split(self, indices: Indices, count: int) -> Intervals:
