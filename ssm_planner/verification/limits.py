@@ -132,14 +132,8 @@ def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
             limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)
         }
         for k, name in enumerate(TASK):
-            if name == "depth" and name in by_coordinate:
-                yield Quantity(
-                    by_coordinate[name],
-                    3,
-                    by_coordinate[name].order,
-                    float(robot.geometry.insertion_sign),
-                )
-            elif name in by_coordinate:
-                yield Quantity(by_coordinate[name], k)
+            if found := by_coordinate.get(name):
+                polynomial = found.order, float(robot.geometry.insertion_sign)
+                yield Quantity(found, k, *polynomial if name == "depth" else ())
     yield from map(Quantity, limits.speeds)
     yield from map(Quantity, () if limits.eye is None else limits.eye.limits)
