@@ -21,9 +21,16 @@ HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
 """Of the time, where not 1."""
-SLICE = {"processes": 8}
+SLICE = {"processes": 8, "adversary": 600}
 """Cases of one task, where not 100. Every campaign runs one task in each process at least."""
-FULL = {"mutated": 20_400, "tampered": 3_600, "violations": 7_600, "processes": 560}
+FULL = {
+    "adversary": 10_200,
+    "healthy": 5_000,
+    "mutated": 20_400,
+    "tampered": 3_600,
+    "violations": 7_600,
+    "processes": 560,
+}
 """Cases with --full, a little above what is asked for: shares of the kinds are rounded down."""
 WORKERS = 2
 OUT = ROOT / "results/campaign.md"

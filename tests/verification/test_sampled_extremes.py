@@ -9,7 +9,7 @@ from ssm_planner.dynamics import RigidBody, motor_motion
 from ssm_planner.problem.limits import ContinuousTorque, MotorTorque
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.verification.check import check
+from ssm_planner.verification.check import check as certify
 from ssm_planner.verification.limits import Quantity
 from ssm_planner.verification.pieces import pieces_of
 from ssm_planner.verification.sampled_extremes import Intervals, RmsTorques, bracket
@@ -159,7 +159,7 @@ def test_a_start_with_a_tiny_speed_has_static_friction_too(robot: Robot, where: 
     coefficients[turning, 1, 0] -= 5e-7 * robot.joints[0].velocity
     creeping = Trajectory(motion.breaks, coefficients, ())
     name = MotorTorque.name, "roll"
-    torque = check(motion, robot)[name].worst
+    torque = certify(motion, robot)[name].worst
     first = motion.sample(motion.breaks[[turning]])
     sign = np.sign(first.qdd)
     static, kinetic = (
@@ -168,4 +168,4 @@ def test_a_start_with_a_tiny_speed_has_static_friction_too(robot: Robot, where: 
     )
     assert torque == pytest.approx(static)
     assert static > 1.1 * kinetic
-    assert check(creeping, robot)[name].worst == pytest.approx(torque, rel=1e-4)
+    assert certify(creeping, robot)[name].worst == pytest.approx(torque, rel=1e-4)
