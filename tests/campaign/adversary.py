@@ -31,6 +31,22 @@ KEEP = 4
 """Cases that are kept for each limit, from which others are made."""
 FRESH = 0.08
 """Share of cases that begin again from a healthy motion."""
+AIMED = 0.3
+"""Share of cases that make a motion just so fast that it meets a limit."""
+TEMPO = 1.2
+"""Range of the logarithm of the speed of a motion."""
+ORDERS = {
+    "velocity": 1,
+    "motor speed": 1,
+    "tip speed": 1,
+    "steps of position": 1,
+    "acceleration": 2,
+    "motor torque": 2,
+    "continuous torque": 2,
+    "steps of velocity": 2,
+    "jerk": 3,
+}
+"""By which power of the speed a limited quantity grows."""
 HIDDEN = 1e-7
 """Difference of the oracle and `check` that is more than rounding, as a share of a limit."""
 MOST_GENES = 6
@@ -122,7 +138,7 @@ class Climb:
         self.kinds = [*MOTION_GENES, *(TABLE_GENES if form != "plan" else ())]
         if self.case.targets:
             self.kinds.append("target")
-        self.best: dict[str, list[tuple[float, Genes]]] = {}
+        self.best: dict[str, list[tuple[float, Genes, float]]] = {}
 
     def healthy(self) -> Case:
         """A case whose own file is not violated; slower than its plan where rows or rounding need it."""
@@ -157,15 +173,15 @@ class Climb:
         """
         penalty = 10 * max(outcome.excess - 1e-6, 0.0) if outcome.verdict == "violated" else 0.0
         for key, excess in outcome.found.items():
-            self.offer(key[0], min(excess, 1.0) - penalty, genes)
+            self.offer(key[0], min(excess, 1.0) - penalty, genes, excess)
             hidden = excess - outcome.checked.get(key, np.inf)
             if outcome.smooth and outcome.verdict != "violated" and hidden > HIDDEN:
-                self.offer(f"hidden {key[0]}", hidden, genes)
+                self.offer(f"hidden {key[0]}", hidden, genes, excess)
 
-    def offer(self, name: str, score: float, genes: Genes) -> None:
+    def offer(self, name: str, score: float, genes: Genes, excess: float) -> None:
         """Keep genes if their score is among the best of this name."""
-        ranked = [*self.best.get(name, []), (score, genes)]
-        self.best[name] = sorted(ranked, key=lambda pair: -pair[0])[:KEEP]
+        ranked = [*self.best.get(name, []), (score, genes, excess)]
+        self.best[name] = sorted(ranked, key=lambda entry: -entry[0])[:KEEP]
 
     def child(self) -> Genes:
         """Change one of the best a little, or begin again."""
@@ -173,8 +189,13 @@ class Climb:
         if not self.best or rng.random() < FRESH:
             return (random_gene(str(rng.choice(self.kinds)), rng),)
         names = sorted(self.best)
-        ranked = self.best[names[int(rng.integers(len(names)))]]
-        genes = list(ranked[int(rng.integers(len(ranked)))][1])
+        name = names[int(rng.integers(len(names)))]
+        ranked = self.best[name]
+        _, chosen, excess = ranked[int(rng.integers(len(ranked)))]
+        order = ORDERS.get(name.removeprefix("hidden "))
+        if order is not None and -0.6 < excess < ALLOWED and rng.random() < AIMED:
+            return aimed(chosen, excess, order, rng)
+        genes = list(chosen)
         way = rng.random()
         if (way < 0.25 and len(genes) < MOST_GENES) or not genes:
             genes.insert(
@@ -190,6 +211,17 @@ class Climb:
 
 def random_gene(kind: str, rng: np.random.Generator) -> Gene:
     return Gene(kind, tuple(rng.random(6).tolist()))
+
+
+def aimed(genes: Genes, excess: float, order: int, rng: np.random.Generator) -> Genes:
+    """The motion as much faster that it exceeds a limit by a little, or keeps it only just."""
+    goal = log(rng.random(), 1e-3, 1e-2) * (1 if rng.random() < 0.8 else -1)
+    factor = ((1 + goal) / (1 + excess)) ** (1 / order)
+    kept = list(genes)
+    if kept and kept[-1].kind == "tempo" and kept[-1].u[1] >= 0.5:
+        factor *= np.exp(TEMPO * (kept.pop().u[0] - 0.5))
+    place = float(np.clip(0.5 + np.log(factor) / TEMPO, 0.0, 1.0))
+    return (*kept, Gene("tempo", (place, 1.0, 0.0, 0.0, 0.0, 0.0)))
 
 
 def nudged(gene: Gene, rng: np.random.Generator) -> Gene:
@@ -334,7 +366,7 @@ def bounds(robot: Any) -> Array:
 
 def tempo(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
     """The whole motion faster or slower."""
-    factor = np.exp((u[0] - 0.5) * (0.02 if u[1] < 0.5 else 0.6))
+    factor = np.exp((u[0] - 0.5) * (0.02 if u[1] < 0.5 else TEMPO))
     return faster(motion, 0, len(motion.breaks) - 1, factor)
 
 
