@@ -31,5 +31,5 @@ def test_the_adversary_finds_a_check_that_looks_away(monkeypatch: pytest.MonkeyP
         return self.margin >= -5e-3
 
     monkeypatch.setattr(LimitCheck, "passed", property(looser))
-    rows = adversary.run(600, seed=1)
-    assert sum(row.failures for row in rows) > 5
+    rows = adversary.run(240, seed=1)
+    assert sum(row.failures for row in rows) > 3

@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
 """Of the time, where not 1."""
-SLICE = {"processes": 8, "adversary": 600}
+SLICE = {"processes": 8, "adversary": 300}
 """Cases of one task, where not 100. Every campaign runs one task in each process at least."""
 FULL = {
     "adversary": 10_200,
