@@ -781,7 +781,7 @@ def _ways_round(
     problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSummary, ...]
 ) -> list[str]:
     """Return notes on changes of branch and on joints that turn by more than half a turn."""
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    mechanism = Mechanism.from_robot(problem.robot)
     joints = problem.robot.joints
     if not any(isinstance(entry, Free) for entry in problem.motion):
         return []

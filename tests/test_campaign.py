@@ -1,21 +1,35 @@
-"""A small slice of the campaigns over hostile and tampered files and seeded violations."""
+"""A small slice of the campaigns over hostile, tampered, violating and healthy files."""
 
 from __future__ import annotations
 
+from types import ModuleType
+
 import pytest
 
-from tests.campaign import mutated, tampered, violations
+from ssm_planner.verification.certificate import LimitCheck
+from tests.campaign import adversary, healthy, mutated, tampered, violations
+
+COUNTS = {adversary: 48, healthy: 20, mutated: 44, tampered: 40, violations: 80}
 
 
-@pytest.mark.parametrize(
-    "campaign", [mutated, tampered, violations], ids=lambda module: module.__name__.split(".")[-1]
-)
+@pytest.mark.parametrize("campaign", COUNTS, ids=lambda module: module.__name__.split(".")[-1])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.slow
-def test_a_slice_of_the_campaign_finds_nothing(campaign: object) -> None:
+def test_a_slice_of_the_campaign_finds_nothing(campaign: ModuleType) -> None:
     pytest.importorskip("rosbags")
-    count = {"mutated": 44, "tampered": 40, "violations": 80}[campaign.__name__.split(".")[-1]]  # type: ignore[attr-defined]
-    rows = campaign.run(count, seed=0)  # type: ignore[attr-defined]
+    rows = campaign.run(COUNTS[campaign], seed=0)
     assert rows
     assert all(row.cases > 0 for row in rows)
     assert [(row.kind, row.examples) for row in rows if row.failures] == []
+
+
+@pytest.mark.slow
+def test_the_adversary_finds_a_check_that_looks_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check with limits that are 0.5 % too large keeps what the oracle calls violated."""
+
+    def looser(self: LimitCheck) -> bool:
+        return self.margin >= -5e-3
+
+    monkeypatch.setattr(LimitCheck, "passed", property(looser))
+    rows = adversary.run(240, seed=1)
+    assert sum(row.failures for row in rows) > 3

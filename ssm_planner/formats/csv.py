@@ -284,7 +284,8 @@ def stated_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, A
 def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
     """Raise TrajectoryError if columns of motors and tasks do not follow from the joints.
 
-    The torque of a joint at rest, and all torques without accelerations, are not compared.
+    The torque of a joint at rest, all torques without accelerations, and all motor speeds without
+    velocities are not compared.
     """
     names = layout_of(path).names
     values = read_columns(path, names)
@@ -304,6 +305,8 @@ def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
         if (torque := f"motor{i + 1}_torque_Nm") in names:
             moving = np.abs(samples.qd[:, i]) > 1e-6 * joint.velocity
             wrong[:, names.index(torque)] &= moving & ("qdd" in groups)
+        if (speed := f"motor{i + 1}_speed_rad_per_s") in names:
+            wrong[:, names.index(speed)] &= "qd" in groups
     for row, k in np.argwhere(wrong)[:1].tolist():
         raise TrajectoryError(
             f"{path}: row {row + 1}: {names[k]} is {values[row, k]:.9g}, but the joints give "

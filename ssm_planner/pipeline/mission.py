@@ -190,6 +190,6 @@ def targets(problem: Problem) -> list[tuple[int, int]]:
 
 def _phases(problem: Problem) -> tuple[Phase, ...]:
     """Return the planned phases, or those of the first start configuration."""
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    mechanism = Mechanism.from_robot(problem.robot)
     phases, _ = feasible_phases(problem, mechanism)
     return phases or phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])

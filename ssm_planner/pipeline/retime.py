@@ -125,11 +125,11 @@ def retiming_problem(
     inside = np.clip(q, low, high)
     # A curve through recorded points may leave the range by rounding.
     q = np.where(np.abs(q - inside) <= SAME, inside, q)
-    scale = np.array([joint.velocity for joint in robot.joints])
+    scale = robot.velocities
     runs = smooth_runs(q, scale)
     if not runs:
         raise ProblemError("this path goes nowhere", key="path")
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     deviations = [SplinePath(mechanism, run, scale).off_lines for run in runs]
     points = [list(map(Joints.from_array, run)) for run in runs]
     motion = tuple(

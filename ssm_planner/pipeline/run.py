@@ -301,11 +301,11 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
         )
     state = motion.sample(motion.breaks[0] + at)
     robot = problem.robot
-    velocity = np.array([joint.velocity for joint in robot.joints])
+    velocity = robot.velocities
     q, qd = state.q[0], state.qd[0]
     # The check accepts velocity jumps up to this share of the velocity limit.
     qd = np.where(np.abs(qd) > JUMP * velocity, qd, 0.0)
-    rates = task_rates(Mechanism.from_geometry(robot.geometry), q[None], qd[None])[0]
+    rates = task_rates(Mechanism.from_robot(robot), q[None], qd[None])[0]
     entries, largest_rate = problem.motion, np.abs(rates).max()
     if qd.any() and not isinstance(entries[0], Free):
         stop = stopping_point(robot, q, qd)
@@ -347,7 +347,7 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
         for motion in problem.motion
     )
     if result.trajectory is not None and has_promises:
-        mechanism = Mechanism.from_geometry(problem.robot.geometry)
+        mechanism = Mechanism.from_robot(problem.robot)
         promises = {
             promise.way.span: promise
             for promise in promises_kept(result.trajectory, mechanism, problem.task_limits)

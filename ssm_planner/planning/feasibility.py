@@ -274,7 +274,7 @@ def _end_velocity(
                 allowed="rates along the line, in the direction of the motion",
             )
     qd = joint_rates(mechanism, phase.points[side], rate)
-    still = np.abs(qd) < ROUNDING * np.array([joint.velocity for joint in problem.robot.joints])
+    still = np.abs(qd) < ROUNDING * problem.robot.velocities
     return np.where(still, 0.0, qd)
 
 

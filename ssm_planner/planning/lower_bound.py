@@ -51,7 +51,7 @@ def lower_bound(
     segments = minimum_times(
         np.diff(points, axis=0), velocity, acceleration, (at_points[:-1], at_points[1:])
     )
-    tips = tip_position(Mechanism.from_geometry(robot.geometry), points)
+    tips = tip_position(Mechanism.from_robot(robot), points)
     straight = np.linalg.norm(np.diff(tips, axis=0), axis=1) / _tip_speed(limits)
     return max(through_all, float(np.maximum(segments.max(axis=1), straight).sum()))
 
@@ -137,7 +137,7 @@ def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
     The bounds of spin are the same with α instead of β. `name` is "roll", "tilt" or "spin". The
     result is infinite if the range of tilt contains 0 or ±π.
     """
-    mechanism = Mechanism.from_geometry(robot.geometry)
+    mechanism = Mechanism.from_robot(robot)
     first, second, third, _ = robot.joints
     low, high = limits.ranges.get("tilt", (-math.pi, math.pi))
     if not (-math.pi < low < high < 0 or 0 < low < high < math.pi):

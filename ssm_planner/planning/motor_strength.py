@@ -123,7 +123,7 @@ def motor_too_weak_to_brake(problem: Problem, phase: Phase) -> Reason | None:
     robot, qd = problem.robot, phase.qd_start
     if not qd.any():
         return None
-    largest = np.array([joint.acceleration for joint in robot.joints])
+    largest = robot.accelerations
     accelerations = np.vstack([np.zeros(4), np.diag(largest)])
     load = RigidBody.from_robot(robot).inverse_dynamics(
         np.tile(phase.q_start, (5, 1)), np.tile(qd, (5, 1)), accelerations
@@ -207,7 +207,7 @@ class _SlowMotion:
             return None
         samples = phase.path.overview
         load = RigidBody.from_robot(robot).path_load(samples.q, samples.dq, samples.ddq)
-        velocity = np.array([joint.velocity for joint in robot.joints])
+        velocity = robot.velocities
         with np.errstate(divide="ignore", over="ignore"):
             speed_limit = np.min(velocity / np.abs(samples.dq), axis=1)
         return cls(samples, phase.path.directions[1], load, speed_limit)

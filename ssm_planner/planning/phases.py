@@ -263,7 +263,7 @@ class _PhaseBuilder:
 
     def _through(self, motion: Follow, points: Array) -> list[Phase]:
         """Return the phases through points (n, 4), one for every smooth run of samples."""
-        scale = np.array([joint.velocity for joint in self.problem.robot.joints])
+        scale = self.problem.robot.velocities
         points = without_repeats(points)
         if len(points) == 1:
             return [Phase.standing(motion, self.start, points[-1])]

@@ -84,7 +84,7 @@ def plan_motion(
     ProblemError
         If a point is out of reach, or if no motion goes anywhere.
     """
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    mechanism = Mechanism.from_robot(problem.robot)
     robot = with_corners(problem, problem.robot)
     original, problem = problem, unchecked(problem, robot=robot)
     strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
@@ -152,7 +152,7 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
     returned unchanged. The result is infinite if the motion would not be shorter than `cutoff`
     seconds, or if none is found.
     """
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    mechanism = Mechanism.from_robot(problem.robot)
     phases, reason = feasible_phases(problem, mechanism)
     cutoff = min(cutoff, np.inf if problem.duration is None else problem.duration * (1 + SAME))
     of_time = unchecked(problem, objective="time")

@@ -47,7 +47,7 @@ def eye_forbids_target(problem: Problem) -> bool:
 
     Other joints cannot change that.
     """
-    _, reason = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
+    _, reason = feasible_phases(problem, Mechanism.from_robot(problem.robot))
     return reason is not None and isinstance(reason.limit, (RetinaClearance, LensClearance))
 
 
@@ -56,7 +56,7 @@ def exceeds_thermal_bound(problem: Problem) -> Reason | None:
 
     None if that is not certain without planning.
     """
-    phases, reason = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
+    phases, reason = feasible_phases(problem, Mechanism.from_robot(problem.robot))
     return None if reason is not None else motor_too_hot(problem, phases)
 
 

@@ -202,9 +202,9 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
         if share is not None:
             minimum = float(spread_of(drive).within(share).get("mu", np.array([lowest])).min())
             lowest, case = (minimum, f"mu {minimum:.4g}") if minimum < lowest else (lowest, None)
-        in_mu, _ = self_locking_margin(drive, lowest)
-        needed = lowest - float(in_mu)
-        margin = float(in_mu) / needed
+        in_mu = float(self_locking_margin(drive, lowest)[0])
+        needed = lowest - in_mu
+        margin = in_mu / needed
         result = LimitCheck(
             limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit, case=case
         )

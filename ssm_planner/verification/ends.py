@@ -135,11 +135,9 @@ def end_checks(
         if straight and not bent[end]:
             continue
         for i, joint in enumerate(robot.joints):
-            tolerance = JUMP * joint.velocity
-            limit = _end_velocity(joint.name, tolerance, joint.slides, at_end=bool(end))
+            limit = _end_velocity(joint.name, JUMP * joint.velocity, joint.slides, at_end=bool(end))
             deviation = abs(float(velocity[i] - declared_velocity[i]))
-            time = float(trajectory.breaks[-end])
-            checks.append(LimitCheck.from_extreme(limit, deviation, time))
+            checks.append(LimitCheck.from_extreme(limit, deviation, float(trajectory.breaks[-end])))
     return checks
 
 

@@ -44,10 +44,11 @@ def linear_limits(
     result has notes. resolution (4,): largest rounding error of a point, rad or m.
     """
     resolution = np.maximum(resolution, FINEST)
-    speeds = _Speeds(robot, resolution, declared_velocities(trajectory, robot, limits)[0])
+    first, last = declared_velocities(trajectory, robot, limits)
+    speeds = _Speeds(robot, resolution, first)
     for block in blocks(len(trajectory.breaks) - 1, BLOCK):
         speeds.look(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
-    speeds.end(declared_velocities(trajectory, robot, limits)[1])
+    speeds.end(last)
     results, unjudged = [], []
     for quantity, limit in checks.items():
         result = _within_rounding(quantity, limit, trajectory, robot, speeds)
@@ -107,9 +108,8 @@ class _Speeds:
 
     def end(self, velocity: Array) -> None:
         """Add the end of the motion with the velocity q̇ (4,)."""
-        length = np.array([self._length])
-        zero = np.zeros(1)
-        self._jumps(np.array([self._time]), length, zero, (velocity - self._before)[None])
+        time, length = np.array([[self._time], [self._length]])
+        self._jumps(time, length, np.zeros(1), (velocity - self._before)[None])
 
     def _jumps(self, time: Array, length_before: Array, length_after: Array, jump: Array) -> None:
         """Add jumps (n, 4) at times (n,) between intervals of the given lengths.

@@ -29,7 +29,14 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen import Vectorised, casadi_namespace, dense
-from ssm_planner.dynamics import RigidBody, drive_torque, motor_law, nut_contact, with_payload
+from ssm_planner.dynamics import (
+    STILL,
+    RigidBody,
+    drive_torque,
+    motor_law,
+    nut_contact,
+    with_payload,
+)
 from ssm_planner.kinematics import (
     JACOBIANS,
     Mechanism,
@@ -54,7 +61,7 @@ from ssm_planner.problem import (
 from ssm_planner.trajectory import Trajectory, blocks, parts_of
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import Case, Quantity, Worst
+from ssm_planner.verification.limits import JUMP, Case, Quantity, Worst
 from ssm_planner.verification.pieces import Pieces, State, still
 
 CLOSE = 1e-8
@@ -270,8 +277,11 @@ class Intervals:
         # within a segment no joint turns back, so that its direction is that at the middle
         at_begin, middle, at_end = pieces.speeds(piece, np.stack([start, (start + end) / 2, end]))
         direction = np.sign(middle) * pieces.moving(robot)[piece]
+        # a velocity may jump by JUMP, so a joint may start with such a speed
+        before = np.vstack([np.zeros(4), direction[:-1]])
+        slowest = np.where(direction == before, 1.0, JUMP / STILL) * still(robot)
         starting, stopping = (
-            (np.abs(qd) <= still(robot)) & (direction != 0) for qd in (at_begin, at_end)
+            (np.abs(qd) <= slowest) & (direction != 0) for qd in (at_begin, at_end)
         )
         counts = np.maximum(
             np.ceil((end - start) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1

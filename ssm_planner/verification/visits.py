@@ -89,14 +89,16 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
 
 
 def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
-    values = {"worst": error, "limit": 1.0, "margin": 1 - error, "time": float(time)}
-    return LimitCheck(name, None, **values, unit="", case=entry)
+    return LimitCheck(
+        name, None, error, limit=1.0, margin=1 - error, time=float(time), unit="", case=entry
+    )
 
 
 def _timed(name: str, entry: str, actual: float, asked: float) -> LimitCheck:
     margin = 1 - abs(actual / asked - 1) / TIMELY
-    values = {"worst": actual, "limit": asked, "margin": margin, "time": 0.0}
-    return LimitCheck(name, None, **values, unit="s", case=entry)
+    return LimitCheck(
+        name, None, actual, limit=asked, margin=margin, time=0.0, unit="s", case=entry
+    )
 
 
 class _Path:

@@ -21,9 +21,11 @@ HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
 """Of the time, where not 1."""
-SLICE = {"processes": 8, "opinions": 4}
+SLICE = {"processes": 8, "opinions": 4, "adversary": 300}
 """Cases of one task, where not 100. Every campaign runs one task in each process at least."""
 FULL = {
+    "adversary": 10_200,
+    "healthy": 5_000,
     "mutated": 20_400,
     "tampered": 3_600,
     "violations": 7_600,

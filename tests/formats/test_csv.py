@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import math
 import re
 from dataclasses import replace
@@ -17,13 +18,15 @@ from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats import csv as module
 from ssm_planner.formats.csv import read_csv, trajectory_table, write_csv
 from ssm_planner.formats.export import export
+from ssm_planner.formats.read import read_trajectory
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
+from ssm_planner.publishing import hashes
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.check import check
-from tests.support.plans import certified
+from tests.support.plans import NONE, certified
 
 
 def table(path: Path) -> dict[str, np.ndarray]:
@@ -61,6 +64,28 @@ def test_chosen_columns(plan: Plan, tmp_path: Path) -> None:
     # the tool passes through the remote centre
     tip = np.column_stack([rows[f"tip_{axis}_m"] for axis in "xyz"])
     assert np.linalg.norm(tip, axis=1) == pytest.approx(np.abs(rows["task_depth_m"]), abs=1e-12)
+
+
+def test_motor_speeds_beside_positions_alone_are_accepted(plan: Plan, tmp_path: Path) -> None:
+    """Rows without velocities are joined by lines, whose slopes are not the speeds at the rows."""
+    for name, groups in (("without", ["q"]), ("with", ["q", "qd"])):
+        export(plan, "csv", tmp_path / name, rate=50.0, columns=[*groups, "speed", "torque"])
+    reading = read_trajectory(tmp_path / "without", plan.robot)
+    assert not reading.check(plan.robot, NONE).violations
+    read_trajectory(tmp_path / "with", plan.robot)
+    path = tmp_path / "with/trajectory.csv"
+    rows = path.read_text(encoding="utf-8").splitlines()
+    k = rows[0].split(",").index("motor1_speed_rad_per_s")
+    cells = rows[3].split(",")
+    cells[k] = repr(1.001 * float(cells[k]))
+    rows[3] = ",".join(cells)
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    manifest = path.parent / "manifest.json"
+    document = json.loads(manifest.read_text(encoding="utf-8"))
+    document["files"] = hashes(path.parent)
+    manifest.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(TrajectoryError, match="motor1_speed_rad_per_s is"):
+        read_trajectory(path.parent, plan.robot)
 
 
 @pytest.mark.parametrize("rate", [None, 400.0])

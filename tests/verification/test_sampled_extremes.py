@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ssm_planner.dynamics import RigidBody, motor_motion
 from ssm_planner.problem.limits import ContinuousTorque, MotorTorque
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification.check import check as certify
 from ssm_planner.verification.limits import Quantity
 from ssm_planner.verification.pieces import pieces_of
 from ssm_planner.verification.sampled_extremes import Intervals, RmsTorques, bracket
+from tests.support.plans import trapezoids
 
 THIRDS = np.array([0.0, 1.0, 2.0, 3.0]) / 3
 SMOOTH = np.array([False])
@@ -144,3 +147,25 @@ def test_intervals_with_uneven_squares_are_looked_at_again(robot: Robot) -> None
     limits = [Quantity(robot.joints[i].limit(MotorTorque), i) for i in (0, 1)]
     one_of_two = np.stack([even, bent], axis=1)[:, None, :]
     assert RmsTorques(limits).uneven(one_of_two, np.ones(1)).tolist() == [True]
+
+
+@pytest.mark.parametrize("where", ["start", "reversal"])
+def test_a_start_with_a_tiny_speed_has_static_friction_too(robot: Robot, where: str) -> None:
+    """A velocity may jump by a millionth of its limit: at a start or a reversal that hides no friction."""
+    move = np.array([0.004, 0.0, 0.0, 0.0])
+    motion = trapezoids(robot, (-move, move) if where == "start" else (move, -move))
+    turning = 0 if where == "start" else 2
+    coefficients = motion.coefficients.copy()
+    coefficients[turning, 1, 0] -= 5e-7 * robot.joints[0].velocity
+    creeping = Trajectory(motion.breaks, coefficients, ())
+    name = MotorTorque.name, "roll"
+    torque = certify(motion, robot)[name].worst
+    first = motion.sample(motion.breaks[[turning]])
+    sign = np.sign(first.qdd)
+    static, kinetic = (
+        abs(motor_motion(robot, RigidBody.from_robot(robot), first, sign, start).torque[0, 0])
+        for start in (np.ones((1, 4)), np.zeros((1, 4)))
+    )
+    assert torque == pytest.approx(static)
+    assert static > 1.1 * kinetic
+    assert certify(creeping, robot)[name].worst == pytest.approx(torque, rel=1e-4)

@@ -59,7 +59,7 @@ class JointsPlanner:
     @cached_property
     def mechanism(self) -> Mechanism:
         """Mechanism of the robot."""
-        return Mechanism.from_geometry(self.problem.robot.geometry)
+        return Mechanism.from_robot(self.problem.robot)
 
     @property
     def motion(self) -> Free:

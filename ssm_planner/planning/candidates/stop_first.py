@@ -77,5 +77,5 @@ class StopFirst(PhaseCandidate):
 
 def stopping_point(robot: Robot, q: Array, qd: Array) -> Array:
     """Return the joints (4,) at which a robot stops that has joints q and velocities qd, (4,)."""
-    strongest = np.array([joint.acceleration for joint in robot.joints])
+    strongest = robot.accelerations
     return np.asarray(q + ROOM * qd * np.abs(qd) / (2 * strongest))

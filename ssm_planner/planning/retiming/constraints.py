@@ -304,7 +304,7 @@ def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> A
     with + if joint i moves forwards. The condition is sufficient. The check covers motors that
     cannot brake as hard.
     """
-    limit = np.array([joint.acceleration for joint in robot.joints])
+    limit = robot.accelerations
     return np.asarray(tool_speed(TipSpeed, mechanism, q, qd) * (np.abs(qd) / limit).max(axis=1) / 2)
 
 
@@ -317,7 +317,7 @@ def _speed_ceiling(
     |dtask/ds| ṡ of the task coordinates. The distance to stop gives a further bound
     (`braking_travel`).
     """
-    limit = np.array([joint.velocity for joint in robot.joints])
+    limit = robot.velocities
     for i, drive, motor in motorised(robot.joints):
         limit[i] = min(limit[i], motor.max_speed / drive.ratio)
     with np.errstate(divide="ignore", over="ignore"):
