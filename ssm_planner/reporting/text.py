@@ -301,7 +301,8 @@ def answers(plan: Plan, folder: Path | None = None) -> list[str]:
 
     The closest limit is the one with the smallest margin among those that do not bind by design.
     """
-    bound = f"{format_fixed(plan.path_bound or plan.lower_bound, 4)} s"
+    proven = plan.path_bound or plan.lower_bound
+    bound = "–" if proven is None else f"{math.floor(1e4 * proven) / 1e4:.4f} s"
     meaning = f"no motion on this path is shorter than {bound}"
     if not plan.path_bound and any(motion.kind == Free.kind for motion in plan.problem.motion):
         meaning = f"lower bound {bound}, loose for free motions"
@@ -460,8 +461,8 @@ def cross_check_lines(plan: Plan) -> list[str]:
             f"{abs(100 * result['difference']):.3f} % {comparison}"
         )
     if plan.path_bound and plan.duration:
-        share = 100 * (plan.duration / plan.path_bound - 1)
-        lines.append(f"proven       no motion along this path is {share:.3f} % shorter")
+        share = math.ceil(1e5 * (1 - plan.path_bound / plan.duration)) / 1e3
+        lines.append(f"proven       no motion along this path is more than {share:.3f} % shorter")
     for reason in dict.fromkeys(phase.not_judged for phase in plan.phases if phase.not_judged):
         names = ", ".join(phase.name for phase in plan.phases if phase.not_judged == reason)
         lines.append(f"cross-check  none of {names}: {reason}")

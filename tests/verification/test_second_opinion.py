@@ -147,7 +147,7 @@ def test_it_says_why_it_cannot_judge() -> None:
     tilt, insert = problem.motion
     for changes, reasons in (
         ({"robot": jerky}, ["toppra ignores limits on jerk"] * 2),
-        ({"payload": (0.0, 0.01)}, ["it ignores ranges of friction and payload"] * 2),
+        ({"payload": (0.0, 0.01)}, ["toppra ignores ranges of friction and payload"] * 2),
         ({"duration": 9.0}, ["a duration is requested"] * 2),
         ({"motion": (tilt, replace(insert, duration=2.0))}, [None, "a duration is requested"]),
         ({"motion": (tilt, Dwell(1.2))}, [None, None]),
