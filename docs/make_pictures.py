@@ -22,7 +22,7 @@ DRAWN = "document.querySelector('canvas') !== null"
 """Condition in JavaScript that the scene of a report is drawn."""
 PLANNED = "document.getElementById('cancel').disabled"
 """Condition in JavaScript that the view has planned its motion."""
-SCENE = (20, 240, 640, 670)
+SCENE = (20, 250, 640, 680)
 """Box of the mechanism in the picture of a report, pixels."""
 TOO_CLOSE = "[9.07 mm, 0 mm, -18.4 mm]"
 """Target of an infeasible problem: 0.76 mm from the retina."""
@@ -34,8 +34,10 @@ def shrink(file: Path) -> None:
         whole.convert("RGB").quantize(128).save(file, optimize=True)
 
 
-def picture(address: str, out: Path, ready: str, width: int = 1280, height: int = 800) -> None:
+def picture(address: str, out: Path, ready: str, height: int = 800, view: str = "") -> None:
     """Write what Chromium shows at an address, two seconds after a condition in JavaScript is true.
+
+    `view` is the name of a button that chooses the view of the scene.
 
     The scene is drawn in real time, so Chromium's virtual time may leave it blank.
     """
@@ -43,10 +45,15 @@ def picture(address: str, out: Path, ready: str, width: int = 1280, height: int 
         path = shutil.which("chromium") or shutil.which("google-chrome")
         flags = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=path, args=flags)
-        size = {"width": width, "height": height}
+        size = {"width": 1280, "height": height}
         page = browser.new_page(viewport=size, reduced_motion="reduce")
         page.goto(address)
-        page.wait_for_function(ready, timeout=120_000)
+        for _ in range(600):  # The policy of the page forbids `wait_for_function`.
+            if page.evaluate(ready):
+                break
+            page.wait_for_timeout(200)
+        if view:
+            page.get_by_role("button", name=view, exact=True).first.click()
         page.wait_for_timeout(2000)
         page.screenshot(path=out)
         browser.close()
@@ -59,8 +66,10 @@ def main() -> None:
         shutil.copy(Path(folder) / "strip.png", HERE / "motion.png")
     report = RESULTS / "tilt_insert" / "report.html"
     picture(report.as_uri(), HERE / "report.png", DRAWN)
-    with Image.open(HERE / "report.png") as whole:
-        whole.crop(SCENE).quantize(64).save(HERE / "scene.png")
+    picture(report.as_uri(), HERE / "scene.png", DRAWN, view="whole")
+    with Image.open(HERE / "scene.png") as whole:
+        scene = whole.crop(SCENE)
+    scene.quantize(64).save(HERE / "scene.png")
     with tempfile.TemporaryDirectory() as folder:
         text = (HERE.parent / "problems" / "eye_approach.yaml").read_text(encoding="utf-8")
         file = Path(folder) / "too_close.yaml"
