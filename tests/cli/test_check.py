@@ -80,7 +80,7 @@ def test_a_plan_brings_its_own_limits_unless_a_problem_is_given(
     run("check", plan, "--json")
     mine = limits_of(capsys)
     assert set(mine) >= TASK_ONLY
-    run("check", plan, "--problem", PROBLEMS / "tilt_insert.yaml", "--json")
+    run("check", plan, "--problem", PROBLEMS / "waypoints.yaml", "--json")
     assert not TASK_ONLY & set(limits_of(capsys))
     run("check", plan, "--tip-speed", "1 mm/s", "--json")
     other = limits_of(capsys)

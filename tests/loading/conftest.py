@@ -29,6 +29,13 @@ class Files:
         path.write_text(text.replace(old, new, 1), encoding="utf-8")
         return path
 
+    def without_eye(self, name: str) -> None:
+        """Remove the eye, which stands before the objective."""
+        path = self.root / name
+        text = path.read_text(encoding="utf-8")
+        start, end = text.index("eye:"), text.index("objective:")
+        path.write_text(text[:start] + text[end:], encoding="utf-8")
+
     def load(self, name: str) -> object:
         folder = Path(name).parent.name
         return LOADERS.get(folder, load_problem)(self.root / name)

@@ -34,6 +34,12 @@ SPEEDS = """
   insertion_speed: 10 mm/s"""
 
 
+@pytest.fixture(autouse=True)
+def without_eye(files: Any) -> None:
+    """The tests begin without an eye."""
+    files.without_eye(NAME)
+
+
 def test_what_is_written_is_what_holds(files: Any) -> None:
     files.edit(NAME, END, EYE + END)
     files.edit(NAME, LIMIT, LIMIT + SPEEDS)

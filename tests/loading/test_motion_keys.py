@@ -25,6 +25,12 @@ DIAMETER = "      diameter: 2 mm"
 D = math.radians
 
 
+@pytest.fixture(autouse=True)
+def without_eye(files: Any) -> None:
+    """The tests begin without an eye."""
+    files.without_eye(NAME)
+
+
 def test_points_on_the_way(files: Any) -> None:
     motion = """
   - free:

@@ -160,7 +160,7 @@ def test_negative_where_it_cannot_be(kind: str, field: str) -> None:
 
 
 ROBOT: Robot = load_robot("vitreoretinal")
-PROBLEM: Problem = load_problem("tilt_insert")
+PROBLEM: Problem = dataclasses.replace(load_problem("tilt_insert"), eye=None)
 GEOMETRY, BODY, JOINT = ROBOT.geometry, ROBOT.bodies[0], ROBOT.joints[0]
 DRIVE = JOINT.drive
 assert DRIVE is not None

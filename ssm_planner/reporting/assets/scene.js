@@ -94,6 +94,7 @@ SSM.Scene = class {
       const [x, y, z] = scene.eye.centre;
       this.views.eye = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
       this.container.querySelector(".views").append(this.#view("eye"));
+      this.first = "eye";
       this.look("eye");
     }
   }
@@ -251,7 +252,7 @@ SSM.Scene = class {
     const step = Math.PI / 24;
     const turn = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key];
     const zoom = { "+": 0.85, "=": 0.85, "-": 1 / 0.85 }[event.key];
-    if (event.key === "0") this.look("whole");
+    if (event.key === "0") this.look(this.first ?? "whole");
     else if (turn || zoom) {
       const away = this.camera.position.clone().sub(this.controls.target);
       const length = away.length() * (zoom ?? 1);
