@@ -1,8 +1,8 @@
 """A second opinion on durations: the package toppra times the path of a motion.
 
-The planner shares only the adapter to toppra. With u = s̈ and x = ṡ², every limit of `path_rows` is a row
-a u + b x + c ≤ 1. It holds at both ends of every grid interval, and u is constant in between. A
-motion that keeps its limits is therefore among the timings that toppra compares, so toppra's
+The planner shares only the adapter to toppra. With u = s̈ and x = ṡ², every limit of `path_rows` is
+a row a u + b x + c ≤ 1. It holds at both ends of every grid interval, and u is constant in between.
+A motion that keeps its limits is therefore among the timings that toppra compares, so toppra's
 duration on n intervals is not longer.
 
 Friction depends on the speed, and viscous friction on √x. In every pass, the friction coefficients
@@ -158,7 +158,7 @@ def _request(entry: Any) -> str:
 
 
 def _timing(path: PathRows, use: Array) -> Array | None:
-    """Return ṡ² (n + 1,) at the grid points after all passes, or None if the passes do not converge.
+    """Return ṡ² (n + 1,) at the grid points, or None if the passes do not converge.
 
     `use` (2n,) is the largest speed at ṡ = 1 as a share of its limit.
     """

@@ -179,7 +179,7 @@ def freely(problem: Problem, to: Task, *, spin_free: bool = True) -> Problem:
     return replace(problem, start=start, motion=(Free(to, spin_free=spin_free),), objective="time")
 
 
-@pytest.mark.parametrize("strength", [1.0, 0.35])
+@pytest.mark.parametrize("strength", [1.0, pytest.param(0.35, marks=pytest.mark.slow)])
 def test_no_spin_is_faster_than_a_free_one(tilt_insert: Problem, strength: float) -> None:
     """With strong motors the present spin is as fast as any and stays; weak ones are helped by the load's turning."""
     weak = replace(

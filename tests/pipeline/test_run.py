@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from ssm_planner import Problem, Straight, plan
+from ssm_planner import Problem, Straight, load_problem, plan
 
 
 @pytest.mark.parametrize(("old", "new"), [("found", "on_solution"), ("cured", "on_relaxation")])
@@ -22,8 +22,8 @@ def test_old_names_of_callbacks_work_with_a_warning(
     assert len(called) == len(expected) > 0
 
 
-def test_a_name_plans_like_the_problem(tilt_insert: Problem) -> None:
-    named, planned = plan("tilt_insert"), plan(tilt_insert)
+def test_a_name_plans_like_the_problem() -> None:
+    named, planned = plan("tilt_insert"), plan(load_problem("tilt_insert"))
     assert named.to_json() == planned.to_json()
     certificate = planned.certificate
     assert certificate is not None
