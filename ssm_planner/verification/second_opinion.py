@@ -92,7 +92,7 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
     opinions = []
     for span, request in zip(spans, requests, strict=True):
         if span.start == span.end:
-            opinions.append(Opinion(duration=0.0))
+            opinions.append(Opinion(duration=0.0, bound=0.0))
         elif reason or request:
             opinions.append(Opinion(not_judged=reason or request))
         else:

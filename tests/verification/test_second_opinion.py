@@ -182,4 +182,6 @@ def test_a_phase_that_takes_no_time_has_the_duration_0(tilt_insert: Problem) -> 
     made = plan(replace(tilt_insert, motion=(*tilt_insert.motion, tilt_insert.motion[-1])))
     assert made.phases[-1].duration == 0.0
     assert second_opinions(made.motion, made.problem)[-1].duration == 0.0
-    assert judged(made).passed
+    result = judged(made)
+    assert result.passed
+    assert result.path_bound == pytest.approx(made.duration, rel=SLOWER + TRADED)
