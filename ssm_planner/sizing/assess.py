@@ -177,7 +177,7 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
 
 
 def gear_case(load: JointLoad, conditions: Conditions) -> Case:
-    """Return the case of the gear that a joint has, whatever its motor is."""
+    """Return the case of the gear of a joint, which does not depend on its motor."""
     spread = spread_of(load.drive, conditions.spread)
     band = band_of(replace(load, motor=None), spread, conditions)
     return Case(load, band, spread, conditions)

@@ -76,7 +76,7 @@ class Candidate(ShortRepr):
         return None if self.state in ("done", "waiting") else self.stage or self.state
 
     def costs(self, objectives: Sequence[str]) -> list[float] | None:
-        """Return the objectives as numbers to minimise, or None if one of them is not known."""
+        """Return the objectives as numbers to minimise, or None if one is unknown."""
         values: list[Any] = [self.figures.get(name) for name in objectives]
         if self.state != "done" or None in values:
             return None
