@@ -72,6 +72,7 @@ def coupled(base: Problem, seed: int) -> Problem:
         motion=(Free(Task(**to)),),
         limits=limits,
         objective="time",
+        eye=None,
     )
 
 
