@@ -40,14 +40,18 @@ def test_kernels_and_threads_change_no_byte(tmp_path: Path) -> None:
     hook.mkdir()
     (hook / "sitecustomize.py").write_text("import numpy\n", encoding="utf-8")
     nehalem = {"OPENBLAS_CORETYPE": "Nehalem", "OPENBLAS_NUM_THREADS": "1"}
+    haswell = {"OPENBLAS_CORETYPE": "Haswell", "OPENBLAS_NUM_THREADS": "1"}
     environments = {
-        "Haswell": {"OPENBLAS_CORETYPE": "Haswell", "OPENBLAS_NUM_THREADS": "2"},
-        **selected({}, every={"Nehalem": nehalem}),
+        **selected({}, every={"Nehalem": nehalem, "Haswell": haswell}),
         "SkylakeX, no AVX2 in NumPy": {
             "OPENBLAS_CORETYPE": "SkylakeX",  # would end a process on a CPU without AVX-512
             "NPY_DISABLE_CPU_FEATURES": "X86_V3",
         },
-        "NumPy loads first": {"PYTHONPATH": str(hook), "OPENBLAS_CORETYPE": "Prescott"},
+        "NumPy loads first": {
+            "PYTHONPATH": str(hook),
+            "OPENBLAS_CORETYPE": "Prescott",
+            "OPENBLAS_NUM_THREADS": "2",
+        },
     }
     expected = planned(tmp_path / "default")
     assert set(expected) == FILES
