@@ -371,8 +371,7 @@ class Drive(Value):
 
         A load drives the motor if φ_f = atan(μ/cos θ_n) ≤ λ. Coefficients at rest are ignored
         because vibration can remove them. A drive that was built in Python can violate this
-        condition, and the
-        planner reports it.
+        condition. The planner reports the violation.
         """
         friction = self.friction
         if friction is None:

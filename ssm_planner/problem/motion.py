@@ -25,7 +25,7 @@ Line = Annotated[int, Bound(above=0)]
 OF_TIP = ("line", "arc", "retina")
 """Curves that the tip follows in space."""
 ALONE = ("roll", "tilt", "spin", "insert")
-"""Straight motions of one coordinate."""
+"""Names of straight motions that change only one coordinate."""
 SMALLEST_BLEND = 1e-5
 """Smallest blend distance, m.
 
@@ -190,7 +190,7 @@ class Free(Value):
 
 @record
 class Follow(Value):
-    """Motion along a prescribed curve from the current point to another one.
+    """Motion along a prescribed curve from the present point to another one.
 
     Examples
     --------
@@ -206,14 +206,13 @@ class Follow(Value):
     """Points of the curve in order. An arc has exactly one, and a line has none."""
     name: str = "path"
     curve: Literal["spline", "samples", "line", "arc", "retina"] = "spline"
-    """Kind of curve.
+    """Name of the curve.
 
-    "spline" is a natural cubic spline in joint space, parametrised by the distance between points
-    in joint velocities. "samples" is the same spline through samples, timed by TOPP-RA, with stops
-    at
-    corners of more than 30°. "line" and "arc" are curves of the tip, with spin proportional to the
-    path length.
-    "retina" is a great circle at a constant distance from the retina.
+    A "spline" is a natural cubic spline in joint space. Its parameter is the distance between
+    points in joint velocities. The curve "samples" is the same spline through samples. TOPP-RA
+    times it, with stops at corners of more than 30°. A "line" and an "arc" are curves of the tip,
+    along which the spin changes in proportion to the path length. The curve "retina" is a great
+    circle at a constant distance from the retina.
     """
     file: str | None = uncompared()
     """Table that contains the points. Their lines refer to it."""
@@ -255,6 +254,7 @@ class Follow(Value):
         _check_given(self)
 
     def _check_constant(self) -> None:
+        """Raise ProblemError if the motion cannot have a constant speed."""
         speed = self.constant_speed
         if self.curve not in OF_TIP:
             reason = f"not allowed for curve {self.curve}"
@@ -272,6 +272,7 @@ class Follow(Value):
 
 
 def _check_blend(motion: Straight | Follow) -> None:
+    """Raise ProblemError if the blend distance of a motion is too small."""
     if motion.blend is not None and motion.blend < SMALLEST_BLEND:
         reason = "the robot would almost stop in such a tight corner"
         raise motion._wrong(
@@ -384,7 +385,10 @@ def key_of(motion: Motion) -> str:
 
 @record
 class Stroke(Value):
-    """Motion of one joint back and forth over centre ± reach, in rad or m and their rates."""
+    """Motion of one joint back and forth over centre ± reach.
+
+    Positions are in rad or m, and their derivatives in rad/s, rad/s², m/s or m/s².
+    """
 
     joint: str
     centre: Annotated[float, Quantity("angle", "length")]
@@ -404,7 +408,7 @@ class Stroke(Value):
 
 @record
 class Motorisation(Value):
-    """Strokes of a robot's joints as separate runs, at most one for each joint.
+    """Strokes of a robot's joints as separate runs, with at most one run for each joint.
 
     The limits of the joints do not apply.
     """

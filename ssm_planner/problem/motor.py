@@ -1,4 +1,4 @@
-"""Datasheet figures of motors, in SI units."""
+"""Define the figures of a motor's datasheet, in SI units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ssm_planner.problem.value import (
 from ssm_planner.typing import record
 
 LARGEST_DRIFT = -0.01
-"""Strongest plausible temperature coefficient of the torque constant, 1/K."""
+"""Largest plausible decrease of the torque constant with temperature, 1/K."""
 
 
 @record
@@ -75,15 +75,15 @@ class Motor(Value):
 
     @property
     def placeholder(self) -> bool:
-        """True if a figure other than that of the encoder is a placeholder.
+        """True if a figure other than `encoder_counts` is a placeholder.
 
-        Verdicts then rest on it.
+        The verdicts on the motor then depend on a placeholder.
         """
         return any(name != "encoder_counts" for name in self.placeholders)
 
     @property
     def encoder_known(self) -> bool:
-        """True if the file gives the encoder and it is not a placeholder."""
+        """True if the file states encoder_counts and the value is not a placeholder."""
         return self.encoder_counts is not None and "encoder_counts" not in self.placeholders
 
     def _check(self) -> None:
