@@ -168,17 +168,17 @@ class AlignedAxis:
 
     @property
     def position_error(self) -> Array:
-        """Position less the planned one (n,), rad or m."""
+        """Measured minus planned position (n,), rad or m."""
         return self.q - self.planned(self.plan.position)
 
     @property
     def speed_error(self) -> Array:
-        """Motor speed less the planned one (n,), rad/s."""
+        """Measured minus planned motor speed (n,), rad/s."""
         return self.measured.w - self.speed
 
     @property
     def torque_error(self) -> Array:
-        """Motor torque less the planned one (n,), N·m."""
+        """Measured minus planned motor torque (n,), N·m."""
         return self.measured.tau - self.planned(self.plan.torque)
 
 
@@ -267,7 +267,7 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
-    """Yield a finding if the tracking error is too large, or if noise hides such an error.
+    """Yield a finding if the tracking error is too large, or if noise could hide such an error.
 
     The error is averaged over the shortest window. `lag` is the permitted delay at the largest
     speed, s.
@@ -430,7 +430,7 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def _extreme(values: Array, reach: int, sign: int) -> Array:
-    """Return the extreme of values (n,) within ± `reach` samples of each sample.
+    """Return the extreme of values (n,) among the `reach` samples on both sides of each sample.
 
     The extreme is the maximum if `sign` is +1, and the minimum if it is −1.
     """

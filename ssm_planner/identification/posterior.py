@@ -167,7 +167,7 @@ class MapModel:
 
     @cached_property
     def whiteners(self) -> list[tuple[Array, float]]:
-        """Return a whitening matrix and a logarithm for each share c of SHARES.
+        """Whitening matrix and logarithm of the weight for each share c of SHARES.
 
         The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹. The logarithm is ln p(c) |R_c|^(−1/2).
         """

@@ -122,7 +122,7 @@ class Prediction(ShortRepr):
 
     @property
     def _foreign(self) -> tuple[str, ...]:
-        """Return remarks on a torque that suggests another drive, load or unit."""
+        """Remarks on a torque that suggests another drive, load or unit."""
         moving = np.logical_not(self.rest)
         expected, measured = (
             float(np.abs(self.tau[moving]).mean()),

@@ -64,12 +64,12 @@ class Sample:
 
     @cached_property
     def log_evidence(self) -> float:
-        """Return ln p(τ) of the law. A constant that all laws share is omitted."""
+        """Logarithm of the evidence p(τ) of the law. A constant that all laws share is omitted."""
         return float(np.logaddexp.reduce(self.log_weight, axis=None))
 
     @cached_property
     def weight(self) -> Array:
-        """Return the weights (shares, points) with the sum 1."""
+        """Weights (shares, points) with the sum 1."""
         return np.exp(self.log_weight - self.log_evidence)
 
     @property
@@ -79,24 +79,26 @@ class Sample:
 
     @property
     def largest_weight(self) -> float:
-        """Return the largest weight of a point. Its inverse is an effective sample size [4]."""
+        """Largest weight of a point. Its inverse is an effective sample size [4]."""
         return float(self.weight.sum(axis=0).max())
 
     @cached_property
     def covariance(self) -> Array:
-        """Return the covariance (k, k) of the coordinates."""
+        """Covariance (k, k) of the coordinates."""
         return _moments(*self.flat)[1]
 
     @property
     def scatter(self) -> Array:
-        """Return the expected variance s² in N²·m² and the expected share c, (2,)."""
+        """Expected variance s² in N²·m² and expected share c, (2,)."""
         degrees = len(self.model.w) + DEGREES - 2
         variance = np.sum(self.weight * self.square) / degrees
         return np.array([variance, self.weight.sum(axis=1) @ list(SHARES)])
 
     @property
     def ordered(self) -> tuple[Array, Array]:
-        """Return coordinates (sets, k) and weights (sets,) along the longest principal axis."""
+        """Coordinates (sets, k) and weights (sets,) in their order along the longest principal
+        axis.
+        """
         z, weight = self.flat
         order = _order(z, weight)
         return z[order], weight[order]

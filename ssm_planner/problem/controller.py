@@ -129,6 +129,7 @@ class Controller(Value):
     file: str | None = uncompared()
 
     def _check(self) -> None:
+        """Raise ProblemError if the supply share or the loop period is implausible."""
         if self.output_share > 1:
             raise self._wrong(
                 "output_share", "more than the supply provides", "above 0 and up to 1"

@@ -101,6 +101,9 @@ class Tip(Value):
     line: Line | None = uncompared()
 
     def _check(self) -> None:
+        """Raise ProblemError for a tip at the remote centre, which does not determine the
+        direction.
+        """
         if sum(x * x for x in self.position) < 1e-12:
             reason = "the tip at the remote centre leaves roll and tilt open"
             raise self._wrong(
@@ -143,6 +146,7 @@ class Straight(Value):
     """
 
     def _check(self) -> None:
+        """Raise ProblemError if the end point is empty. Set the default name."""
         _check_blend(self)
         if not self.to.set_coordinates:
             raise self._wrong("to", "the point is empty", "roll, tilt, spin or depth", "None")
@@ -181,6 +185,7 @@ class Free(Value):
     """True if the planner chooses the fastest final spin. The spin of `to` is then ignored."""
 
     def _check(self) -> None:
+        """Raise ProblemError if a point is empty, or if joints determine a spin that shall be free."""
         _check_given(self)
         if self.spin_free and isinstance(self.to, Joints):
             raise self._wrong(
@@ -227,6 +232,7 @@ class Follow(Value):
     """Distance of the tip from the retina, m. `to` then gives the final direction of the tool."""
 
     def _check(self) -> None:
+        """Raise ProblemError if a field does not fit the curve."""
         _check_blend(self)
         if self.constant_speed is not None:
             self._check_constant()
@@ -351,6 +357,7 @@ class Scan(Value):
     duration: ClassVar[None] = None
 
     def _check(self) -> None:
+        """Raise ProblemError if the direction is incomplete or the pattern is ambiguous."""
         if self.at.tilt is None:
             raise self._wrong("at", "missing: the pattern needs a tilt", "roll, tilt, spin")
         if self.at.depth is not None:
@@ -419,6 +426,7 @@ class Motorisation(Value):
     file: str | None = uncompared()
 
     def _check(self) -> None:
+        """Raise ProblemError if a stroke has no drive, or if a joint has two strokes."""
         drives = {joint.name: joint.drive for joint in self.robot.joints}
         for i, stroke in enumerate(self.strokes):
             field = f"strokes[{i}].joint"

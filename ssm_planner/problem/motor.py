@@ -87,6 +87,7 @@ class Motor(Value):
         return self.encoder_counts is not None and "encoder_counts" not in self.placeholders
 
     def _check(self) -> None:
+        """Raise ProblemError if figures contradict each other."""
         if self.max_torque < self.nominal_torque:
             raise self._wrong(
                 "max_torque", "smaller than nominal_torque", f"at least {self.nominal_torque:g} N*m"

@@ -76,6 +76,7 @@ class Ripple(Value):
     """Largest deviation of |torque| above the mean."""
 
     def _check(self) -> None:
+        """Raise ProblemError unless all fields have one value for each recording."""
         for name in ("ripple", "noise", "peak"):
             if not 0 < len(getattr(self, name)) == len(self.torque):
                 raise self._wrong(
@@ -136,6 +137,7 @@ class Harmonics(Value):
     """
 
     def _check(self) -> None:
+        """Raise ProblemError unless each order has two coefficients."""
         for name in ("cosine", "sine"):
             if len(getattr(self, name)) != len(self.orders):
                 raise self._wrong(
@@ -231,6 +233,7 @@ class Posterior(Value):
     """Periodic part of the ripple in negative motion, or None if it is unknown."""
 
     def _check(self) -> None:
+        """Raise ProblemError if names, parameter sets or recordings are inconsistent."""
         allowed_names = (*FRICTION_NAMES, LOAD_OFFSET, LAW)
         for name in self.names:
             if name not in allowed_names:

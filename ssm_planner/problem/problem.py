@@ -76,6 +76,7 @@ class Lens(Value):
     """Rotation base ← lens, (3, 3)."""
 
     def _check(self) -> None:
+        """Raise ProblemError if a semi-axis is not positive or the frame is not a rotation."""
         for i, length in enumerate(self.semi_axes.tolist()):
             if not length > 0:
                 raise self._wrong(f"semi_axes[{i}]", "not positive", "above 0", length)
@@ -115,6 +116,7 @@ class Eye(Value):
         return retina, LensClearance(self.shaft_radius, float(self.lens.semi_axes.min()))
 
     def _check(self) -> None:
+        """Raise ProblemError if clearance, lens or port do not fit the eye."""
         if not self.clearance < self.radius:
             raise self._wrong(
                 "clearance",
@@ -126,6 +128,7 @@ class Eye(Value):
         self._check_port()
 
     def _check_lens(self, lens: Lens) -> None:
+        """Raise ProblemError if the lens is not inside the eye."""
         for i, length in enumerate(lens.semi_axes.tolist()):
             if not length < self.radius:
                 allowed = f"above 0 and below {_mm(self.radius)}"
@@ -398,6 +401,9 @@ class Problem(Value, Limited):
         return next((item for item in self.all_limits if item.key == (name, joint)), None)
 
     def _check(self) -> None:
+        """Narrow the ranges, complete the start, and raise ProblemError if fields contradict each
+        other.
+        """
         limits = task_limits(self.limits, "Problem.limits")
         remaining = (limit for limit in limits if not isinstance(limit, TaskRange))
         object.__setattr__(self, "limits", (*self._narrowed(), *remaining))

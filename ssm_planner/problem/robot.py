@@ -88,6 +88,9 @@ class Geometry(Value):
         return self.omega1, self.omega2, self.omega3, self.omega3
 
     def _check(self) -> None:
+        """Raise ProblemError if an axis is not a unit vector, axes are parallel, or the frame is
+        wrong.
+        """
         for name in ("omega1", "omega2", "omega3"):
             unit_vector(getattr(self, name), f"Geometry.{name}")
         for inner, outer in ((1, 2), (2, 3)):
@@ -138,6 +141,7 @@ class Body(Value):
     """Rotation base ← body at q = 0, (3, 3)."""
 
     def _check(self) -> None:
+        """Raise ProblemError if no body can have this inertia tensor."""
         check_rotation(self, "frame")
         if self.mass == 0:
             if np.any(self.inertia):
@@ -199,6 +203,7 @@ class Joint(Value):
     """Sign of the motor controller's position relative to the joint."""
 
     def _check(self) -> None:
+        """Raise ProblemError if drive or motor do not fit the joint."""
         check_name(self.name, JOINTS, "Joint.name", "unknown joint")
         drive = self.drive
         motor = self.motor
@@ -313,6 +318,9 @@ class Robot(Value, Limited):
     file: str | None = uncompared()
 
     def _check(self) -> None:
+        """Raise ProblemError if the order or kinds of the joints are wrong, or a range is out of
+        reach.
+        """
         task_limits(self.limits, "Robot.limits")
         for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
             if joint.name != name:
