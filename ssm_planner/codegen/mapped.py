@@ -67,7 +67,7 @@ class Mapped:
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
         """Return the results at points z (n, size) with multipliers (n, k).
 
-        The arrays may have more columns, which are ignored.
+        Additional columns of z are ignored.
         """
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
         if multipliers is not None:
@@ -86,7 +86,10 @@ class Mapped:
 
 @lru_cache(maxsize=128)
 def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
-    """Map a Function over `count` elements. The arguments with the indices `shared` are constant."""
+    """Map a Function over `count` elements.
+
+    The arguments with the indices `shared` are constant.
+    """
     return function.map(function.name(), "serial", count, list(shared), [])
 
 

@@ -1,4 +1,4 @@
-"""Compute direction, torque and effort of every drive in a joint motion, by the exact friction law."""
+"""Compute direction, torque and effort of every drive in a motion, by the exact friction law."""
 
 from __future__ import annotations
 

@@ -336,8 +336,7 @@ class RigidBody:
         return self._split("parts", along_path=False)
 
     def _split(self, name: str, *, along_path: bool) -> ca.Function:
-        """Build the function that returns the efforts of two motions without gravity, and gravity
-        alone.
+        """Build the function of the efforts of two motions without gravity, and of gravity.
 
         Its arguments are q and two derivatives of q, with respect to the path if `along_path` is
         true, and otherwise with respect to time.

@@ -91,8 +91,9 @@ def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> A
 
 
 def _samples(q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Samples:
-    """Return samples without times and jerks. Raises GeometryError if the arguments differ in
-    length.
+    """Return samples without times and jerks.
+
+    Raises GeometryError if the arguments differ in length.
     """
     rows = [batch(name, x, 4) for name, x in (("q", q), ("qd", qd), ("qdd", qdd))]
     if len({len(values) for values in rows}) > 1:

@@ -15,8 +15,7 @@ from ssm_planner.typing import Array, record
 
 @record
 class Moments:
-    """Mass (kg), first moment ∫r dm (3,) (kg·m) and second moment ∫r·rᵀ dm (3, 3) (kg·m²) of a
-    solid.
+    """Mass (kg), first moment ∫r dm (3,) (kg·m) and second moment ∫r·rᵀ dm (3, 3) (kg·m²).
 
     The moments refer to the origin.
     """

@@ -68,7 +68,10 @@ class FrictionSpread:
         return np.sqrt(np.diag(self.covariance))
 
     def corners(self) -> tuple[dict[str, float], ...]:
-        """Combinations of the ends of all ranges. Without ranges, there is one empty combination."""
+        """Combinations of the ends of all ranges.
+
+        Without ranges, there is one empty combination.
+        """
         ranges = {
             **self.ranges,
             **({} if self.inertia is None else {"input_inertia": self.inertia}),
@@ -97,7 +100,7 @@ class FrictionSpread:
         return self.mean * (factors - 1.0)
 
     def values(self, deviations: Array) -> Arrays:
-        """Return the parameters by name, each (count,), for deviations (count, k) from the means."""
+        """Return the parameters by name, each (count,), for deviations (count, k)."""
         return {name: self.mean[i] + deviations[:, i] for i, name in enumerate(self.names)}
 
     def within(self, share: float, count: int = 1000) -> Arrays:

@@ -140,8 +140,7 @@ def moving_torque(
     direction: Expression,
     mu: Expression,
 ) -> Expression:
-    """Return the motor torque in N·m of a drive that moves, or is about to move, in `direction`
-    (±1).
+    """Return the motor torque in N·m of a drive that moves or starts in `direction` (±1).
 
     It is the larger row for +1 and the smaller row for −1.
     """

@@ -1,6 +1,4 @@
-"""Write the YAML file of an identified drive: the file of the rig with the friction and its
-sources.
-"""
+"""Write the YAML file of an identified drive, with its friction and the sources."""
 
 from __future__ import annotations
 
@@ -113,7 +111,10 @@ def _friction(
 
 
 def _posterior(posterior: Posterior) -> JsonObject:
-    """Return the posterior as JSON types. Rows of numbers are texts, because YAML reads these fast."""
+    """Return the posterior as JSON types.
+
+    Rows of numbers are texts, because YAML reads these fast.
+    """
     draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
     table: JsonObject = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
     if posterior.speeds:

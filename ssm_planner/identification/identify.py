@@ -70,8 +70,9 @@ class Identification(ShortRepr):
         return {} if self.dynamic is None else dict(self.dynamic.estimates)
 
     def save(self, path: str | Path) -> Path:
-        """Write the drive file with the identified friction, and return its path. Raises
-        ExportError.
+        """Write the drive file with the identified friction, and return its path.
+
+        Raises ExportError.
         """
         write_drive(
             path,
@@ -307,7 +308,7 @@ def _reference(drive: Drive) -> dict[str, float]:
 def _map(
     drive_path: str | Path, steady: list[Recording], moving: list[Recording]
 ) -> tuple[TorqueMap, str]:
-    """Return the torque–velocity map to fit, and a description of its recordings or of its table."""
+    """Return the torque–velocity map to fit, and a description of its source."""
     also = f" and {len(moving)} start-stop recordings" if moving else ""
     if steady:
         data = torque_map(steady)

@@ -75,7 +75,8 @@ def locking_mu(drive: Drive) -> float:
 
 
 def rest_coefficient(drive: Drive) -> float:
-    """Return the limit of μ for a moving drive as w → 0. The static coefficient is at least this
-    value.
+    """Return the limit of μ for a moving drive as w → 0.
+
+    The static coefficient is at least this value.
     """
     return float(friction_coefficient(friction_of(drive), 0.0))

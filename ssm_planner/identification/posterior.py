@@ -125,7 +125,7 @@ class MapModel:
         return DEGREES * self.scatter**2
 
     def parameters(self, z: Array) -> Arrays:
-        """Return the parameters by name for coordinates z (sets, k), with the shape (sets, 1) each."""
+        """Return the parameters by name, (sets, 1) each, for coordinates z (sets, k)."""
         centre, spread = self.prior
         x = centre + z * spread
         return {
@@ -140,8 +140,7 @@ class MapModel:
         return (math.log(value) - float(centre[i])) / float(spread[i])
 
     def torque(self, z: Array, w: Array | None = None) -> Array:
-        """Return the motor torque of steady motion, (sets, points) in N·m, for coordinates z (sets,
-        k).
+        """Return the torque of steady motion, (sets, points), N·m, for coordinates z (sets, k).
 
         `w` contains motor speeds (points,) in rad/s. The default is the speeds of the map.
         """
@@ -160,9 +159,7 @@ class MapModel:
         return self.load if LOAD_OFFSET in self.fixed else self.load + offset
 
     def residual(self, z: Array) -> Array:
-        """Return the weighted errors of the torque, (sets, points), N·m, for coordinates z (sets,
-        k).
-        """
+        """Return the weighted torque errors, (sets, points), N·m, for coordinates z (sets, k)."""
         return (self.torque(z) - self.tau) * self.weight
 
     @cached_property
@@ -311,15 +308,12 @@ def _information(model: MapModel, z: Array) -> Array:
 
 
 def covariance_near(model: MapModel, z: Array) -> Array:
-    """Return the covariance (k, k) of a normal approximation of the posterior at coordinates z
-    (k,).
-    """
+    """Return the covariance (k, k) of a normal approximation of the posterior at z (k,)."""
     return np.asarray(np.linalg.inv(_information(model, z) + np.eye(len(z))))
 
 
 def data_correlation(model: MapModel, z: Array) -> Array:
-    """Return the correlation (k, k) of the parameters at coordinates z (k,) with an almost flat
-    prior.
+    """Return the correlation (k, k) of the parameters at z (k,) with an almost flat prior.
 
     An entry is ±1 if the data determine two parameters only together.
     """

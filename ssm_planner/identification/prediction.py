@@ -162,8 +162,7 @@ class Prediction(ShortRepr):
 
 
 def nrmsd(predicted: Array, measured: Array) -> float:
-    """Return the RMS of predicted − measured (samples,), divided by the range of the measured
-    torque.
+    """Return the RMS of predicted − measured (samples,), divided by the range of measured values.
 
     Raises RecordingError if the measured torque is constant.
     """

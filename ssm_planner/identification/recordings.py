@@ -339,9 +339,7 @@ def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
 
 
 def _percent_remarks(share: Array, unit: str) -> list[str]:
-    """Return a remark if torques relative to the nominal torque (samples,) seem to be ‰ instead of
-    %.
-    """
+    """Return a remark if relative torques (samples,) seem to be in ‰ instead of %."""
     percent, size = 100 * share, np.abs(share)
     whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
     if not whole and np.mean(size) <= LASTING:
@@ -399,6 +397,9 @@ def rms(values: Array) -> float:
 
 
 def quantum(values: Array, decimals: int) -> float:
-    """Return the smallest nonzero difference of two values (samples,) rounded to `decimals`, or 0."""
+    """Return the smallest nonzero difference of values (samples,), rounded to `decimals`.
+
+    The result is 0 if all values are equal.
+    """
     steps = np.diff(np.unique(np.round(values, decimals)))
     return float(steps.min()) if len(steps) else 0.0

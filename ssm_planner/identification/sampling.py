@@ -96,9 +96,7 @@ class Sample:
 
     @property
     def ordered(self) -> tuple[Array, Array]:
-        """Coordinates (sets, k) and weights (sets,) in their order along the longest principal
-        axis.
-        """
+        """Coordinates (sets, k) and weights (sets,), sorted along the longest principal axis."""
         z, weight = self.flat
         order = _order(z, weight)
         return z[order], weight[order]
@@ -153,8 +151,7 @@ def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
 
 
 def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -> Array:
-    """Return z, log_weight and square of a `Sample` as (shares, points, k + 2), for points by
-    index.
+    """Return z, log_weight and square of a `Sample` in one array (shares, points, k + 2).
 
     The points belong in turn to the prior and to each component of the mixture. The components have
     t-distributions with two degrees of freedom, whose quantiles have a closed form.

@@ -92,9 +92,7 @@ class TorqueMap(ShortRepr):
     """Largest |torque| minus |mean torque|."""
 
     def spread(self, sign: int) -> Ripple | None:
-        """Return ripple and noise of the recordings in one direction (±1), or None if data are
-        missing.
-        """
+        """Return ripple and noise in one direction (±1), or None if data are missing."""
         side = np.sign(self.w) == sign
         if (
             self.ripple is None
@@ -115,8 +113,7 @@ class TorqueMap(ShortRepr):
 
 
 def rest_mask(time: Array, w: Array) -> Mask:
-    """Return a mask (samples,) of the samples at rest from times (s) and speeds (rad/s),
-    (samples,).
+    """Return a mask (samples,) of rest, from times (s) and motor speeds (rad/s), (samples,).
 
     Motion below the resolution of the speed does not count as rest. Short motions at very low speed
     are flicker of the speed channel and count as rest.
@@ -136,7 +133,10 @@ def rest_mask(time: Array, w: Array) -> Mask:
 
 
 def runs(mask: Mask) -> list[list[int]]:
-    """Return the first index and the last index plus one of each run of True in a mask (samples,)."""
+    """Return the first index, and the last index plus 1, of each run of True in `mask`.
+
+    The mask has the shape (samples,).
+    """
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
     return np.flatnonzero(edges).reshape(-1, 2).tolist()
 

@@ -257,7 +257,7 @@ def _value_beside(file: Path, row: Row, name: str) -> float | None:
 
 
 def _geared(file: Path, row: Row, drive: Drive) -> Drive:
-    """Return a drive with the gear that a row describes, and with the friction of the given drive."""
+    """Return a drive with the gear of a row and the friction of the given drive."""
     friction = friction_of(drive)
     slides = drive.slides
     effort, inertia = ("N", "kg") if slides else ("N*m", "kg*m^2")

@@ -17,7 +17,10 @@ LARGEST_FILE = 10_000_000
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the shipped files, which is in the installed package or in a checkout."""
+    """Return the folder of the shipped files.
+
+    It is in the installed package or in a checkout.
+    """
     within = _PACKAGE / "problems"
     return within if within.is_dir() else _PACKAGE.parent / "problems"
 

@@ -110,7 +110,10 @@ def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
 
 
 def _parse_whole(path: Path, data: mmap) -> Any:
-    """Parse a file at once. Raises TrajectoryError if it is larger than LARGEST_WHOLE or invalid."""
+    """Parse a file at once.
+
+    Raises TrajectoryError if it is larger than LARGEST_WHOLE or invalid.
+    """
     if len(data) > LARGEST_WHOLE:
         raise TrajectoryError(f"{path}: invalid JSON, or not in the form that this program writes")
     return parse_json(path, data[:])

@@ -71,7 +71,10 @@ def problem_from_dict(data: Mapping[str, Any]) -> Problem:
 
 
 def _from_yaml(text: str) -> Problem:
-    """Build a problem from the text of a problem file. Raises ProblemError if a value is invalid."""
+    """Build a problem from the text of a problem file.
+
+    Raises ProblemError if a value is invalid.
+    """
     return problem_from(of_text(text))
 
 
@@ -168,7 +171,10 @@ def load_controller(name: str | Path) -> Controller:
 
 
 def _stroke(slides: bool = False) -> Any:
-    """Return the model of a stroke in the units of a revolute or, if `slides`, a prismatic joint."""
+    """Return the model of a stroke.
+
+    The units are those of a prismatic joint if `slides` is true.
+    """
     centre = reading(Stroke, "centre", slides), 0.0
     return model_of(Stroke, {"centre": centre}, slides=slides, without=("joint",))
 

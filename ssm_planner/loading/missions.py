@@ -81,7 +81,10 @@ def _points(section: Section) -> Mapping[str | int, Node]:
 
 
 def _with_points(part_section: Section, node: Node, points: Mapping[str | int, Node]) -> Node:
-    """Return a node in which points replace their names. Raises ProblemError for an unknown name."""
+    """Return a node in which points replace their names.
+
+    Raises ProblemError for an unknown name.
+    """
     keys = [key for key in part_section.path if isinstance(key, str)]
     if keys[-1] in PLACES.get(keys[-2] if len(keys) > 1 else "", ()) and isinstance(
         node.value, str
@@ -176,7 +179,10 @@ class _Motions:
         return times * once
 
     def _included(self, motion_section: Section) -> list[Node]:
-        """Return the motions of an included problem. Messages refer to the line that includes it."""
+        """Return the motions of an included problem.
+
+        Messages refer to the line that includes it.
+        """
         key = motion_section.sub("include")
         if not isinstance(key.value, str):
             raise key.error(

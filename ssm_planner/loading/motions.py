@@ -72,7 +72,7 @@ class _NamedModel(Model):
 
 
 class _PointModel(_NamedModel):
-    """Base of the model of points in one of three forms: task coordinates, joints, or tip and spin."""
+    """Base of the model of points, which are task coordinates, joints, or tip and spin."""
 
     @model_validator(mode="before")
     @classmethod

@@ -87,7 +87,7 @@ class Model(BaseModel):
         of_value = {
             name: text for value_type in cls.of for name, text in descriptions(value_type).items()
         }
-        # Descriptions of files omit shapes, None and SI units, because values state their own units.
+        # Descriptions of files omit shapes, None and SI units, because values state their units.
         return {
             name: UNIT_IN_MEMORY.sub("", re.sub(r",? ?\(3,\)", "", text)).replace(
                 "None:", "left out:"
@@ -145,7 +145,7 @@ def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> Py
 
 @record
 class Field:
-    """Metadata of an annotated type: how a value is read, described and written in a JSON schema."""
+    """Metadata of an annotated type: the reader, the description and the JSON schema of a value."""
 
     read: Callable[[Any], Any]
     json_schema: JsonObject
@@ -282,8 +282,7 @@ def sourced_field(field: Field) -> Field:
 
 
 def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) -> Any:
-    """Return the type that reads a field of a value, or None if no type follows from its
-    annotation.
+    """Return the type that reads a field of a value, or None if its annotation gives no type.
 
     Parameters
     ----------

@@ -161,9 +161,7 @@ class BodyMoments:
 
 
 def flipped(robot: Robot) -> Robot:
-    """Return the robot with negated products of inertia, which is how the package reads its
-    figures.
-    """
+    """Return the robot with negated products of inertia, as the package interprets them."""
     body1, body2, body3, body4 = (_flipped(body) for body in robot.bodies)
     return replace(robot, bodies=(body1, body2, body3, body4))
 
@@ -220,7 +218,10 @@ STRIBECK_SPEEDS = (0.25, 0.5, 1.0, 2.0)
 
 @record
 class StribeckForms:
-    """Both Stribeck forms for one rig. Each pair contains the package's form and the Gaussian form."""
+    """Both Stribeck forms for one rig.
+
+    Each pair contains the package's form and the Gaussian form.
+    """
 
     title: str
     mu: tuple[tuple[float, float], ...]

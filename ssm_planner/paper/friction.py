@@ -253,8 +253,9 @@ def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
 
 
 def with_rows(robot: Robot, rows: Mapping[str, FrictionRow]) -> Robot:
-    """Return the robot with published friction in its drives. `rows` contains the friction by
-    joint.
+    """Return the robot with published friction in its drives.
+
+    `rows` contains the friction by joint.
     """
 
     def with_published(joint: Joint) -> Joint:
@@ -311,9 +312,7 @@ class RigResult:
         return nrmsd(map_torque(drive, self.data.w, _rig(drive).load), self.data.tau)
 
     def parameters(self) -> Iterator[list[str]]:
-        """Yield rows with the symbol, the published value, and the estimate and difference of each
-        law.
-        """
+        """Yield rows: symbol, published value, and for each law the estimate and difference."""
         for name, (symbol, scale) in SHOWN.items():
             value = self.rig.published.get(name)
             estimates = (
@@ -392,7 +391,7 @@ def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
 
 
 def _plain(error: RecordingError, folder: Path) -> str:
-    """Return an error message without the path of the folder, so that the text is always the same."""
+    """Return an error message without the path of the folder, which may differ."""
     return str(error).replace(f"{folder}/", "").replace(str(folder), folder.name).replace("|", "/")
 
 

@@ -1,4 +1,4 @@
-"""Compute the motor torques of complete motions: Table III (tilt and insertion) and payload curves."""
+"""Compute motor torques of complete motions, for Table III and for the payload curves."""
 
 from __future__ import annotations
 

@@ -88,9 +88,7 @@ class SpeedRow:
 
 
 def _row(tilt: float, insertion: float, *nrmsd: float) -> SpeedRow:
-    """Return a row with a tilt speed in °/s, an insertion speed in mm/s, and the NRMSD of each
-    joint.
-    """
+    """Return a row with a tilt speed in °/s, an insertion speed in mm/s, and NRMSDs by joint."""
     return SpeedRow(math.radians(tilt), 1e-3 * insertion, dict(zip(DRIVEN, nrmsd, strict=True)))
 
 
@@ -111,9 +109,7 @@ RIGS: Mapping[str, str] = {
 
 @record
 class Inputs:
-    """Inputs of the document: the problem of Table III, the eye, motorisation runs and rigs by
-    name.
-    """
+    """Inputs of the document: problem of Table III, eye, motorisation runs and rigs by name."""
 
     folder: Path
     problem: Problem

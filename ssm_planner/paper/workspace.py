@@ -1,6 +1,4 @@
-"""Compare the workspace with the paper: Table I, the reachable set, and the choice of α and β
-(§IV).
-"""
+"""Compare the workspace with the paper: Table I, reachable set, and the choice of α and β (§IV)."""
 
 from __future__ import annotations
 
@@ -58,7 +56,7 @@ class TiltRow:
 
 
 def tilt_table(mechanism: Mechanism) -> tuple[TiltRow, TiltRow, TiltRow]:
-    """Return the rows of Table I for a mechanism: width, lower end and upper end of the tilt range."""
+    """Return the rows of Table I: width, lower end and upper end of the tilt range."""
     low, high = tilt_interval(mechanism)
     measured = TABLE_I_MEASURED
     return (
@@ -113,7 +111,7 @@ def _ray(axes: Axes, tilt: float, length: float, **style: Any) -> None:
 
 @record
 class TiltRange:
-    """Table I with the printed β, and with the β that follows from the first position of the tool."""
+    """Table I with the printed β, and with the β of the first tool position."""
 
     printed: tuple[TiltRow, TiltRow, TiltRow]
     exact: tuple[TiltRow, TiltRow, TiltRow]

@@ -154,9 +154,7 @@ class Friction(Value):
     """Source of the parameters."""
 
     def _check(self) -> None:
-        """Raise ProblemError if coefficients contradict each other or a parameter of the law is
-        missing.
-        """
+        """Raise ProblemError if fields contradict each other or the law lacks a parameter."""
         if self.mu_static < self.mu:
             raise self._wrong("mu_static", "smaller than mu", f"at least mu = {self.mu:g}")
         if self.mu_lowest is not None and self.mu_lowest > self.mu:
@@ -215,7 +213,7 @@ class Ratings(Value):
     """Bearings of the screw, for buckling and critical speed."""
 
     def _check(self) -> None:
-        """Raise ProblemError if two ratings contradict each other."""
+        """Raise ProblemError if two ratings contradict each other or the duty exceeds 100 %."""
         continuous = self.continuous_output
         peak = self.peak_output
         if continuous is not None and peak is not None and peak < continuous:
@@ -324,7 +322,7 @@ class Drive(Value):
         return self.transmission.two_nuts
 
     def _check(self) -> None:
-        """Raise ProblemError if an angle is implausible or a field does not fit the kind of drive."""
+        """Raise ProblemError for an implausible angle or a field that does not fit the kind."""
         if not self.threaded and self.self_locking:
             raise self._wrong(
                 "self_locking", f"a {self.kind} drive is not self-locking", "False", "True"

@@ -1,4 +1,4 @@
-"""Define the limits on joints, motors, task coordinates, the tool and its path, one class for each."""
+"""Define a class for each kind of limit, on joints, motors, task coordinates, tool and path."""
 
 from __future__ import annotations
 
@@ -183,7 +183,10 @@ class NutContact(Limit):
 
 @frozen
 class SelfLocking(Limit):
-    """Lowest plausible friction coefficient of a drive, which must suffice to hold without torque."""
+    """Lowest plausible friction coefficient of a drive.
+
+    At this coefficient, the drive must hold without motor torque.
+    """
 
     name = "self-locking"
     of: str

@@ -101,9 +101,7 @@ class Tip(Value):
     line: Line | None = uncompared()
 
     def _check(self) -> None:
-        """Raise ProblemError for a tip at the remote centre, which does not determine the
-        direction.
-        """
+        """Raise ProblemError for a tip at the remote centre, where its direction is unknown."""
         if sum(x * x for x in self.position) < 1e-12:
             reason = "the tip at the remote centre leaves roll and tilt open"
             raise self._wrong(
@@ -185,7 +183,7 @@ class Free(Value):
     """True if the planner chooses the fastest final spin. The spin of `to` is then ignored."""
 
     def _check(self) -> None:
-        """Raise ProblemError if a point is empty, or if joints determine a spin that shall be free."""
+        """Raise ProblemError if a point is empty, or if the spin cannot be free."""
         _check_given(self)
         if self.spin_free and isinstance(self.to, Joints):
             raise self._wrong(

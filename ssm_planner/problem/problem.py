@@ -401,8 +401,9 @@ class Problem(Value, Limited):
         return next((item for item in self.all_limits if item.key == (name, joint)), None)
 
     def _check(self) -> None:
-        """Narrow the ranges, complete the start, and raise ProblemError if fields contradict each
-        other.
+        """Narrow the ranges and complete the start.
+
+        Raises ProblemError if fields contradict each other.
         """
         limits = task_limits(self.limits, "Problem.limits")
         remaining = (limit for limit in limits if not isinstance(limit, TaskRange))
@@ -428,9 +429,7 @@ class Problem(Value, Limited):
         self._check_for_toppra()
 
     def _narrowed(self) -> list[TaskRange]:
-        """Return the intersection of the ranges of the problem, the robot and joint 4, by
-        coordinate.
-        """
+        """Return the intersections of the ranges of the problem, the robot and joint 4."""
         ranges = self.robot.ranges
         for name, (lower, upper) in (("depth", self.robot.travel), *self.ranges.items()):
             low, high = ranges.get(name, (-math.inf, math.inf))
@@ -512,7 +511,7 @@ class Problem(Value, Limited):
             )
 
     def _check_over_retina(self, scan: Scan | Follow, key: str) -> None:
-        """Raise ProblemError if a motion along the retina has no eye or is too close to the retina."""
+        """Raise ProblemError if a motion along the retina lacks an eye or is too close to it."""
         eye = self.eye
         if eye is None:
             reason = "a curve along the retina needs an eye"

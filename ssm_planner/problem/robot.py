@@ -88,9 +88,7 @@ class Geometry(Value):
         return self.omega1, self.omega2, self.omega3, self.omega3
 
     def _check(self) -> None:
-        """Raise ProblemError if an axis is not a unit vector, axes are parallel, or the frame is
-        wrong.
-        """
+        """Raise ProblemError for axes that are not unit vectors or parallel, or a wrong frame."""
         for name in ("omega1", "omega2", "omega3"):
             unit_vector(getattr(self, name), f"Geometry.{name}")
         for inner, outer in ((1, 2), (2, 3)):
@@ -318,9 +316,7 @@ class Robot(Value, Limited):
     file: str | None = uncompared()
 
     def _check(self) -> None:
-        """Raise ProblemError if the order or kinds of the joints are wrong, or a range is out of
-        reach.
-        """
+        """Raise ProblemError for wrong joints, or for a depth range that is out of reach."""
         task_limits(self.limits, "Robot.limits")
         for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
             if joint.name != name:

@@ -103,8 +103,9 @@ class _Thread(Transmission):
 
     @classmethod
     def complete(cls, stated: Dimensions) -> dict[str, float]:
-        """Return all dimensions in SI units. Raises BadGeometry if they are not determined or
-        implausible.
+        """Return all dimensions in SI units.
+
+        Raises BadGeometry if they are not determined or implausible.
         """
         numbers = dict(stated)
         thread_angle = numbers.pop("thread_angle")

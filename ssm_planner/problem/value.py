@@ -73,9 +73,7 @@ class Quantity:
     sliding: str = ""
 
     def unit_kind(self, slides: bool = False) -> str:
-        """Return the kind of quantity for a prismatic joint if `slides` is true, else for a
-        revolute one.
-        """
+        """Return the kind of quantity for a prismatic (`slides`) or a revolute joint."""
         return self.sliding if slides and self.sliding else self.turning
 
 
@@ -172,7 +170,7 @@ def hints(cls: Any) -> dict[str, Any]:
 
 
 def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Return a type without None and annotations, and a tuple of its annotations, such as a Bound."""
+    """Return a type without None and annotations, and a tuple of its annotations."""
     if get_origin(hint) in (typing.Union, types.UnionType):
         inner = [inner_hint for inner_hint in get_args(hint) if inner_hint is not type(None)]
         return strip_annotations(inner[0]) if len(inner) == 1 else (hint, ())

@@ -312,8 +312,7 @@ class _Fleet:
 
 
 def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
-    """Return an RMS torque below which the heat check certainly passes, and one above which it
-    fails.
+    """Return an RMS torque below which heat certainly passes, and one above which it fails.
 
     Both are in N·m and apply to any motion that repeats with `period` (s). They are NaN if thermal
     data are missing. The winding temperature responds to power by two decaying modes with positive

@@ -171,8 +171,9 @@ class Store(AbstractContextManager["Store"]):
         }
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
-        """Return the candidates with these keys in their order. The default is all candidates by
-        number.
+        """Return the candidates with these keys in their order.
+
+        The default is all candidates by number.
         """
         candidates = {
             key: Candidate(
