@@ -173,7 +173,7 @@ class PhaseSummary(ShortRepr):
     def difference(self) -> float:
         """Relative difference from the duration by toppra.
 
-        It is 0 if toppra gives no duration.
+        It is 0 without a duration by toppra.
         """
         return self.duration / self.toppra_duration - 1 if self.toppra_duration else 0.0
 
@@ -375,7 +375,7 @@ class Plan(ShortRepr):
         Raises
         ------
         TrajectoryError
-            If the plan has no trajectory.
+            If the plan lacks a trajectory.
         """
         from matplotlib import pyplot
 
@@ -445,14 +445,14 @@ class Plan(ShortRepr):
 
     @property
     def toppra_duration(self) -> float | None:
-        """Duration by toppra along the same paths, s. None if a phase has no such duration."""
+        """Duration by toppra along the same paths, s. None if it is missing for a phase."""
         return self._total("toppra_duration")
 
     @property
     def path_bound(self) -> float | None:
         """Lower bound of the duration along the same paths, s.
 
-        None if a phase has no such bound.
+        None if it is missing for a phase.
         """
         return self._total("path_bound")
 

@@ -88,7 +88,7 @@ def publishing_results(folder: Path, plan: str) -> Iterator[Path]:
 
 @contextmanager
 def replacing_result(path: Path, plan: str) -> Iterator[Path]:
-    """Yield a path like `replacing`, for a file made from one plan.
+    """Yield a path like `replacing` for a file made from one plan.
 
     The SHA-256 of the plan is `plan`. In the result folder of this plan, the manifest is updated.
     """

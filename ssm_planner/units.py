@@ -39,7 +39,7 @@ _PREFIXES |= {
     "mega": 1e6,
 }
 LONGEST_SYMBOL = 3
-"""Largest length of a unit that has no plural form."""
+"""Largest length of a unit without a plural form."""
 _BASES = {
     "length": "m meter metre",
     "time": "s second sec",

@@ -40,15 +40,10 @@ class Mapped:
         self._outputs = [((count, *size), positions) for size, positions in _outputs(function)]
 
     def evaluate_at_addresses(self, z: int, *indices: int) -> None:
-        """Evaluate the Function with arrays that are given by their addresses.
+        """Evaluate with raw addresses.
 
-        Parameters
-        ----------
-        z : int
-            Address of the points (n, size).
-        *indices : int
-            Address of the multipliers if the Function has any, followed by the address to which the
-            last result is written, dense.
+        z: address of the points (n, size). others: address of the multipliers if the Function has
+        any, then that of the last result, dense.
         """
         *multipliers, result = indices
         for values, start in zip(

@@ -162,14 +162,14 @@ class AlignedAxis:
         """Standard deviation of the noise in a single sample of the speed, rad/s."""
         return noise_of(self.speed_error[self.moving], 1, self.measured.speed_resolution)
 
-    def planned(self, values: Array) -> Array:
+    def interpolate_plan(self, values: Array) -> Array:
         """Interpolate values of the plan (m,) at the samples (n,)."""
         return np.interp(self.t, self.plan.time, values)
 
     @property
     def position_error(self) -> Array:
         """Measured minus planned position (n,), rad or m."""
-        return self.q - self.planned(self.plan.position)
+        return self.q - self.interpolate_plan(self.plan.position)
 
     @property
     def speed_error(self) -> Array:
@@ -179,7 +179,7 @@ class AlignedAxis:
     @property
     def torque_error(self) -> Array:
         """Measured minus planned motor torque (n,), N·m."""
-        return self.measured.tau - self.planned(self.plan.torque)
+        return self.measured.tau - self.interpolate_plan(self.plan.torque)
 
 
 def map_to_clock(
@@ -384,7 +384,7 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     deficit = -float(np.mean((error * np.sign(axis.speed))[start:stop]))
     noise = noise_of(error, n, axis.measured.speed_resolution)
     allowed = STANDS * axis.plan.peak + CERTAIN * noise
-    needed = float(np.mean(np.abs(axis.planned(axis.plan.torque)[start:stop])))
+    needed = float(np.mean(np.abs(axis.interpolate_plan(axis.plan.torque)[start:stop])))
     if deficit > allowed and needed > top:
         text = (
             f"torque stays at {1e3 * top:.3g} mN·m for {length:.3g} s, from "
@@ -409,7 +409,7 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     reach = round((NEAR + n * axis.step / 2) * PLAN_RATE)
     mean = smoothed(tau, n)
     expected, low, high = (
-        smoothed(axis.planned(values), n)
+        smoothed(axis.interpolate_plan(values), n)
         for values in (plan.torque, _extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
     )
     resolution = axis.measured.torque_resolution

@@ -57,7 +57,7 @@ def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> A
     """Return the motor torques of a joint motion, with the friction of the drives.
 
     A joint at rest that accelerates starts with static friction. A joint without velocity and
-    acceleration is held by its self-locking drive, and its motor needs no torque.
+    acceleration is held by its self-locking drive, and its motor torque is 0.
 
     Parameters
     ----------

@@ -106,7 +106,7 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
 def _orders(ratio: float | None) -> tuple[float, ...]:
     """Return the orders of the harmonics per turn of the motor, those of the wheel first.
 
-    `ratio` is the number of motor turns per turn of the wheel. None means that there is no wheel.
+    `ratio` is the number of motor turns per turn of the wheel. None means a drive without a wheel.
     """
     motor = tuple(float(k) for k in range(1, HARMONICS + 1))
     return motor if ratio is None else (*(k / ratio for k in motor), *motor)

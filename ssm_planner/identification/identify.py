@@ -43,7 +43,7 @@ class Identification(ShortRepr):
     fit: MapFit
     """Fit of the torque–velocity map."""
     dynamic: DynamicFit | None
-    """Fit of the start–stop recordings. None if there are none."""
+    """Fit of the start–stop recordings. None without such recordings."""
     data: TorqueMap
     moving: tuple[Recording, ...]
     """The start–stop recordings."""

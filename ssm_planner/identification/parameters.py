@@ -12,7 +12,7 @@ from ssm_planner.problem import LAWS, Drive, Friction, FrictionLawName, unchecke
 from ssm_planner.typing import Array, Keywords
 
 TYPICAL_MU = 0.15
-"""Prior centre of μ if the drive file has no value, for metal on greased metal or polymer."""
+"""Prior centre of μ if the drive file omits it, for metal on greased metal or polymer."""
 
 _ABOVE_CRITICAL = 1.005
 

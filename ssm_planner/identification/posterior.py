@@ -93,7 +93,7 @@ class MapModel:
     def prior(self) -> tuple[Array, Array]:
         """Prior centres and standard deviations, (k,) each.
 
-        They refer to ln θ or, for the load offset, to its value.
+        They refer to ln θ, except that those of the load offset refer to its value.
         """
         friction, top_speed = 0.5 * float(np.mean(np.abs(self.tau))), float(np.abs(self.w).max())
         effort = friction / float(mesh_coefficients(self.drive, TYPICAL_MU)[0])

@@ -224,7 +224,7 @@ def predict_recording(
 def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | None:
     """Return the part of the torque (samples,) in N·m that repeats with the motor angle.
 
-    The result is None if the recording has no angle or the drive file has no phases.
+    The result is None if the recording lacks the angle or the drive file lacks the phases.
     """
     posterior = friction_of(drive).posterior
     if posterior is None or recording.angle is None:
@@ -239,7 +239,7 @@ def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | Non
 
 
 def unseen_speed(drive: Drive, motion: Motion) -> float | None:
-    """Return the largest extrapolated motor speed of a motion, rad/s, or None if there is none."""
+    """Return the largest extrapolated motor speed of a motion, rad/s, or None."""
     posterior = friction_of(drive).posterior
     extremes = np.array(
         [end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL]

@@ -381,7 +381,7 @@ def _samples(
 ) -> Table:
     """Return the table of the lines from the index `first` onwards.
 
-    Raises RecordingError if there are no samples. It is also raised if many lines of a
+    Raises RecordingError if the table is empty. It is also raised if many lines of a
     comma-separated file have more fields than columns, because their numbers seem to have decimal
     commas.
     """

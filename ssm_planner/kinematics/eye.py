@@ -95,7 +95,7 @@ def _lens_square(xp: Namespace, lens: Lens, tip: Any) -> Any:
     offset = [-_dot(row, lens.centre.tolist()) for row in scale]
     shaft = [_dot(row, tip) for row in scale]
     length = _square(shaft)
-    # A shaft without a length has no perpendicular from the centre of the lens. The smallest
+    # A shaft without a length does not determine a perpendicular from the centre of the lens. The smallest
     # divisor NO_LENGTH keeps the value and its derivatives finite.
     foot = -_dot(offset, shaft) / xp.where(length > NO_LENGTH, length, 1.0)
     foot = xp.where(foot > 0.0, xp.where(foot < 1.0, foot, 1.0), 0.0)

@@ -143,7 +143,7 @@ def tip_jacobian(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
 JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] = {
     TipSpeed: tip_jacobian
 }
-"""Function that returns the Jacobian J(q) (k, 4) in CasADi, for each kind of speed limit.
+"""Function that returns the Jacobian J(q) (k, 4) in CasADi by kind of speed limit.
 
 The limit applies to |v| with v = J(q) q̇.
 """
@@ -159,7 +159,7 @@ def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd:
 def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
     """Return the bounds of the speed limits (kinds,) in the order of JACOBIANS.
 
-    Kinds without a limit get the value `unlimited`. Raises ProblemError for a kind that has no
+    Kinds without a limit get the value `unlimited`. Raises ProblemError for a kind without a
     Jacobian.
     """
     bounds = {type(limit): limit.largest for limit in limits}

@@ -363,7 +363,7 @@ def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) 
 def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any, Any]:
     """Return the azimuths (ζ, η) in rad for c = cos(x/2) and s = sin(x/2).
 
-    Both azimuths are continuous on a branch. A positive factor that c and s share has no effect.
+    Both azimuths are continuous on a branch. They do not depend on a positive factor that c and s share.
     """
     minus = xp.sin(alpha - beta) * (c * c)
     plus = xp.sin(alpha + beta) * (s * s)

@@ -145,7 +145,7 @@ def _describes(row: Row, kind: type[Transmission]) -> bool:
 
 
 def catalogue_file(path: Path) -> Path:
-    """Find a catalogue by its path or by its shipped name. Raises ProblemError if there is none."""
+    """Find a catalogue by its path or by its shipped name. Raises ProblemError if it is missing."""
     shipped = shipped_folder() / "catalogues" / path.name
     with suppress(OSError, ValueError):  # a name can be too long for a file
         if path.exists():
@@ -189,7 +189,7 @@ def rows_of(file: Path) -> list[Row]:
 def _sections(folder: Path) -> dict[str, Section]:
     """Read the YAML files of a folder, and return their sections by the stem of the file name.
 
-    Raises ProblemError if a file is invalid or if the folder has no file or too many files.
+    Raises ProblemError if a file is invalid or if the number of files is 0 or too large.
     """
     return _check_count(folder, {file.stem: read(file) for file in sorted(folder.glob("*.yaml"))})
 
@@ -198,7 +198,7 @@ C = TypeVar("C")
 
 
 def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
-    """Return the entries. Raises ProblemError if there are none or more than LARGEST_CATALOGUE."""
+    """Return the entries. Raises ProblemError for 0 or more than LARGEST_CATALOGUE."""
     if not 0 < len(named_entries) <= LARGEST_CATALOGUE:
         raise ProblemError(
             f"{len(named_entries)} entries", file=file, allowed=f"1 to {LARGEST_CATALOGUE}"

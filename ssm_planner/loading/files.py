@@ -34,7 +34,7 @@ def shipped_names(folder: Folder) -> dict[str, Path]:
 def find(name: str | Path, folder: Folder) -> Path:
     """Find a file by its path or, if no such file exists, by its shipped name.
 
-    Shipped files are searched in `folder`. Raises ProblemError if there is no such file.
+    Shipped files are searched in `folder`. Raises ProblemError if neither exists.
     """
     path = Path(name)
     names = shipped_names(folder)
@@ -68,7 +68,7 @@ def of_text(text: str) -> Section:
 
 
 def of_data(data: Mapping[str, Any]) -> Section:
-    """Convert a mapping from Python to a section, which has no file and no line numbers.
+    """Convert a mapping from Python to a section without file and line numbers.
 
     Raises ProblemError if the data are nested too deeply.
     """

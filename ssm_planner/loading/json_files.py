@@ -214,7 +214,7 @@ def _check(path: Path, value: Any, depth: int) -> None:
 def check_text(path: Path, text: str) -> None:
     """Raise TrajectoryError if a text contains a NUL or an unpaired surrogate.
 
-    Neither a file nor a file name can contain these characters. The error names the file `path`.
+    Files and file names cannot contain these characters. The error names the file `path`.
     """
     if any("\ud800" <= character <= "\udfff" or character == "\0" for character in text):
         raise TrajectoryError(

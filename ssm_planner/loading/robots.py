@@ -240,7 +240,7 @@ class _BodyModel(Model):
     """Parts of the body. They replace mass, com and inertia."""
     com: _Place = (0.0, 0.0, 0.0)
     inertia: InertiaModel | None = None
-    """Inertia about the origin of the body frame. A body without mass has none."""
+    """Inertia about the origin of the body frame. A body without mass does not need it."""
     products_of_inertia: Literal["cad", "tensor"] | None = None
     """Sign of the products: cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)."""
     frame: Rotations
@@ -627,8 +627,8 @@ def _inertia(section: Section, model: Any) -> Array:
 def _sign_hint(model: Any, tensor: Array) -> str:
     """Return the end of the message about a tensor that no body can have.
 
-    It states whether the tensor is possible with the opposite sign of the products of inertia. It
-    is "" if the file has no products.
+    It states whether the tensor is possible with the opposite sign of the products of inertia. It is
+    "" without products of inertia in the file.
     """
     convention = model.products_of_inertia
     if convention is None:

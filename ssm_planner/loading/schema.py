@@ -282,7 +282,7 @@ def sourced_field(field: Field) -> Field:
 
 
 def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) -> Any:
-    """Return the type that reads a field of a value, or None if its annotation gives no type.
+    """Return the type that reads a field of a value, or None if it cannot be derived.
 
     Parameters
     ----------
@@ -486,7 +486,7 @@ class Key(NamedTuple):
     """Unit in a form that files accept."""
     allowed: str
     default: str
-    """Default, "" if there is none, or "required"."""
+    """Default, "required", or "" for an optional key without a default."""
     description: str
 
 

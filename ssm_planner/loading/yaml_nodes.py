@@ -273,7 +273,7 @@ class Section:
         )
 
     def _locate(self, path: tuple[str | int, ...]) -> tuple[int | None, Node, bool]:
-        """Return the line, the node and whether the path exists, for a path below this section.
+        """Return the line, the node and whether it exists at a path below this section.
 
         If the path does not exist, line and node are those of its deepest existing part.
         """

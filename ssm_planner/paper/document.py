@@ -37,7 +37,7 @@ class Document:
     rigs: tuple[RigResult, ...]
 
     @property
-    def passed(self) -> bool:
+    def is_certified(self) -> bool:
         """True if every motion was planned and passed the independent check."""
         return all(run.plan.passed for run in self.runs)
 
@@ -113,7 +113,7 @@ def reproduce(
     progress(Step("reading the problem files"))
     document = compute(read_inputs(Path(problems), Path(recordings)), progress)
     files = write(document, Path(folder), progress)
-    return Reproduction(files, document.passed, document.left_out)
+    return Reproduction(files, document.is_certified, document.left_out)
 
 
 def compute(inputs: Inputs, progress: Progress = silent) -> Document:

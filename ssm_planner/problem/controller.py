@@ -111,7 +111,7 @@ class Controller(Value):
     It is 0.9 in an EPOS4 (hardware reference, 50/5).
     """
     counts_per_turn: Annotated[int, Bound(above=0), Quantity("number")] | None = None
-    """Increments per motor turn if a motor file has no encoder.
+    """Increments per motor turn if a motor file omits the encoder.
 
     The default is 4096, as on the authors' rigs.
     """

@@ -79,12 +79,12 @@ class Limit(Value, ABC):
 
     @property
     def low(self) -> float:
-        """Smallest allowed value, −∞ if the limit has no lower bound."""
+        """Smallest allowed value, −∞ without a lower bound."""
         return -math.inf
 
     @property
     def high(self) -> float:
-        """Largest allowed value, ∞ if the limit has no upper bound."""
+        """Largest allowed value, ∞ without an upper bound."""
         return math.inf
 
     @property

@@ -786,7 +786,7 @@ def _with_own(problem: P, limit: Limit) -> P:
 
 
 def _with_eye(problem: P, **changes: Any) -> P:
-    """Return the problem with changed fields of its eye. Raises ProblemError if it has no eye."""
+    """Return the problem with changed fields of its eye. Raises ProblemError without an eye."""
     current: Any = problem
     if current.eye is None:
         raise ProblemError("the problem has no eye")

@@ -206,7 +206,7 @@ class Follow(Value):
     kind: ClassVar[str] = "path"
     to: Point
     through: tuple[Point, ...] = ()
-    """Points of the curve in order. An arc has exactly one, and a line has none."""
+    """Points of the curve in order. An arc has exactly one such point. A line has 0."""
     name: str = "path"
     curve: Literal["spline", "samples", "line", "arc", "retina"] = "spline"
     """Name of the curve.
@@ -288,7 +288,7 @@ def _check_blend(motion: Straight | Follow) -> None:
 
 
 def _check_given(motion: Free | Follow) -> None:
-    """Raise ProblemError if a point has no coordinates."""
+    """Raise ProblemError if a point is empty."""
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.set_coordinates:
             key = "to" if i == len(motion.through) else f"through[{i}]"
@@ -424,7 +424,7 @@ class Motorisation(Value):
     file: str | None = uncompared()
 
     def _check(self) -> None:
-        """Raise ProblemError if a stroke has no drive, or if a joint has two strokes."""
+        """Raise ProblemError for a stroke without a drive, or if a joint has two strokes."""
         drives = {joint.name: joint.drive for joint in self.robot.joints}
         for i, stroke in enumerate(self.strokes):
             field = f"strokes[{i}].joint"

@@ -67,7 +67,7 @@ class Motor(Value):
     """Counts (lines) per turn. Each count has four increments of position."""
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()
-    """Names of the figures that have no source for this motor.
+    """Names of the figures without a source for this motor.
 
     `sources` states the substitute and the reason.
     """

@@ -285,7 +285,7 @@ class Posterior(Value):
     def law_shares(self, law: str) -> dict[str, float]:
         """Return the share of the sets that have each friction law, largest share first.
 
-        All sets have the drive's law `law` if there is no LAW column.
+        All sets have the drive's law `law` without a LAW column.
         """
         if LAW not in self.names:
             return {law: 1.0}

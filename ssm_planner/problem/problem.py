@@ -101,7 +101,7 @@ class Eye(Value):
     clearance: Annotated[NotNegative, Quantity("length")]
     """Smallest allowed distance of the tip from the retina, m."""
     port: Annotated[Positive, Quantity("length")] = 3e-3
-    """Radius of the incision around the remote centre, m. There is no retina within it."""
+    """Radius of the incision around the remote centre, m. The retina has a hole of this radius."""
     shaft_radius: Annotated[NotNegative, Quantity("length")] = 0.0
     """Distance that the axis of the shaft keeps from the lens, m."""
     lens: Lens | None = None
@@ -397,7 +397,7 @@ class Problem(Value, Limited):
         return (*of_joints, *self.task_limits.all_limits)
 
     def limit(self, name: str, joint: str | None) -> Limit | None:
-        """Return the limit with a name, of a joint or of the tool. None if there is none."""
+        """Return the limit with a name, of a joint or of the tool, or None."""
         return next((item for item in self.all_limits if item.key == (name, joint)), None)
 
     def _check(self) -> None:
@@ -645,7 +645,7 @@ class Problem(Value, Limited):
     def _check_for_toppra(self) -> None:
         """Raise ProblemError if TOPP-RA must time a motion that it does not support.
 
-        TOPP-RA supports neither durations, nor minimal effort, nor jerk limits.
+        TOPP-RA does not support durations, minimal effort or jerk limits.
         """
         requests = [f"a jerk limit of joint {name}" for name in self.robot.jerk_limited]
         if self.duration is not None or self.objective == "effort":

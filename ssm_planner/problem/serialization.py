@@ -161,9 +161,9 @@ _OF_KIND: dict[str, tuple[str, ...]] = {
     Free.kind: ("spin_free",),
     Straight.kind: ("blend",),
 }
-"""Keys of motions that have no meaning for other kinds of motions."""
+"""Keys that only motions of one kind have."""
 _ALWAYS = ("curve", "file")
-"""Those of these keys that plan.json contains even if they have no value."""
+"""Those of these keys that plan.json contains even if their value is None."""
 _KINDS = {kind.kind: kind for kind in (Straight, Free, Follow, Dwell, Scan)}
 
 

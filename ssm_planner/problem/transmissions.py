@@ -72,7 +72,7 @@ class Transmission:
     def motor_ratio(cls, dimensions: Dimensions) -> float:
         """Return the motor angle per unit of the joint coordinate, in rad/rad or rad/m.
 
-        The default is the dimension `ratio`, or 1 if there is none.
+        The default is the dimension `ratio`, or 1 without it.
         """
         return dimensions.get("ratio", 1.0)
 

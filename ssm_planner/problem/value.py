@@ -194,7 +194,7 @@ def descriptions(cls: type) -> dict[str, str]:
             continue
         try:
             (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        except OSError:  # a class made at run time has no source
+        except OSError:  # the source of a class made at run time is missing
             continue
         body = tree.body if isinstance(tree, ast.ClassDef) else []
         for field, below in pairwise(body):
@@ -222,7 +222,7 @@ def built(
     cls : type
         Dataclass to build.
     data : object
-        Mapping with a value for each field that has no default.
+        Mapping with a value for each field without a default.
     location : str
         Key of the data, for messages.
     known_values : Mapping, optional

@@ -197,7 +197,7 @@ class Study(ShortRepr):
         return {**design, **{path: figures[path] for path in paths if path in figures}}
 
     def designs(self) -> Iterator[Design]:
-        """Yield the designs of all candidates. An adaptive search has no such list."""
+        """Yield the designs of all candidates. The search must not be adaptive."""
         search = self.search
         if search.method == "grid":
             grids = [variable.grid(search.points) for variable in self.vary]
