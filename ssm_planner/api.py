@@ -1,4 +1,4 @@
-"""Functions for Python callers that accept a plan, a file or a trajectory and return values."""
+"""Provide functions that accept a plan, a file or a trajectory and return values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def check(
     limits: TaskLimits | None = None,
     speed: float = 1.0,
 ) -> Certificate:
-    """Return the certificate of a motion, from code that is independent of the planner.
+    """Check a motion by code that is independent of the planner, and return its certificate.
 
     Parameters
     ----------
@@ -50,10 +50,12 @@ def check(
     Returns
     -------
     Certificate
+        Margin and verdict of every limit.
 
     Raises
     ------
     TrajectoryError or ProblemError
+        If the motion, the robot or the limits cannot be read.
 
     Examples
     --------
@@ -85,9 +87,7 @@ def check_speeds(
     limits: TaskLimits | None = None,
     slowest: float = SLOWEST,
 ) -> SpeedRange:
-    """Return the certificates of a motion at playback speeds from `slowest` to 1.
-
-    The result also has the worst speed of every motor limit.
+    """Check a motion at playback speeds from `slowest` to 1.
 
     Parameters
     ----------
@@ -99,10 +99,12 @@ def check_speeds(
     Returns
     -------
     SpeedRange
+        Certificates at several speeds, and the worst speed of every motor limit.
 
     Raises
     ------
     TrajectoryError or ProblemError
+        If the motion, the robot or the limits cannot be read.
 
     Examples
     --------
@@ -121,7 +123,7 @@ def controlled_stops(
     limits: TaskLimits | None = None,
     instants: int = INSTANTS,
 ) -> Stops:
-    """Return the quickest controlled stops along the path, with their certificate.
+    """Compute the quickest controlled stops along the path, and check them.
 
     Parameters
     ----------
@@ -133,10 +135,12 @@ def controlled_stops(
     Returns
     -------
     Stops
+        Durations and travels of the stops, with their certificate.
 
     Raises
     ------
     TrajectoryError or ProblemError
+        If the motion, the robot or the limits cannot be read.
 
     Examples
     --------
@@ -157,7 +161,7 @@ def size(
     payload: float = 0.0,
     **conditions: Any,
 ) -> Sizing:
-    """Return the motors and gears that a plan needs.
+    """Check which motors and gears suffice for a plan.
 
     Parameters
     ----------
@@ -175,10 +179,12 @@ def size(
     Returns
     -------
     Sizing
+        Requirements, checks and verdicts of every joint.
 
     Raises
     ------
     TrajectoryError or ProblemError
+        If the plan, a motor or a condition is invalid.
 
     Examples
     --------
@@ -213,11 +219,12 @@ def compare(
 ) -> Comparison:
     """Compare a plan with recordings of its execution, one for each axis.
 
-    Each limit is held, not held, or cannot be judged.
+    The verdict for each limit is "held", "not held" or "cannot tell".
 
     Parameters
     ----------
     plan : Plan, str or Path
+        Plan, or its plan.json.
     recordings : mapping
         EPOS recorder exports or CSV files by joint name, with a common clock.
     counts_per_turn : int, optional
@@ -228,10 +235,12 @@ def compare(
     Returns
     -------
     Comparison
+        Differences, limits, findings and the verdict.
 
     Raises
     ------
     RecordingError, TrajectoryError or ProblemError
+        If a recording or the plan cannot be used.
 
     Examples
     --------
@@ -266,10 +275,12 @@ def report(
     Returns
     -------
     Path
+        File of the page.
 
     Raises
     ------
     ExportError, TrajectoryError or ProblemError
+        If the page cannot be written, or if a plan cannot be read.
 
     Examples
     --------

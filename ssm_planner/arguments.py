@@ -1,4 +1,4 @@
-"""Check of the arguments of public functions."""
+"""Check the arguments of public functions."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ class _Numbers:
 def checked(function: Callable[P, T]) -> Callable[P, T]:
     """Return a function that checks its arguments against their annotations.
 
-    Numbers must be finite. The error names the argument, its value and the allowed types. It is a
-    GeometryError for arrays, otherwise a ProblemError.
+    Numbers must be finite. The error message names the argument, its value and the allowed types.
+    The error is a GeometryError for arrays, and otherwise a ProblemError.
     """
     signature = inspect.signature(function)
     hints = cache(lambda: get_type_hints(function, localns={"ArrayLike": _Numbers}))
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        """Check the arguments, and call the function."""
         for name, value in signature.bind(*args, **kwargs).arguments.items():
             parameter = signature.parameters[name]
             if value is parameter.default:
@@ -65,7 +66,10 @@ def _matches(hint: Any, value: Any) -> bool:
 
 
 def _matches_items(kind: type, hint: Any, value: Any) -> bool:
-    """Return whether a value is a mapping or sequence (but not a text) of items of a type."""
+    """Return whether a value is a mapping or sequence of items of a type.
+
+    A text is not a sequence.
+    """
     if not isinstance(value, kind) or isinstance(value, (str, bytes)):
         return False
     items: Any = value.values() if isinstance(value, Mapping) else value

@@ -1,4 +1,4 @@
-"""Atomic and durable writing of files: a file appears completely or not at all."""
+"""Write files atomically and durably, so that a file appears completely or not at all."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ SWEPT_AFTER = 60.0
 _temporaries: set[Path] = set()
 """Temporary files and folders of this process that still exist."""
 written_files: list[Path] = []
-"""Files that this process has completed, in order. The message of an interruption lists them."""
+"""Files that this process has completed, in order.
+
+The message about an interruption lists them.
+"""
 
 
 @contextmanager
@@ -75,7 +78,8 @@ def write_text(path: Path, text: str) -> None:
 def staging(folder: Path) -> Iterator[Path]:
     """Yield an empty temporary folder, and remove it at the end of the block.
 
-    It is in `folder`, or beside it if that does not exist. Raises ExportError.
+    The temporary folder is in `folder`, or beside it if `folder` does not exist. Raises ExportError
+    if it cannot be created.
     """
     temporary = None
     try:
@@ -98,9 +102,9 @@ def staging(folder: Path) -> Iterator[Path]:
 
 
 def remove_temporaries() -> None:
-    """Remove the temporary files that an interruption left.
+    """Remove the temporary files that an interruption left behind.
 
-    It must be the last step of the process.
+    The function must be the last step of the process.
     """
     for path in list(_temporaries):
         if path.is_dir():
@@ -124,7 +128,7 @@ def _sweep(parent: Path, stem: str) -> None:
 def locked(folder: Path, wait: bool = True) -> Iterator[None]:
     """Hold an exclusive lock on the folder during the block.
 
-    Raises OSError if wait is False and another process has the lock.
+    Raises OSError if `wait` is false and another process has the lock.
     """
     if os.name != "posix":
         yield
@@ -150,7 +154,7 @@ def locked(folder: Path, wait: bool = True) -> Iterator[None]:
 def destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
     """Return the path after following symbolic links.
 
-    Raises ExportError for an object of another kind.
+    Raises ExportError if the path exists and is not of the wanted type, such as stat.S_IFREG.
     """
     target = Path(os.path.realpath(path))
     try:
@@ -186,7 +190,7 @@ def sync(path: Path, content: bool = True) -> None:
 def held_signals() -> Iterator[None]:
     """Delay Ctrl-C and termination signals until the end of the block.
 
-    The block replaces files within a few milliseconds.
+    The block must be short, such as the replacement of files, which takes a few milliseconds.
     """
     if (
         threading.current_thread() is not threading.main_thread()
@@ -214,10 +218,11 @@ def held_signals() -> Iterator[None]:
 
 @contextmanager
 def first_interruption() -> Iterator[Callable[[], bool]]:
-    """Yield a function that tells if the first Ctrl-C in the block has arrived. It is raised there.
+    """Yield a function that returns whether the first Ctrl-C in the block has arrived.
 
-    The next one is handled as outside the block. In a thread that receives no signals, none
-    arrives.
+    The first Ctrl-C raises KeyboardInterrupt in the block. The next one is handled as outside the
+    block. A thread that is not the main thread receives no signals, so the function then always
+    returns False.
     """
     handler = signal.getsignal(signal.SIGINT)
     came = threading.Event()

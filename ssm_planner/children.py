@@ -1,4 +1,4 @@
-"""Python child processes without modules of the working directory that end with their parent."""
+"""Run Python child processes that end with their parent and ignore the working directory."""
 
 from __future__ import annotations
 

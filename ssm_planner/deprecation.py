@@ -7,7 +7,10 @@ from warnings import warn
 
 
 class Renamed:
-    """Old name of an attribute. Access returns the new attribute with a DeprecationWarning."""
+    """Old name of an attribute that warns.
+
+    Access returns the attribute of the new name with a DeprecationWarning.
+    """
 
     def __init__(self, new: str) -> None:
         self.new = new

@@ -1,4 +1,4 @@
-"""Formatting of numbers and templates for terminal, pages, figures and paper."""
+"""Format numbers and templates for the terminal, pages, figures and the paper."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def format_fixed(value: float | None, decimals: int) -> str:
 
 
 def signed(value: float | None, decimals: int) -> str:
-    """Return a difference with its sign, or 0 if it vanishes at these decimals."""
+    """Return a difference with its sign, or 0 if it is 0 at this number of decimals."""
     text = format_fixed(value, decimals)
     return f"+{text}" if value is not None and round(value, decimals) > 0 else text
 
@@ -53,15 +53,15 @@ def percent(share: float | None, decimals: int = 1) -> str:
 
 
 def plain_words(name: str) -> str:
-    """Return the name of a field or key as words."""
+    """Return the name of a field or key with spaces instead of underscores."""
     return name.replace("_", " ")
 
 
 def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> Environment:
-    """Return a Jinja2 environment with the templates of a package and these filters.
+    """Return a Jinja2 environment with the templates of a package and with these filters.
 
-    A name that is missing in a template raises UndefinedError. escape enables escaping for XML and
-    HTML.
+    A name that is missing in a template raises UndefinedError. If `escape` is true, values are
+    escaped for XML and HTML.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

@@ -1,4 +1,4 @@
-"""Exceptions that the program raises deliberately."""
+"""Define the exceptions that the program raises deliberately."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class ProblemError(SsmPlannerError):
 
 @contextmanager
 def within(prefix: str) -> Iterator[None]:
-    """Prefix the keys of problem errors in the block with a key such as motion[0].tilt."""
+    """Put a key such as motion[0].tilt before the keys of problem errors that the block raises."""
     try:
         yield
     except ProblemError as error:
@@ -97,7 +97,7 @@ def within(prefix: str) -> Iterator[None]:
 
 
 class GeometryError(SsmPlannerError, ValueError):
-    """Invalid array argument. The message has its name, shape and fault.
+    """Invalid array argument. The message states its name, shape and fault.
 
     Examples
     --------

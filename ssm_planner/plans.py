@@ -1,4 +1,4 @@
-"""Plan: the result of planning and its file plan.json."""
+"""Define the result of planning, and read and write its file plan.json."""
 
 from __future__ import annotations
 
@@ -109,10 +109,10 @@ class PhaseSummary(ShortRepr):
     toppra_duration: float | None
     """Shortest duration along the path of the phase by the package toppra, s.
 
-    None if toppra was not asked, or cannot judge the phase.
+    None if toppra was not called or cannot judge the phase.
     """
     lower_bound: float
-    """Duration that no motion within the same limits can beat, s."""
+    """Lower bound of the duration of any motion within the same limits, s."""
     task_start: tuple[float, ...]
     """Roll, tilt, spin and depth at the start."""
     task_end: tuple[float, ...]
@@ -126,38 +126,44 @@ class PhaseSummary(ShortRepr):
     Ipopt confirms "structured" unless the planner is `fast`.
     """
     confirmation_iterations: int | None = None
-    """Iterations in which Ipopt confirmed the structured solver, or None if either worked alone."""
+    """Iterations in which Ipopt confirmed the structured solver.
+
+    None if only one of the two solvers was used.
+    """
     confirmation_difference: float | None = None
-    """Relative difference of Ipopt's duration to the structured solver's.
+    """Relative difference between the durations of Ipopt and of the structured solver.
 
     The shorter motion is used.
     """
     confirmation_residual: float | None = None
-    """Largest violation of the optimality conditions (KKT residual) when Ipopt confirmed."""
+    """Largest violation of the optimality conditions (KKT residual) in Ipopt's confirmation."""
     reversal_multiplier: float | None = None
     """Largest remaining multiplier of a joint's direction, as a share of the duration.
 
-    It estimates, to first order, how much a further reversal would save. Motions along paths have
-    None.
+    It estimates, to first order, how much a further reversal would save. None for motions along
+    paths.
     """
     corner_departure: float | None = None
     """Largest distance of the tip from its lines between rounded corners, m."""
     corner_reach: float | None = None
-    """Largest distance from a corner at which the tip is off its lines, m."""
+    """Largest distance between a corner and a tip position that is off the lines, m."""
     constant_speed: float | None = None
     """Constant speed of the tip between the ramps at both ends, m/s."""
     constant_from: float | None = None
     constant_to: float | None = None
-    """Start and end of that interval, s from the start of the phase."""
+    """End of the interval with constant speed, s from the start of the phase.
+
+    `constant_from` is the start of this interval.
+    """
     constant_error: float | None = None
-    """Largest relative error of the speed in that interval."""
+    """Largest relative error of the speed in this interval."""
     not_judged: str | None = None
     """Reason why toppra cannot judge the duration of the phase."""
     path_bound: float | None = None
-    """Duration that no motion along the path of the phase can beat, s, if toppra was asked."""
+    """Lower bound of the duration along the path of the phase, s. None if toppra was not called."""
 
     def to_dict(self) -> JsonObject:
-        """Return JSON types without the fields that do not apply to this phase."""
+        """Return JSON types. Fields that do not apply to this phase are omitted."""
         data = plain(asdict(self))
         return {
             name: value for name, value in data.items() if value is not None or name not in OF_SOME
@@ -165,13 +171,16 @@ class PhaseSummary(ShortRepr):
 
     @property
     def difference(self) -> float:
-        """Relative difference of the duration to that by toppra, or 0 if there is none."""
+        """Relative difference from the duration by toppra.
+
+        It is 0 without a duration by toppra.
+        """
         return self.duration / self.toppra_duration - 1 if self.toppra_duration else 0.0
 
     def with_opinion(self, opinion: Opinion) -> PhaseSummary:
-        """Return the phase with toppra's duration and the bound along its path.
+        """Return the phase with toppra's duration and with the bound along its path.
 
-        A duration below the proven lower bound is an error of toppra's, not of the plan.
+        If toppra's duration is below the proven lower bound, toppra is wrong and not the plan.
         """
         duration, reason = opinion.duration, opinion.not_judged
         if duration is not None and duration < (1 - OPINION_ERROR) * self.lower_bound:
@@ -207,20 +216,24 @@ OF_SOME = (
     "not_judged",
     "path_bound",
 )
-"""Fields that only free motions, or phases with rounded corners or constant speed have."""
+"""Fields that only some phases have: free motions, or phases with rounded corners or constant
+speed.
+"""
 OPINION_ERROR = 1e-5
-"""Relative error of a duration by toppra."""
+"""Relative error of a duration that toppra computes."""
 FASTER = 1e-4
 SLOWER = 1e-3
-"""Relative differences to toppra's duration at which a motion is faster than its path allows, and
-slower than necessary. docs/planning.md explains them.
+"""Relative difference to toppra's duration above which a motion is slower than necessary.
+
+FASTER is the difference above which it is faster than its path allows (docs/planning.md).
 """
 TRADED = 1e-3
 """Share of the duration that the objective "time then heat" may add."""
 NOT_IN_PATH = ("continuous torque", "nut contact", "self-locking")
 BINDS = 0.01
-"""Limits that can slow a motion down and that toppra does not know, and the margin below which
-they do.
+"""Margin below which a limit of NOT_IN_PATH can slow a motion down.
+
+NOT_IN_PATH contains limits that toppra does not know.
 """
 
 
@@ -228,7 +241,7 @@ they do.
 class Plan(ShortRepr):
     """Planned motion with its certificate, or the reason for a failure, in SI units and radians.
 
-    Further properties follow from the trajectory, the robot and the certificate, and are computed
+    Further properties follow from the trajectory, the robot and the certificate. They are computed
     on first use.
 
     Examples
@@ -253,9 +266,9 @@ class Plan(ShortRepr):
     reason: Reason | None = None
     """Reason why no motion is certified."""
     nominal_duration: float | None = None
-    """Duration of the plan for nominal friction and an empty tip, s.
+    """Duration of the plan for nominal friction and no payload at the tip, s.
 
-    None unless this plan holds for a range of them.
+    None unless this plan is valid for a range of friction or payload.
     """
     solve_time: float | None = None
     """Solve time in s. It is not stored, so it is None for a loaded plan."""
@@ -266,7 +279,9 @@ class Plan(ShortRepr):
     software: Mapping[str, str] = field(default_factory=software)
     """Versions of the software that made the plan."""
     file: Path | None = field(default=None, init=False)
-    """plan.json from which it was loaded, or None for a plan that was made or changed in Python."""
+    """File plan.json from which the plan was loaded. None for a plan that was made or changed in
+    Python.
+    """
     file_sha256: str | None = field(default=None, init=False)
     """SHA-256 of that file."""
     uncertified_reason: str | None = field(default=None, init=False)
@@ -288,7 +303,7 @@ class Plan(ShortRepr):
 
     @property
     def limits(self) -> TaskLimits:
-        """The problem's limits of the task."""
+        """Limits of the task that the problem states."""
         return self.problem.task_limits
 
     @property
@@ -301,15 +316,16 @@ class Plan(ShortRepr):
 
     @classmethod
     def from_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> Plan:
-        """Return the plan of a motion that another program computed, with its certificate.
+        """Build the plan of a motion that another program computed, with its certificate.
 
         Parameters
         ----------
         trajectory : Trajectory
+            The motion.
         robot : Robot
             Robot whose limits must hold. The motion must begin and end at rest.
         name : str
-            Name of the plan, which names its result folder too.
+            Name of the plan, which is also the name of its result folder.
 
         Raises
         ------
@@ -337,7 +353,10 @@ class Plan(ShortRepr):
         return cls(problem, "solved", motion, certificate=certificate)
 
     def __bool__(self) -> bool:
-        """Raise TypeError, because a plan without a motion is also an object."""
+        """Raise TypeError, because the truth value of a plan is ambiguous.
+
+        A plan can lack a motion.
+        """
         raise TypeError("a plan is neither true nor false: ask for plan.passed")
 
     def _repr_html_(self) -> str:
@@ -346,10 +365,17 @@ class Plan(ShortRepr):
         return html_table([attributes(self, SUMMARY)]) + limits
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draw the joint positions over time with matplotlib, in deg and mm.
+        """Draw the joint positions over time with matplotlib, in deg and mm, and return the axes.
 
-        axes: axes to draw on. The default is the current axes of pyplot, which the function
-        returns. Raises TrajectoryError for a plan without a trajectory.
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on. The default is the current axes of pyplot.
+
+        Raises
+        ------
+        TrajectoryError
+            If the plan lacks a trajectory.
         """
         from matplotlib import pyplot
 
@@ -364,22 +390,27 @@ class Plan(ShortRepr):
 
     @property
     def passed(self) -> bool:
-        """True if there is a motion, and neither the check nor the cross-check objects to it."""
+        """True if the motion passed the check and does not contradict the cross-check."""
         certified = self.certificate is not None and self.certificate.passed
         return certified and not self.disagreements
 
     def cross_checked(self, ask: Callable[[], Sequence[Opinion] | None] = lambda: None) -> Plan:
         """Return the plan with toppra's duration along the path of every phase.
 
-        The command asks toppra, and `save` does, but not `plan`. Only plans by the planner
-        `optimal` that passed the check are judged, and other plans are returned unchanged.
+        The command `plan` and the method `save` call this method, but the function `plan` does not.
+        Only plans by the planner `optimal` that passed the check are judged. Other plans are
+        returned unchanged.
 
-        ask: returns the result of `second_opinions` that a second process computes, or None.
+        Parameters
+        ----------
+        ask : callable
+            Function that returns the result of `second_opinions` from a second process, or None. If
+            it returns None, toppra is called in this process.
         """
         asked = self.problem.planner == "optimal" and "toppra" not in self.software
         if not (asked and self.passed and self.phases):
             return self
-        results = {"sizing": self.sizing, "stops": self.stops}  # The second process works, too.
+        results = {"sizing": self.sizing, "stops": self.stops}  # while the second process works
         opinions = ask() or second_opinions(self.motion, self.problem)
         phases = map(PhaseSummary.with_opinion, self.phases, opinions)
         versions = {**self.software, "toppra": _version("toppra")}
@@ -414,12 +445,15 @@ class Plan(ShortRepr):
 
     @property
     def toppra_duration(self) -> float | None:
-        """Duration by toppra along the same paths, s, or None if a phase has none."""
+        """Duration by toppra along the same paths, s. None if it is missing for a phase."""
         return self._total("toppra_duration")
 
     @property
     def path_bound(self) -> float | None:
-        """Duration that no motion along the same paths can beat, s, or None if a phase has none."""
+        """Lower bound of the duration along the same paths, s.
+
+        None if it is missing for a phase.
+        """
         return self._total("path_bound")
 
     @property
@@ -438,7 +472,7 @@ class Plan(ShortRepr):
 
     @property
     def lower_bound(self) -> float | None:
-        """Duration that no motion within the same limits can beat, s."""
+        """Lower bound of the duration of any motion within the same limits, s."""
         return self._total("lower_bound")
 
     def _total(self, name: str) -> float | None:
@@ -496,7 +530,7 @@ class Plan(ShortRepr):
         return tuple(notes)
 
     def limit_differences(self, robot: Robot) -> tuple[str, ...]:
-        """Return sentences on the different limits of another robot, its joints and motors."""
+        """Return sentences on the limits of another robot, its joints and motors that differ."""
         of_robot = {limit.key: limit for limit in _limits_of(robot)}
         of_plan = {limit.key: limit for limit in _limits_of(self.robot)}
         notes = []
@@ -518,7 +552,7 @@ class Plan(ShortRepr):
 
     @property
     def disagreements(self) -> tuple[str, ...]:
-        """Phases that are faster than toppra finds possible along their paths."""
+        """Remarks on phases that are faster than toppra considers possible along their paths."""
         return tuple(
             f"the cross-check failed: {phase.name} takes {phase.duration:.5f} s, and toppra finds "
             f"no motion of less than {phase.toppra_duration:.5f} s along its path"
@@ -527,7 +561,7 @@ class Plan(ShortRepr):
         )
 
     def _slow_phases(self) -> list[str]:
-        """Return remarks on phases that are slower than toppra finds possible."""
+        """Return remarks on phases that are slower than toppra considers necessary."""
         limits = self.certificate.limits if self.certificate else ()
         slowed = any(limit.name in NOT_IN_PATH and limit.margin < BINDS for limit in limits)
         allowed = SLOWER + TRADED * (self.problem.objective == "time then heat")
@@ -540,7 +574,7 @@ class Plan(ShortRepr):
 
     @property
     def path(self) -> Path:
-        """plan.json from which it was loaded, or the path where the command would write it."""
+        """File plan.json from which the plan was loaded, or to which the command would write it."""
         return self.file or Path("results") / file_name(self.problem.name) / FILE
 
     @cached_property
@@ -564,7 +598,7 @@ class Plan(ShortRepr):
         }
 
     def to_dict(self) -> JsonObject:
-        """Return the content of plan.json: JSON types, SI units, radians.
+        """Return the content of plan.json as JSON types, in SI units and radians.
 
         The same plan always gives the same text.
         """
@@ -586,12 +620,12 @@ class Plan(ShortRepr):
 
     @cached_property
     def document(self) -> JsonObject:
-        """Result of `to_dict`, for pages."""
+        """Result of `to_dict`, which pages use. It is computed once."""
         return self.to_dict()
 
     @cached_property
     def _text(self) -> str:
-        """Text of plan.json, which is computed once. Every piece of the motion has one line."""
+        """Text of plan.json, which is computed once. Each piece of the motion is on one line."""
         text = json.dumps({**self.document, "trajectory": None}, indent=1, allow_nan=False)
         trajectory = json.dumps(self.document["trajectory"], allow_nan=False)
         lines = trajectory.replace("]], [[", "]],\n  [[")
@@ -603,16 +637,16 @@ class Plan(ShortRepr):
 
     @classmethod
     def from_json(cls, data: bytes, file: Path) -> Plan:
-        """Return the plan in a text from `to_json` or from an earlier version of this program.
+        """Build the plan from a text of `to_json` or of an earlier version of this program.
 
-        file is named in messages. Raises TrajectoryError (unknown version or no trajectory) or
-        ProblemError.
+        `file` is the name of the file for messages. Raises TrajectoryError (unknown version or no
+        trajectory) or ProblemError.
         """
         return cls._from_document(parse_json(file, data), hashlib.sha256(data).hexdigest(), file)
 
     @classmethod
     def _from_document(cls, data: Any, sha256: str, file: Path) -> Plan:
-        """Return the plan in the content of a plan.json."""
+        """Build the plan from the content of a plan.json."""
         document = _document(data, file)
         problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
         if document.get("trajectory") is None:
@@ -641,7 +675,7 @@ class Plan(ShortRepr):
         return plan
 
     def write(self, path: Path) -> Path:
-        """Write plan.json alone. Raises ExportError."""
+        """Write plan.json alone, and return its path. Raises ExportError."""
         with replacing(path) as temporary:
             temporary.write_text(self.to_json(), encoding="utf-8")
         return path
@@ -649,8 +683,8 @@ class Plan(ShortRepr):
     def save(self, folder: str | Path) -> dict[str, Path]:
         """Write the result folder of `ssm-planner plan`, and return the paths by name.
 
-        The folder contains plan.json, report.html, trajectory.csv and figures. Raises ExportError,
-        also for a plan that did not pass its check.
+        The folder contains plan.json, report.html, trajectory.csv and figures. Raises ExportError
+        if a file cannot be written, or if the plan did not pass its check.
         """
         plan = self.cross_checked()
         if not plan.passed:
@@ -667,7 +701,7 @@ class Plan(ShortRepr):
 
 @checked
 def load_plan(path: str | Path) -> Plan:
-    """Return the plan in a plan.json or in the result folder that contains one.
+    """Load the plan in a plan.json, or in the result folder that contains one.
 
     Raises TrajectoryError (unknown version, no trajectory, or files of several plans in its folder)
     or ProblemError.
@@ -691,11 +725,10 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) -> Plan:
-    """Return the plan of a trajectory of the robot, or of a plan.json.
+    """Return the plan of a trajectory of the robot, or the plan in a plan.json.
 
-    A plan is returned unchanged.
-
-    Raises TrajectoryError for a trajectory without a robot, and what `load_plan` raises.
+    A plan is returned unchanged. Raises TrajectoryError for a trajectory without a robot, and the
+    errors of `load_plan`.
     """
     if isinstance(motion, Trajectory):
         if robot is None:
@@ -705,7 +738,10 @@ def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) 
 
 
 def _document(document: Any, path: Path) -> JsonObject:
-    """Return the mapping in a plan.json of this version. Raises TrajectoryError."""
+    """Return the content of a plan.json as a mapping.
+
+    Raises TrajectoryError unless it has the format and version of this program.
+    """
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise TrajectoryError(f"{path}: not a plan.json (its format key is not {FORMAT!r})")
     if document.get("version") != VERSION:
@@ -717,7 +753,7 @@ def _document(document: Any, path: Path) -> JsonObject:
 
 
 def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
-    """Return the mapping of a key. Raises TrajectoryError if it is missing."""
+    """Return the mapping under a key. Raises TrajectoryError if it is missing."""
     value = data.get(key)
     if not isinstance(value, dict):
         raise TrajectoryError(f"{path}: {key} is missing or not a mapping: incomplete plan.json")
@@ -725,14 +761,14 @@ def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
 
 
 def _number(value: Any, path: Path) -> float | None:
-    """Return an optional number. Raises TrajectoryError for another type."""
+    """Return an optional number. Raises TrajectoryError if the value is not a number."""
     if value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
         raise TrajectoryError(f"{path}: nominal_duration is not a number: incomplete plan.json")
     return value
 
 
 def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
-    """Return the phases of a plan.json. Raises TrajectoryError or ProblemError."""
+    """Build the phases of a plan from JSON types. Raises TrajectoryError or ProblemError."""
     if not isinstance(data, list):
         raise TrajectoryError("phases is not a list: incomplete plan.json")
     try:

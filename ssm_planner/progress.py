@@ -1,4 +1,4 @@
-"""Progress of long work, as values that a caller can show, count or use to cancel."""
+"""Represent the progress of long work by values that a caller can show, count or use to cancel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ssm_planner.typing import frozen
 
 @frozen
 class Step:
-    """A step of long work that begins.
+    """Start of a step of long work.
 
     Attributes
     ----------

@@ -1,11 +1,10 @@
-"""Publication of result folders as consistent generations.
+"""Publish result folders as consistent generations.
 
 All files of a generation belong to one plan and appear together. They are first written to a
 temporary folder. Then a manifest.json with the hash of every file and a mark of incompleteness is
-put in
-place. The files follow, and finally the manifest without the mark. If the program ends in between,
-the folder
-either contains one generation or shows that it does not.
+written to the result folder. The files follow, and finally the manifest without the mark. If the
+program is interrupted, the folder either contains one generation, or its mark shows that it does
+not.
 """
 
 from __future__ import annotations
@@ -44,29 +43,29 @@ LONGEST_NAME = 100
 def file_name(text: str) -> str:
     """Return a name as one component of a path, so that data cannot select a folder.
 
-    Letters, digits, `-`, `_` and `.` remain.
+    Characters other than ASCII letters, digits, `-`, `_` and `.` are replaced by `_`.
     """
     cleaned = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in text)
     return cleaned.lstrip(".")[:LONGEST_NAME] or "unnamed"
 
 
 def one_line(text: str, without: str = "") -> str:
-    """Return a name for a comment or title: printable characters on one line.
+    """Return a name for a comment or title, on one line.
 
-    Characters in `without` become `_`.
+    Characters that are not printable or are in `without` are replaced by `_`.
     """
     return "".join(c if c.isprintable() and c not in without else "_" for c in text)
 
 
 @contextmanager
 def publishing(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder whose content moves into `folder` at the end of the block.
+    """Yield a temporary folder whose content is moved into `folder` at the end of the block.
 
-    A manifest.json in it lists the files (`files`: name → SHA-256). Files of an earlier generation
-    that are not in the new one are removed unless they were changed. Other files remain. If the
-    block raises
-    an exception, nothing changes. Raises ExportError, without any change, if the folder cannot be
-    written, contains something else, or has a file or folder of the same name that no export wrote.
+    A manifest.json in the temporary folder lists the files (`files`: name → SHA-256). Files of an
+    earlier generation that are not in the new one are removed unless they were changed. Other files
+    remain. If the block raises an exception, nothing changes. Raises ExportError, without any
+    change, if the folder cannot be written, contains something else, or has a file or folder of the
+    same name that no export wrote.
     """
     with staging(folder) as temporary:
         yield temporary
@@ -75,10 +74,11 @@ def publishing(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def publishing_results(folder: Path, plan: str) -> Iterator[Path]:
-    """Yield a folder like `publishing` for files made from the plan whose SHA-256 is `plan`.
+    """Yield a temporary folder like `publishing`, for files made from one plan.
 
-    With a plan.json among them they form a new generation. Otherwise they join the files of the
-    same plan. Raises ExportError if the folder contains another plan.
+    The SHA-256 of the plan is `plan`. If a plan.json is among the files, they form a new
+    generation. Otherwise they are added to the files of the same plan. Raises ExportError if the
+    folder contains another plan.
     """
     with publishing(folder) as temporary:
         yield temporary
@@ -88,9 +88,9 @@ def publishing_results(folder: Path, plan: str) -> Iterator[Path]:
 
 @contextmanager
 def replacing_result(path: Path, plan: str) -> Iterator[Path]:
-    """Yield a path like `replacing` for a file made from a plan.
+    """Yield a path like `replacing` for a file made from one plan.
 
-    In the result folder of that plan, the manifest is updated.
+    The SHA-256 of the plan is `plan`. In the result folder of this plan, the manifest is updated.
     """
     if read_manifest(path.parent).get("format") != RESULTS:
         with replacing(path) as temporary:
@@ -118,7 +118,7 @@ def sha256(path: Path) -> str:
 
 
 def read_manifest(folder: Path) -> JsonObject:
-    """Return the manifest of results or of an export in a folder, or an empty one."""
+    """Return the manifest of results or of an export in a folder, or an empty mapping."""
     path = folder / MANIFEST
     try:
         if not path.is_file() or path.stat().st_size > LARGEST_MANIFEST:
@@ -145,7 +145,7 @@ def listed_files(manifest: JsonObject) -> dict[str, str]:
 def check_generation(folder: Path) -> None:
     """Raise TrajectoryError if the files in a folder differ from those in its manifest.
 
-    A folder without a manifest and missing files are accepted.
+    Folders without a manifest are accepted, and so are missing files.
     """
     manifest = read_manifest(folder)
     if manifest.get(INCOMPLETE):
@@ -178,7 +178,7 @@ def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
 
 
 def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
-    """Move the content of source into a folder, and move replaced files away."""
+    """Move the content of `source` into a folder. Files that it replaces are moved away first."""
     manifest = read_manifest(source)
     old = read_manifest(folder)
     ours = listed_files(old)
@@ -253,7 +253,7 @@ def _write_manifest(path: Path, manifest: JsonObject) -> None:
 def _check_way(
     target: Path, displayed_path: Path, is_folder: bool, ours: Mapping[str, str], strict: bool
 ) -> None:
-    """Raise ExportError if a file or folder that no export wrote must be replaced."""
+    """Raise ExportError if a file or folder that no export wrote would be replaced."""
     if not os.path.lexists(target):
         return
     destination(target, file_type_wanted=stat.S_IFDIR if is_folder else stat.S_IFREG)
@@ -284,7 +284,7 @@ def _is(path: Path, sha: str) -> bool:
 
 
 def is_inside(name: str) -> bool:
-    """Return whether a relative name stays in its folder on every system."""
+    """Return True if a relative name refers to a file inside its folder on every system."""
     path = PurePosixPath(name)
     return (
         bool(name)

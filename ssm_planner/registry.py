@@ -1,4 +1,4 @@
-"""Registries of declared objects, to which other packages add objects by entry points."""
+"""Register declared objects, to which other packages add objects by entry points."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ N = TypeVar("N", bound=Any)
 class Registry(Mapping[str, N]):
     """Mapping of declared objects by name.
 
-    Entry points of installed packages are loaded when an unknown name is met or when all objects
-    are listed, so that they do not delay the start. Their objects come last.
+    Entry points of installed packages are loaded when an unknown name is requested or when all
+    objects are listed, so they do not delay the start. Their objects are last.
 
     Parameters
     ----------
     group : str
         Group of the entry points, for example ssm_planner.drives.
     noun : str
-        Name of one object, for messages.
+        Word for one object in messages.
     *declared : object
         Objects of this package.
     """
@@ -40,9 +40,10 @@ class Registry(Mapping[str, N]):
         return item
 
     def find(self, name: object, key: str | None = None) -> N:
-        """Return the object of this name.
+        """Return the object with this name.
 
-        Raises ProblemError with the key of the name and with all names if it is unknown.
+        Raises ProblemError if the name is unknown. The message contains the key of the name and all
+        known names.
         """
         if not isinstance(name, str) or name not in self:
             reason = f"unknown {self.noun}{suggestion(name, self)}"

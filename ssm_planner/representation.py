@@ -1,4 +1,4 @@
-"""Values as short texts, as tables of notebooks and as data frames."""
+"""Show values as short texts, as tables of notebooks and as data frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ssm_planner.errors import SsmPlannerError
 
 LONGEST = 400
 LONGEST_FIELD = 60
-"""Number of characters of the longest text, and of the longest text of a field."""
+"""Largest number of characters of the text of a field. LONGEST applies to the complete text."""
 
 
 class ShortRepr:
@@ -25,7 +25,7 @@ class ShortRepr:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        # a dataclass keeps a method that its class body defines, but replaces an inherited one
+        # Dataclasses replace an inherited __repr__, but keep one that the class itself defines.
         cls.__repr__ = ShortRepr.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
@@ -39,7 +39,7 @@ class ShortRepr:
 
 
 def _abbreviated(value: object) -> str:
-    """Return a short text of one field."""
+    """Return a short text for the value of a field."""
     if isinstance(value, np.ndarray):
         return f"<array {value.shape}>" if value.size > 4 else repr(value.tolist())
     text = repr(value) if dataclasses.is_dataclass(value) else reprlib.repr(value)
@@ -55,7 +55,7 @@ def html_table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def data_frame(columns: Any) -> Any:
-    """Return a pandas DataFrame. Raises SsmPlannerError without pandas."""
+    """Return a pandas DataFrame. Raises SsmPlannerError if pandas is not installed."""
     try:
         import pandas
     except ImportError:

@@ -1,4 +1,4 @@
-"""Certified controlled stops from every instant of a motion."""
+"""Compute controlled stops from every instant of a motion, with their certificate."""
 
 from __future__ import annotations
 
@@ -72,16 +72,23 @@ def controlled_stops(
     limits: TaskLimits | None = None,
     instants: int | Array = INSTANTS,
 ) -> Stops:
-    """Return the quickest stops along the path from n instants, and check them.
+    """Compute the quickest stops along the path from n instants, and check them.
 
     Parameters
     ----------
     motion : Trajectory
+        Motion that is stopped.
     robot : Robot
+        Robot that performs the motion.
     limits : TaskLimits, optional
         Limits of the task.
     instants : int or (n,)
         Number of instants, or times in s from the start.
+
+    Returns
+    -------
+    Stops
+        Durations and travels of the stops, with their certificate.
     """
     limits = TaskLimits(robot.limits) if limits is None else limits
     motions = quickest_stops(motion, robot, instants)

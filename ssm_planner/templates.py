@@ -1,4 +1,4 @@
-"""JSON schemas of the YAML files, and templates that describe every key."""
+"""Write JSON schemas of the YAML files, and templates that describe every key."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _require(kind: str, allowed: tuple[str, ...]) -> None:
 def file_keys(kind: str) -> tuple[Key, ...]:
     """Return every key of a kind of file.
 
-    The kind "drive" means the drive file of a worm gear, and "screw" that of a lead screw.
+    The kind "drive" means the drive file of a worm gear, and "screw" means that of a lead screw.
     """
     from ssm_planner.loading import drive_model, file_keys, keys
     from ssm_planner.studies.study_file import StudyModel
@@ -182,7 +182,7 @@ class _Writer:
         yield _commented(f"{pad}{name}: {_flow(value, name in REFERENCES)}", key)
 
     def _describe(self, path: str) -> bool:
-        """Record a key as described, and return True if it was not described before.
+        """Mark a key as described. Return True if it was not described before.
 
         The three revolute joints share their keys.
         """
@@ -194,7 +194,7 @@ class _Writer:
 
 
 def _commented(line: str, key: Key | None) -> str:
-    """Add the description of a key as a comment, beside the line or above it if it is long."""
+    """Add the description of a key to a line as a comment, or above the line if it is long."""
     if key is None:
         return line
     allowed = "" if key.allowed in ("", "a text") else f" ({key.allowed})"
@@ -210,8 +210,8 @@ def _commented(line: str, key: Key | None) -> str:
 def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
     """Write a value in YAML's flow style, on one line.
 
-    If `reference` is true, the value is the path of a shipped file, and only its name is written,
-    because the name works in any folder. `inside` is true for values within a list or mapping.
+    If `reference` is true, the value is the path of a shipped file. Only its name is written,
+    because the name is valid in any folder. `inside` is true for values within a list or mapping.
     """
     if isinstance(value, dict):
         items = (f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items())

@@ -1,4 +1,4 @@
-"""The backward and the forward pass of TOPP-RA over a path, with the package toppra."""
+"""Compute the backward and the forward pass of TOPP-RA over a path, with the package toppra."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 from ssm_planner.typing import Array
 
 Rows = tuple[Array, Array, Array]
-"""a, b and c of rows a s̈ + b ṡ² + c ≤ 1 at n points, (n, rows) each."""
+"""Coefficients a, b and c of rows a s̈ + b ṡ² + c ≤ 1 at n points, (n, rows) each."""
 TINY = 1e-9
-"""Smallest coefficient by which a row is divided, and rounding of rows without coefficients."""
+"""Smallest coefficient by which a row is divided, and rounding error of rows without coefficients.
+"""
 
 
 def largest_speeds(
@@ -24,9 +25,9 @@ def largest_speeds(
     speeds: tuple[float, float],
     exact_ends: bool,
 ) -> Array | None:
-    """Return the largest ṡ² (n + 1,) on a grid of n intervals, or None if there is no motion.
+    """Return the largest ṡ² (n + 1,) on a grid of n intervals, or None if no motion is possible.
 
-    s̈ is constant in an interval.
+    The acceleration s̈ is constant in each interval.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def largest_speeds(
     ceiling : (n + 1,) array
         Largest ṡ² that speed limits allow.
     speeds : (float, float)
-        ṡ at both ends.
+        Speed ṡ at both ends.
     exact_ends : bool
         If false, the motion may be slower at its ends.
     """

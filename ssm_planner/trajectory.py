@@ -1,4 +1,4 @@
-"""Joint motions as piecewise polynomials in time.
+"""Represent joint motions as piecewise polynomials in time.
 
 The planner writes this form, the check judges it, and the exports sample it.
 """
@@ -18,19 +18,19 @@ from ssm_planner.typing import Array, Indices, JsonObject, frozen, record
 DEGREE = 5
 SHORTEST = 1e-12
 LONGEST = 1e9
-"""Shortest piece and largest absolute time, s."""
+"""Largest absolute time, s. SHORTEST is the smallest duration of a piece, s."""
 LARGEST = 1e9
-"""Largest displacement within a piece, rad or m. Derivatives of larger ones overflow."""
+"""Largest displacement within a piece, rad or m. Derivatives of larger displacements overflow."""
 BLOCK = 65_536
 """Number of pieces that are evaluated together, which bounds the memory in use."""
 ROUNDING = 1e-9
-"""Relative rounding error of a time that still belongs to the trajectory."""
+"""Relative rounding error by which a time may lie outside the trajectory."""
 Side = Literal["left", "right"]
 
 
 @frozen
 class Span:
-    """A named part of a trajectory between two times in s.
+    """Named section of a trajectory between two times in s.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Span:
 
 @record
 class Samples(ShortRepr):
-    """A motion sampled at n times: t (n,), q, qd, qdd and qddd (n, 4) in rad, m and s.
+    """Motion that is sampled at n times: t (n,), q, qd, qdd and qddd (n, 4), in rad, m and s.
 
     Examples
     --------
@@ -65,7 +65,7 @@ class Samples(ShortRepr):
     def to_dataframe(self) -> Any:
         """Return a pandas DataFrame with the columns t, q1 … q4, qd1 … qddd4 in rad, m and s.
 
-        Raises SsmPlannerError without pandas.
+        Raises SsmPlannerError if pandas is not installed.
         """
         columns = {
             f"{name}{i + 1}": getattr(self, name)[:, i]
@@ -77,7 +77,7 @@ class Samples(ShortRepr):
 
 @record
 class Trajectory(ShortRepr):
-    """A joint motion of m polynomial pieces: q(t) = Σ_k coefficients[i, k] (t − breaks[i])^k.
+    """Joint motion of m polynomial pieces: q(t) = Σ_k coefficients[i, k] (t − breaks[i])^k.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Trajectory(ShortRepr):
     coefficients : (m, 6, 4)
         Coefficients in rad/s^k and m/s^k, or an object that returns them block by block.
     phases : tuple of Span
-        Named parts that follow one another. Empty if the parts are not named.
+        Named sections that follow one another. Empty if the sections are not named.
 
     Raises
     ------
@@ -159,9 +159,14 @@ class Trajectory(ShortRepr):
         t : (n,)
             Strictly increasing times in s.
         q, qd, qdd : (n, 4)
-            Joint positions, velocities and accelerations in rad, m and s. Velocities that are
-            left out come from the cubic spline through the positions that is at rest at both
-            ends. Accelerations that are left out make every piece a cubic polynomial.
+            Joint positions, velocities and accelerations in rad, m and s. Missing velocities are
+            those of a cubic spline through the positions that is at rest at both ends. Without
+            accelerations, every piece is a cubic polynomial.
+
+        Returns
+        -------
+        Trajectory
+            Motion with one piece between each two samples.
 
         Raises
         ------
@@ -196,7 +201,7 @@ class Trajectory(ShortRepr):
     def piece_of(self, t: Array, side: Side = "right") -> Indices:
         """Return the index (n,) of the piece that contains each time t (n,).
 
-        At a break, `side` chooses the piece to its right or to its left.
+        At a break, `side` selects the piece to its right or to its left.
         """
         index = np.searchsorted(self.breaks, t, side) - 1
         return np.clip(index, 0, len(self.breaks) - 2)
@@ -250,7 +255,7 @@ class Trajectory(ShortRepr):
     def _derivatives(self, index: Indices, local: Array, highest: int) -> list[Array]:
         """Return q and its derivatives up to order `highest`, each (n, 4), at local times (n,)."""
         derivatives = []
-        # the values of one coefficient are contiguous in memory, which makes the loop fast
+        # The values of one coefficient are contiguous in memory, which makes the loop fast.
         coefficients = np.ascontiguousarray(self.pieces(index).transpose(1, 2, 0))
         for order in range(highest + 1):
             value = coefficients[DEGREE - order].copy()
@@ -272,7 +277,7 @@ class Trajectory(ShortRepr):
         return self.sample(t)
 
     def slower(self, speed: float) -> Trajectory:
-        """Return the motion along the same path at a fraction of the speed.
+        """Return the motion along the same path at a fraction `speed` of its speed.
 
         The start time does not change.
         """
@@ -287,7 +292,7 @@ class Trajectory(ShortRepr):
         )
 
     def to_dict(self) -> JsonObject:
-        """Return the trajectory as plan.json stores it: JSON types, s, rad, m."""
+        """Return the trajectory as JSON types, in s, rad and m, as plan.json contains it."""
         return {
             "breaks_s": self.breaks.tolist(),
             "coefficients": self.pieces(slice(None)).tolist(),
@@ -338,14 +343,14 @@ def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, li
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
-    """Return consecutive slices that cover range(count)."""
+    """Return consecutive slices of at most `size` entries that cover range(count)."""
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
 
 
 def parts_of(counts: Indices) -> tuple[Indices, Indices]:
-    """Return the piece of each part (n,) and its place in the piece (n,).
+    """Return the index of the piece of each part (n,), and the index of the part in its piece (n,).
 
-    counts (m,): number of parts of each piece.
+    `counts` (m,) contains the number of parts of each piece.
     """
     piece = np.repeat(np.arange(len(counts)), counts)
     return piece, np.arange(len(piece)) - (np.cumsum(counts) - counts)[piece]
@@ -354,19 +359,27 @@ def parts_of(counts: Indices) -> tuple[Indices, Indices]:
 def hermite(
     breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
 ) -> Array:
-    """Return the quintic pieces with given q, qd and qdd at both ends of every piece.
+    """Return the coefficients (m, 6, 4) of quintic pieces with given q, qd and qdd at both ends.
 
-    breaks (m + 1,); start and end hold (q, qd, qdd), each (m, 4). Returns coefficients (m, 6, 4).
+    Parameters
+    ----------
+    breaks : (m + 1,)
+        Ends of the pieces, s.
+    start, end : three of (m, 4)
+        q, qd and qdd at the start and at the end of every piece.
     """
     return quintics(np.diff(breaks), start, end)
 
 
 def quintics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
-    """Return the pieces of `hermite` from their lengths (m,). They need not be adjacent."""
+    """Return the coefficients of `hermite` for pieces of lengths (m,), s.
+
+    The pieces need not be adjacent.
+    """
     h = length[:, None]
     q0, v0, a0 = start
     q1, v1, a1 = end
-    # remainders after the quadratic that matches the start
+    # differences from the quadratic polynomial that matches the start
     dq = (q1 - q0 - v0 * h - a0 * h**2 / 2) / h**3
     dv = (v1 - v0 - a0 * h) / h**2
     da = (a1 - a0) / h
@@ -377,9 +390,11 @@ def quintics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) ->
 
 
 def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
-    """Return cubic pieces of lengths (m,) with given q and qd at both ends of every piece.
+    """Return the coefficients (m, 6, 4) of cubic pieces with given q and qd at both ends.
 
-    start and end hold (q, qd), each (m, 4). Returns coefficients (m, 6, 4).
+    `length` (m,) contains the durations of the pieces, s.
+
+    `start` and `end` contain q and qd, each (m, 4).
     """
     h = length[:, None]
     (q0, v0), (q1, v1) = start, end
@@ -392,10 +407,15 @@ def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> A
 
 @record
 class Cubic:
-    """A cubic u(t) on 0 ≤ t ≤ h, given by its state at t = 0 and its acceleration at both ends.
+    """Cubic polynomial u(t) on 0 ≤ t ≤ h.
 
-    With c = t / h and r = a1 − a0:
-    ü = a0 + c r, u̇ = v + t (a0 + c r / 2), u(t) = u + t v + t² (a0 / 2 + c r / 6).
+    It is defined by its state at t = 0 and its acceleration at both ends. With c = t / h and r = a1
+    − a0:
+
+        ü = a0 + c r
+        u̇ = v + t (a0 + c r / 2)
+        u(t) = u + t v + t² (a0 / 2 + c r / 6)
+
     The fields are NumPy arrays or CasADi expressions of compatible shapes.
     """
 
@@ -427,7 +447,7 @@ class Cubic:
 
     @property
     def end(self) -> tuple[Any, Any]:
-        """u and u̇ at t = h."""
+        """Values of u and u̇ at t = h."""
         h = self.h
         return self.u + h * self.v + h**2 * (self.a0 / 3 + self.a1 / 6), self.v + h * (
             self.a0 + self.a1
@@ -437,14 +457,14 @@ class Cubic:
     def middle_velocity(self) -> Any:
         """Second Bernstein coefficient of the quadratic u̇.
 
-        The first and the third coefficient are the values of u̇ at both ends. A bound that holds
-        for all three coefficients holds for u̇ on the whole piece.
+        The first and the third coefficient are the values of u̇ at both ends. A bound that all
+        three coefficients satisfy applies to u̇ on the whole piece.
         """
         return self.v + self.h * self.a0 / 2
 
     @property
     def jerk(self) -> Any:
-        """u⃛, constant."""
+        """Third derivative of u, which is constant."""
         return (self.a1 - self.a0) / self.h
 
 
@@ -456,7 +476,11 @@ def hold(q: Array) -> Array:
 
 
 def join(sections: Sequence[tuple[str, Array, Array]]) -> Trajectory:
-    """Concatenate phases into one trajectory. Each is (name, breaks from 0, coefficients)."""
+    """Concatenate phases into one trajectory.
+
+    Each phase is a tuple of its name, its breaks (m + 1,), which start at 0, and its coefficients
+    (m, 6, 4).
+    """
     if not sections:
         raise TrajectoryError("a trajectory needs at least one phase")
     time = 0.0

@@ -1,4 +1,4 @@
-"""Types that many modules share, and the decorators of immutable classes."""
+"""Define types that many modules share, and the decorators of immutable classes."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ Arrays = dict[str, Array]
 """Arrays by name."""
 Range = tuple[float, float]
 JsonObject = dict[str, Any]
-"""Object of a JSON or YAML file: values of JSON types by key."""
+"""Object of a JSON or YAML file, with values of JSON types by key."""
 Files = dict[str, Path]
 """Paths of written files by name."""
 Keywords = dict[str, Any]
-"""Arguments of a function by keyword."""
+"""Arguments of a function by name."""
 C = TypeVar("C")
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
 def record(cls: type[C]) -> type[C]:
-    """Make a class an immutable dataclass that defines no equality of its own.
+    """Make a class an immutable dataclass that does not define its own equality.
 
-    Dataclasses compare field by field, which is not possible for arrays. A record has the equality
-    of its base class: that of `Value`, or identity.
+    A comparison field by field is not possible for arrays. A record has the equality of its base
+    class, which is that of `Value` or identity.
     """
     return dataclass(frozen=True, eq=False)(cls)
 
@@ -47,5 +47,5 @@ def frozen(cls: type[C]) -> type[C]:
     frozen_default=True, eq_default=False, kw_only_default=True, field_specifiers=(field,)
 )
 def keyword_record(cls: type[C]) -> type[C]:
-    """Make a class a record whose fields are arguments by keyword."""
+    """Make a class a record whose constructor accepts keyword arguments only."""
     return dataclass(frozen=True, eq=False, kw_only=True)(cls)

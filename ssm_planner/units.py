@@ -1,4 +1,4 @@
-"""Conversion of quantities such as `65 deg/s` to SI numbers."""
+"""Convert quantities such as `65 deg/s` to SI numbers."""
 
 from __future__ import annotations
 
@@ -13,11 +13,17 @@ from ssm_planner.typing import frozen
 
 deg = math.pi / 180
 rpm = math.pi / 30
-"""SI factors: `85 * deg` is an angle in rad, `8000 * rpm` a speed in rad/s."""
+"""SI factor of a rotational speed: `8000 * rpm` is a speed in rad/s.
+
+Likewise, `85 * deg` is an angle in rad.
+"""
 mm = 1e-3
 mNm = 1e-3
 ms = 1e-3
-"""SI factors: `20 * mm` is a length in m, `80 * mNm` a torque in N·m, `50 * ms` a time in s."""
+"""SI factor of a time: `50 * ms` is a time in s.
+
+Likewise, `20 * mm` is a length in m, and `80 * mNm` is a torque in N·m.
+"""
 
 Dimensions = tuple[tuple[str, int], ...]
 """Powers of the base dimensions in sorted order, empty for a dimensionless number."""
@@ -42,7 +48,10 @@ _BASES = {
     "temperature": "K kelvin degC degree_Celsius",
     "angle": "rad radian",
 }
-"""Base units. Angle is a separate dimension, so `5` and `5 mm` are not valid angles."""
+"""Base units by dimension.
+
+Angle is a separate dimension, so `5` and `5 mm` are not valid angles.
+"""
 _DERIVED = {
     "min minute": (60.0, "s"),
     "h hour": (3600.0, "s"),
@@ -59,7 +68,7 @@ _DERIVED = {
     "ohm": (1.0, "V/A"),
     "in inch": (25.4e-3, "m"),
 }
-"""Further units in terms of others."""
+"""Other units as multiples of base units."""
 _ZERO = {"degC": 273.15, "degree_Celsius": 273.15}
 """Zero of temperature scales in K. In a compound unit such as K/W, a degree is a kelvin."""
 
@@ -87,7 +96,7 @@ _SPELLINGS = {
 _NUMBER_HINT = "a bare number such as 0.13, without a unit"
 
 
-# Factors to SI of the units that column headings of tables name.
+# Factors to SI units of the units in the headings of tables.
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": deg, "°": deg}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
@@ -97,9 +106,9 @@ _AFTER = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){PER}?|s|ms|us|ns)$", 
 
 
 def of_heading(name: str) -> tuple[str, str]:
-    """Return (label, unit) of a column named `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`.
+    """Split a column heading such as `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`.
 
-    The unit is "" if the name does not state one.
+    The result is the label and the unit. The unit is "" if the heading does not state one.
     """
     match = _IN_BRACKETS.match(name) or _AFTER.match(name.strip())
     return (match.group(1), match.group(2).strip()) if match else (name, "")
@@ -109,7 +118,7 @@ SPEEDS = {"rpm": rpm, "1/min": rpm, "rad/s": 1.0, "deg/s": deg, "mrpm": 1e-3 * r
 
 
 class BadQuantity(ValueError):
-    """Text that is not the required quantity, with the reason and the allowed values."""
+    """Error for text that is not the required quantity, with the reason and the allowed values."""
 
     def __init__(self, reason: str, allowed: str) -> None:
         super().__init__(f"{reason} (allowed: {allowed})")
@@ -118,9 +127,9 @@ class BadQuantity(ValueError):
 
 
 def quantity(value: object, unit_kind: str) -> float:
-    """Return the SI value of `65 deg/s` for a kind in KINDS, or of a bare number for "number".
+    """Return the value of a quantity such as `65 deg/s` in SI units.
 
-    Raises BadQuantity.
+    `unit_kind` is a name in KINDS, or "number" for a number without a unit. Raises BadQuantity.
     """
     if unit_kind in _WITHOUT_UNIT:
         return _WITHOUT_UNIT[unit_kind](value)
@@ -149,7 +158,7 @@ def number(value: object) -> float:
 
 
 def share(value: object) -> float:
-    """Return a share that is a number or a percentage such as `20 %`. Raises BadQuantity."""
+    """Return a share, which is a number or a percentage such as `20 %`. Raises BadQuantity."""
     text = str(value).strip()
     try:
         result = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
@@ -163,7 +172,7 @@ def share(value: object) -> float:
 def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     """Return the SI values of a list or text such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
 
-    Each value has its own kind. Raises BadQuantity.
+    `kinds` contains the kind of each value. Raises BadQuantity.
     """
     shape = ", ".join(KINDS.get(kind, NUMBER).example for kind in kinds)
     allowed = f"{len(kinds)} values such as [{shape}]"
@@ -179,11 +188,14 @@ def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
 
 
 _WITHOUT_UNIT = {"number": number, "share": share}
-"""Readers of quantities that have no unit."""
+"""Readers of quantities that do not have a unit."""
 
 
 def interval(value: object, unit_kind: str) -> tuple[float, float]:
-    """Return the SI bounds of `[-139 deg, -81 deg]`, lower bound first. Raises BadQuantity."""
+    """Return the SI bounds of an interval such as `[-139 deg, -81 deg]`.
+
+    Raises BadQuantity unless the lower bound is first.
+    """
     low, high = vector(value, (unit_kind, unit_kind))
     if not low < high:
         raise BadQuantity("the lower bound is not below the upper one", "[lower, upper]")
@@ -191,7 +203,7 @@ def interval(value: object, unit_kind: str) -> tuple[float, float]:
 
 
 def _convert(magnitude: float, unit: str, target: Kind) -> float:
-    """Return a magnitude with a unit in SI. Raises BadQuantity."""
+    """Convert a magnitude with a unit to SI units. Raises BadQuantity if the unit does not fit."""
     if _UNIT.fullmatch(unit) is None:
         raise BadQuantity(
             f"{unit[:40]!r} is not a unit",
@@ -211,7 +223,7 @@ def _convert(magnitude: float, unit: str, target: Kind) -> float:
 
 
 def _plausible(value: float, target: Kind, text: str) -> float:
-    """Return a value in SI. Raises BadQuantity if its size suggests another unit."""
+    """Return a value in SI units. Raises BadQuantity if its size suggests another unit."""
     if not math.isfinite(value):
         raise BadQuantity("not a finite number", target.expected)
     if abs(value) > target.largest:
@@ -242,9 +254,9 @@ def _parsed(text: str) -> tuple[float, Dimensions]:
 
 @lru_cache(maxsize=256)
 def _unit_by_name(name: str) -> tuple[float, Dimensions]:
-    """Return the factor and dimensions of one unit with an optional prefix or plural s.
+    """Return the factor and the dimensions of a unit, which may have a prefix or a plural s.
 
-    Raises KeyError.
+    Raises KeyError if the unit is unknown.
     """
     for symbol in (name, name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name):
         for prefix, factor in _PREFIXES.items():
@@ -255,7 +267,7 @@ def _unit_by_name(name: str) -> tuple[float, Dimensions]:
 
 
 def _plain(name: str) -> tuple[float, Dimensions] | None:
-    """Return the factor and dimensions of one unit without a prefix."""
+    """Return the factor and the dimensions of a unit without a prefix, or None if it is unknown."""
     for dimension, names in _BASES.items():
         if name in names.split():
             return 1.0, ((dimension, 1),)
@@ -267,7 +279,7 @@ def _plain(name: str) -> tuple[float, Dimensions] | None:
 
 
 def _name(dimensions: Dimensions) -> str:
-    """Return the name of a quantity with these dimensions, or the dimensions themselves."""
+    """Return the name of the quantity that has these dimensions, or a text of the dimensions."""
     for kind in KINDS.values():
         if _parsed(kind.unit)[1] == dimensions:
             return kind.name
@@ -286,7 +298,7 @@ def _spell(text: str) -> str:
 
 
 def describe(value: object) -> str:
-    """Return the kind of a YAML value for messages."""
+    """Describe the type of a YAML value for messages, for example "a list"."""
     kinds: tuple[tuple[tuple[type, ...], str], ...] = (
         ((type(None),), "nothing"),
         ((bool,), "true/false"),
@@ -299,17 +311,17 @@ def describe(value: object) -> str:
 
 @frozen
 class Kind:
-    """Kind of quantity with name, example, SI unit, alternative units and bound."""
+    """Kind of quantity: name, example, SI unit, other units and largest plausible value."""
 
     name: str
     example: str
     unit: str
     others: tuple[str, ...] = ()
-    """Further units of another dimension with the same meaning (N*m*s for N*m*s/rad)."""
+    """Units of another dimension that have the same meaning, such as N*m*s for N*m*s/rad."""
     largest: float = math.inf
     """SI value above which the unit must be wrong."""
     slip: str = ""
-    """Unit that was probably intended in this case."""
+    """Unit that was probably intended for a larger value."""
 
     @property
     def expected(self) -> str:
@@ -318,7 +330,7 @@ class Kind:
 
 
 NUMBER = Kind("a number", "0.13", "")
-"""Dimensionless number. It is not in KINDS."""
+"""Kind of dimensionless numbers. It is not in KINDS."""
 with Path(__file__).with_suffix(".csv").open(encoding="utf-8") as _table:
     KINDS = {
         key: Kind(
@@ -335,10 +347,10 @@ _SHOWN = {"m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
 
 
 def display_unit(unit: str, degree: str = "deg") -> tuple[str, float]:
-    """Return the unit in which people read values of an SI unit, and its scale.
+    """Return the unit in which messages show values of an SI unit, and its scale.
 
     The result for "rad/s" is ("deg/s", 57.3). "rpm" represents the speed of a motor in rad/s.
-    degree is the sign of a degree, such as "°" on pages and figures.
+    `degree` is the symbol of a degree, such as "°" on pages and in figures.
     """
     base, slash, per = unit.partition("/")
     name, scale = (degree, 180 / math.pi) if base == "rad" else _SHOWN.get(base, (base, 1.0))

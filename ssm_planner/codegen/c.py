@@ -1,4 +1,4 @@
-"""Write a CasADi Function as the body of a C99 function, one statement per operation."""
+"""Translate a CasADi Function to a C99 function, with one statement for each operation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ typedef double ssm_real;
 #define SSM_F(function) function
 #endif
 """
-"""Type of all numbers, macro for its constants, and macro for functions of math.h."""
+"""Definitions of the type of all numbers and of macros for its constants and functions."""
 PLAIN = {name: operation.c for name, operation in OPERATIONS.items()}
 """C expressions by operation."""
 SIGN = (
@@ -32,17 +32,17 @@ SIGN = (
 
 @frozen
 class Argument:
-    """A C argument: an array of `size` numbers, or a single number if size is 0."""
+    """Argument of a C function: an array of `size` numbers, or a single number if `size` is 0."""
 
     name: str
     size: int
     places: Sequence[int] | None = None
-    """Positions of an output's numbers in the array; None: consecutive."""
+    """Positions of the numbers of an output in the array. None means consecutive positions."""
     adds: bool = False
-    """Whether the output is added to the array."""
+    """True if the output is added to the content of the array."""
 
     def element(self, index: int) -> str:
-        """Return the C expression of the number at `index`."""
+        """Return the C expression of the number with an index."""
         if self.size == 0:
             return self.name
         return f"{self.name}[{index if self.places is None else self.places[index]}]"
@@ -55,9 +55,9 @@ def write_function(
     outputs: Sequence[Argument],
     expressions: Mapping[str, str] = PLAIN,
 ) -> str:
-    """Return the C text of a function; it needs REAL and SIGN.
+    """Return the text of a C function. The text requires REAL and SIGN before it.
 
-    The function reads all inputs before it writes outputs, because they may overlap.
+    The C function reads all inputs before it writes outputs, because they may overlap.
 
     Parameters
     ----------
@@ -69,6 +69,11 @@ def write_function(
         C arguments, one for each input and output of the function.
     expressions : Mapping
         C expressions by operation. The default is those of OPERATIONS.
+
+    Returns
+    -------
+    str
+        Text of the C function.
     """
     value_of: dict[int, str] = {}
     registers: set[int] = set()
@@ -100,7 +105,7 @@ def write_function(
 
 
 def literal(value: float) -> str:
-    """Return a constant of type `ssm_real`."""
+    """Return a constant of the type `ssm_real` as C text."""
     if not math.isfinite(value):
         return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
     text = repr(abs(float(value)))

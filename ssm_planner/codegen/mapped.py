@@ -1,4 +1,4 @@
-"""Evaluate CasADi Functions at many points repeatedly, without new Python objects per call."""
+"""Evaluate CasADi Functions repeatedly at many points, without new Python objects in each call."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from ssm_planner.typing import Array, Indices
 
 
 class Mapped:
-    """A CasADi Function (z, *p, multipliers if any) at n elements.
+    """CasADi Function that is evaluated at n elements in one call.
 
-    Results are dense, (n, size) or (n, rows, columns).
+    Its arguments are z, the parameters and, if the Function has another argument, multipliers.
+    Results are dense, with the shape (n, size) or (n, rows, columns).
     """
 
     def __init__(self, function: ca.Function, parameters: Sequence[Array], count: int) -> None:
@@ -59,7 +60,10 @@ class Mapped:
         ctypes.memmove(result, values.ctypes.data, values.nbytes)
 
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
-        """Return the results at points z (n, size or more) and multipliers (n, k)."""
+        """Return the results at points z (n, size) with multipliers (n, k).
+
+        Additional columns of z are ignored.
+        """
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
         if multipliers is not None:
             self._arguments[-1][...] = multipliers
@@ -77,15 +81,18 @@ class Mapped:
 
 @lru_cache(maxsize=128)
 def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
-    """Return the Function mapped over `count` elements; arguments `shared` are constant."""
+    """Map a Function over `count` elements.
+
+    The arguments with the indices `shared` are constant.
+    """
     return function.map(function.name(), "serial", count, list(shared), [])
 
 
 @lru_cache(maxsize=128)
 def _outputs(function: ca.Function) -> list[tuple[tuple[int, int], Indices | None]]:
-    """Return the shape of every output and the row-major positions of its nonzeros.
+    """Return the shape of every output, and the row-major positions of its nonzeros.
 
-    The positions are None if the nonzeros are in order already.
+    The positions are None if the nonzeros already have this order.
     """
     outputs: list[tuple[tuple[int, int], Indices | None]] = []
     for i in range(function.n_out()):

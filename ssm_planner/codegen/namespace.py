@@ -10,14 +10,15 @@ import numpy as np
 
 NAMES = ("sin", "cos", "sqrt", "exp", "sign", "arctan2", "where", "minimum", "maximum")
 IN_CASADI = {"arctan2": "atan2", "where": "if_else", "minimum": "fmin", "maximum": "fmax"}
-"""CasADi's names that differ from NumPy's."""
+"""CasADi's names of functions that have other names in NumPy."""
 
 
 class Namespace(SimpleNamespace):
-    """The functions NAMES for one kind of number, under NumPy's names.
+    """Functions NAMES for one kind of number, with NumPy's names.
 
-    The closed forms are written once with them. `nonnegative` removes rounding below zero from
-    numbers. It does not change symbols, so that a solver sees NaN outside the domain.
+    Each closed form is written once with these functions. The function `nonnegative` removes
+    rounding errors below zero from numbers. It does not change symbols, so that a solver sees NaN
+    outside the domain.
     """
 
 
@@ -28,7 +29,7 @@ NUMPY = Namespace(
 
 @cache
 def casadi_namespace() -> Namespace:
-    """Return the functions for CasADi SX and MX expressions."""
+    """Return the functions for SX and MX expressions of CasADi."""
     import casadi
 
     functions = {name: getattr(casadi, IN_CASADI.get(name, name)) for name in NAMES}

@@ -1,4 +1,4 @@
-"""Evaluate CasADi Functions over batches of samples, operation by operation, by NumPy or in C.
+"""Evaluate CasADi Functions for many samples, operation by operation, by NumPy or in C.
 
 NumPy evaluates many samples several times faster than CasADi's virtual machine.
 """
@@ -27,7 +27,7 @@ def _copy(source: Array, result: Array) -> None:
 
 
 def _if_else_zero(condition: Array, value: Array, result: Array) -> None:
-    """Write the value where the condition holds, else 0."""
+    """Write the value if the condition is true, and otherwise 0."""
     result[...] = np.where(condition != 0, value, 0.0)
 
 
@@ -36,13 +36,13 @@ class Operation:
     """Implementation of a CasADi operation in NumPy and in C."""
 
     numpy: Callable[..., Any]
-    """Called with the operands and `out`, rows of one length."""
+    """Function of the operands and `out`, which are rows of equal length."""
     c: str
-    """Expression with the macros of `codegen.c.REAL`; {0} and {1} are the operands."""
+    """C expression with the macros of `codegen.c.REAL`, in which {0} and {1} are the operands."""
 
     @property
     def operands(self) -> int:
-        """Return the number of operands."""
+        """Number of operands."""
         return 2 if "{1}" in self.c else 1
 
 
@@ -68,6 +68,7 @@ OPERATIONS = {
     "or": Operation(np.logical_or, "(ssm_real)({0} != SSM_R(0.0) || {1} != SSM_R(0.0))"),
     "if_else_zero": Operation(_if_else_zero, "({0} != SSM_R(0.0) ? {1} : SSM_R(0.0))"),
 }
+"""Operations by the name that CasADi gives them."""
 for _name in [
     "exp",
     "log",
@@ -90,9 +91,10 @@ for _name in ["pow", "fmin", "fmax", "atan2", "copysign", "fmod", "hypot"]:
 
 @frozen
 class Step:
-    """One operation. `out` and `operands` are registers.
+    """One operation of a Function. `out` and `operands` are indices of registers.
 
-    An input or output is the element `index` of `argument`.
+    An operation that reads an input or writes an output refers to the element `index` of
+    `argument`.
     """
 
     name: str
@@ -101,11 +103,11 @@ class Step:
     constant: float = 0.0
     argument: int = -1
     index: int = -1
-    """Index into the column-major dense elements of the argument or result."""
+    """Index into the elements of the argument or result in column-major order."""
 
 
 def steps(function: ca.Function) -> Iterator[Step]:
-    """Generate the operations of a Function of SX with dense inputs and outputs.
+    """Yield the operations of a Function of SX with dense inputs and outputs.
 
     Raises NotImplementedError for an unknown operation.
     """
@@ -156,7 +158,7 @@ def _names() -> dict[int, str]:
 MANY = 200
 """Smallest number of samples for which `call` uses `Vectorised`, which gives the same numbers."""
 BLOCK = 1024
-"""Samples of a block, so that the registers stay in the processor's cache."""
+"""Number of samples in a block, so that the registers stay in the processor's cache."""
 NATIVE = (
     *(
         "assign",
@@ -175,15 +177,18 @@ NATIVE = (
     ),
     *("lt", "le", "eq", "ne", "and", "or", "if_else_zero", "fmin", "fmax"),
 )
-"""Operations of native/vectorised.c, in the order of its codes."""
+"""Operations of native/vectorised.c in the order of their codes."""
 _KEPT: list[Array] = []
-"""Memory of the registers for the next call; a new allocation costs an eighth of the operations."""
+"""Memory for the registers of the next call.
+
+A new allocation would take an eighth of the time of the operations.
+"""
 
 
 class Vectorised:
-    """A dense Function of SX, evaluated operation by operation over rows of samples.
+    """Dense Function of SX that is evaluated operation by operation over rows of samples.
 
-    NumPy and C give the same bits.
+    NumPy and C give identical results.
     """
 
     def __init__(self, function: ca.Function) -> None:
@@ -229,8 +234,8 @@ class Vectorised:
     def __call__(self, *arguments: Array) -> list[Array]:
         """Return the results (n, elements) for arguments (n, elements).
 
-        Fortran order, in which the n values of an element are adjacent, is fastest; the results
-        have it. Raises GeometryError for wrong shapes.
+        Arrays in Fortran order, in which the n values of an element are adjacent, are fastest. The
+        results have this order. Raises GeometryError for wrong shapes.
         """
         n = arguments[0].shape[0]
         for argument, rows in zip(arguments, self.rows_in, strict=True):
@@ -248,10 +253,10 @@ class Vectorised:
         return [result.T for result in results]
 
     def _run(self, work: Array, inputs: list[Array], n: int) -> None:
-        """Execute all operations, block by block.
+        """Execute all operations for n samples, block by block.
 
-        work: registers (registers, samples of a block). inputs: rows (k, n) of the arguments and
-        results.
+        `work` (registers, samples of a block) contains the registers. `inputs` contains the rows
+        (k, n) of the arguments and of the results.
         """
         tables = [work, self._constants, *inputs]
         starts = np.array([table.__array_interface__["data"][0] for table in tables])
@@ -287,10 +292,11 @@ class Vectorised:
     def _compile(
         self, function: ca.Function
     ) -> tuple[list[tuple[str, int, int, int]], list[float]]:
-        """Return the operations (name, operand, operand or −1, target) and the constants.
+        """Return the operations and the constants of a Function.
 
-        Operands and targets are slots: registers, constants, rows of the arguments, rows of the
-        results.
+        An operation is a tuple of its name, its first operand, its second operand or −1, and its
+        target. Operands and targets are indices of registers, constants, and rows of the arguments
+        and results.
         """
         sequence = list(steps(function))
         constants = [step.constant for step in sequence if step.name == "const"]
@@ -348,7 +354,10 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
 
 
 def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
-    """Return the number n of samples of the arguments (n, size). Raises GeometryError."""
+    """Return the number n of samples in arguments (n, size).
+
+    Raises GeometryError if the shapes are wrong.
+    """
     sizes = _sizes(function)
     if len(arguments) != len(sizes):
         raise GeometryError(f"{function.name()} takes {len(sizes)} arguments, got {len(arguments)}")
@@ -371,7 +380,7 @@ def _sizes(function: ca.Function) -> tuple[int, ...]:
 
 @lru_cache(maxsize=64)
 def _vectorised(function: ca.Function) -> Vectorised | None:
-    """Return a Function for many samples, or None if it contains an unknown operation."""
+    """Return a Function that is evaluated for many samples, or None if an operation is unknown."""
     if not function.is_a("SXFunction"):
         return None
     inputs = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
@@ -384,7 +393,7 @@ def _vectorised(function: ca.Function) -> Vectorised | None:
 class Layout:
     """Names and lengths of parameters that form one vector, in NumPy and in CasADi.
 
-    Layout(gravity=3, scale=1) packs gravity (3,) and scale into (4,).
+    For example, Layout(gravity=3, scale=1) packs gravity (3,) and scale into a vector (4,).
     """
 
     def __init__(self, **lengths: int) -> None:
@@ -395,9 +404,9 @@ class Layout:
         self.size = sum(lengths.values())
 
     def pack(self, **values: Any) -> Array:
-        """Return all parameters as one vector (size,); each value may have any shape.
+        """Return all parameters as one vector (size,). Each value may have any shape.
 
-        Raises GeometryError for a missing or unknown name, or a wrong size.
+        Raises GeometryError for a missing or unknown name, or for a wrong size.
         """
         arrays = {name: np.ravel(value) for name, value in values.items()}
         expected = {name: item.stop - item.start for name, item in self.slices.items()}
@@ -411,7 +420,7 @@ class Layout:
     def unpack(self, vector: Any) -> SimpleNamespace:
         """Return the parameters by name.
 
-        vector: a CasADi vector (size,), or an array (…, size) whose last axis is split.
+        `vector` is a CasADi vector (size,), or an array (…, size) whose last axis is divided.
         """
         last_axis = isinstance(vector, np.ndarray)
         return SimpleNamespace(

@@ -162,24 +162,24 @@ class AlignedAxis:
         """Standard deviation of the noise in a single sample of the speed, rad/s."""
         return noise_of(self.speed_error[self.moving], 1, self.measured.speed_resolution)
 
-    def planned(self, values: Array) -> Array:
+    def interpolate_plan(self, values: Array) -> Array:
         """Interpolate values of the plan (m,) at the samples (n,)."""
         return np.interp(self.t, self.plan.time, values)
 
     @property
     def position_error(self) -> Array:
-        """Position less the planned one (n,), rad or m."""
-        return self.q - self.planned(self.plan.position)
+        """Measured minus planned position (n,), rad or m."""
+        return self.q - self.interpolate_plan(self.plan.position)
 
     @property
     def speed_error(self) -> Array:
-        """Motor speed less the planned one (n,), rad/s."""
+        """Measured minus planned motor speed (n,), rad/s."""
         return self.measured.w - self.speed
 
     @property
     def torque_error(self) -> Array:
-        """Motor torque less the planned one (n,), N·m."""
-        return self.measured.tau - self.planned(self.plan.torque)
+        """Measured minus planned motor torque (n,), N·m."""
+        return self.measured.tau - self.interpolate_plan(self.plan.torque)
 
 
 def map_to_clock(
@@ -267,7 +267,7 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
-    """Yield a finding if the tracking error is too large, or if noise hides such an error.
+    """Yield a finding if the tracking error is too large, or if noise could hide such an error.
 
     The error is averaged over the shortest window. `lag` is the permitted delay at the largest
     speed, s.
@@ -384,7 +384,7 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     deficit = -float(np.mean((error * np.sign(axis.speed))[start:stop]))
     noise = noise_of(error, n, axis.measured.speed_resolution)
     allowed = STANDS * axis.plan.peak + CERTAIN * noise
-    needed = float(np.mean(np.abs(axis.planned(axis.plan.torque)[start:stop])))
+    needed = float(np.mean(np.abs(axis.interpolate_plan(axis.plan.torque)[start:stop])))
     if deficit > allowed and needed > top:
         text = (
             f"torque stays at {1e3 * top:.3g} mN·m for {length:.3g} s, from "
@@ -409,7 +409,7 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     reach = round((NEAR + n * axis.step / 2) * PLAN_RATE)
     mean = smoothed(tau, n)
     expected, low, high = (
-        smoothed(axis.planned(values), n)
+        smoothed(axis.interpolate_plan(values), n)
         for values in (plan.torque, _extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
     )
     resolution = axis.measured.torque_resolution
@@ -430,7 +430,7 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def _extreme(values: Array, reach: int, sign: int) -> Array:
-    """Return the extreme of values (n,) within ± `reach` samples of each sample.
+    """Return the extreme of values (n,) among the `reach` samples on both sides of each sample.
 
     The extreme is the maximum if `sign` is +1, and the minimum if it is −1.
     """

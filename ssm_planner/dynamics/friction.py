@@ -16,7 +16,7 @@ from ssm_planner.problem import LAWS, Drive, Friction
 from ssm_planner.typing import Array, Expression
 
 STANDSTILL = 0.005
-"""Motor speed up to which a measured drive counts as standing still, rad/s (authors' package)."""
+"""Largest motor speed at which a measured drive counts as resting, rad/s (authors' package)."""
 
 
 def friction_of(drive: Drive) -> Friction:
@@ -56,8 +56,9 @@ def stribeck_shape(law: str | Array, x: Expression) -> Expression:
 def friction_coefficient(friction: Friction, w: Expression) -> Expression:
     """Return the kinetic friction coefficient μ(|w|) of the mesh.
 
-    w: motor speed in rad/s, an array or a CasADi expression. At w = 0 the result is the limit for
-    a moving drive, mu + mu_stribeck. `breakaway_coefficient` applies where a drive starts.
+    The motor speed `w` in rad/s is an array or a CasADi expression. At w = 0 the result is the
+    limit for a moving drive, mu + mu_stribeck. For a drive that starts to move, use
+    `breakaway_coefficient`.
     """
     if friction.stribeck_speed is None:
         return friction.mu + 0.0 * w
@@ -78,20 +79,20 @@ def static_coefficient(
 ) -> Expression:
     """Return the friction coefficient at breakaway after a rest of `dwell` seconds.
 
-    It rises from its value on arrival (default mu) to mu_static as exp(−c / dwell). With no dwell
-    constant c it rises at once. The arguments are arrays or CasADi expressions.
+    It rises from its value on arrival (by default mu) to mu_static as exp(−c / dwell). Without a
+    dwell constant c it rises at once. The arguments are arrays or CasADi expressions.
     """
     start = friction.mu if arrival is None else arrival
     xp = namespace_of(dwell, start)
-    # shorter rests than any count as none: the exponential is 0 there
+    # The exponential is 0 for extremely short rests, so the smallest divisor does not matter.
     grown = xp.exp(-(friction.dwell_constant or 0.0) / xp.maximum(dwell, 1e-9))
     return start + (friction.mu_static - start) * grown
 
 
 def remembered_speed(friction: Friction, time: ArrayLike, w: ArrayLike) -> Array:
-    """Return the speed (samples,) that determines the friction: w delayed by the frictional memory.
+    """Return the speed (samples,) that determines the friction, which the frictional memory delays.
 
-    time: increasing times in s, (samples,). w: motor speed, (samples,).
+    `time` (samples,) contains increasing times in s, and `w` (samples,) the motor speeds in rad/s.
     """
     time = np.asarray(time, dtype=float)
     w = np.asarray(w, dtype=float)

@@ -1,4 +1,4 @@
-"""Direction, torque and effort of every drive during a joint motion, by the exact friction law."""
+"""Compute direction, torque and effort of every drive in a motion, by the exact friction law."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Expression, record
 
 STILL = 1e-9
-"""A joint counts as at rest below this fraction of its velocity limit."""
+"""Share of the velocity limit below which a joint counts as resting."""
 
 
 def motorised(joints: Sequence[Joint]) -> Iterator[tuple[int, Drive, Motor]]:
-    """Return the index, drive and motor of every joint that has both."""
+    """Yield the index, drive and motor of each joint that has a drive and a motor."""
     for i, joint in enumerate(joints):
         if joint.drive is not None and joint.motor is not None:
             yield i, joint.drive, joint.motor
@@ -34,10 +34,10 @@ def motorless(joints: Sequence[Joint]) -> list[int]:
 
 @record
 class MotorMotion:
-    """Motion of the motor shafts, one column for each joint, (n, 4).
+    """Motion of the motor shafts, with one column for each joint, (n, 4).
 
-    Angle, speed and acceleration of the motor in rad and s, motor torque in N·m, and mesh effort in
-    N·m or N. Columns of joints without a drive are NaN.
+    The arrays contain angle, speed and acceleration of the motor in rad and s, motor torque in N·m,
+    and mesh effort in N·m or N. Columns of joints without a drive are NaN.
     """
 
     angle: Array
@@ -81,10 +81,11 @@ def motor_motion(
 def motor_law(
     robot: Robot, q: ca.SX, qd: ca.SX, qdd: ca.SX, direction: ca.SX, breakaway: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return joint efforts, motor torques and mesh efforts, each (4,), in CasADi.
+    """Return joint efforts, motor torques and mesh efforts, each (4,), as CasADi expressions.
 
-    Torques and efforts of joints without a drive are 0. direction (4,): +1, −1, or 0 for a joint
-    that rests while its drive holds it. breakaway (4,): 1 for a joint that starts to move.
+    Torques and efforts of joints without a drive are 0. `direction` (4,) is +1, −1, or 0 for a
+    joint that rests while its drive holds it. `breakaway` (4,) is 1 for a joint that starts to
+    move.
     """
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
     torque = ca.SX.zeros(4)
@@ -129,9 +130,9 @@ def drive_torque(
 
 
 def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]:
-    """Return the direction of motion of every joint and whether it breaks away, each (n, 4).
+    """Return the direction of motion of every joint, and whether it starts from rest, each (n, 4).
 
-    See `joint_direction`.
+    `side` selects the instant after (+1) or before (−1) each sample, see `joint_direction`.
     """
     columns = [
         joint_direction(joint, samples.qd[:, i], samples.qdd[:, i], samples.qddd[:, i], side)
@@ -155,17 +156,17 @@ def directions_law(
 def joint_direction(
     joint: Joint, qd: Expression, qdd: Expression, qddd: Expression, side: int
 ) -> tuple[Expression, Expression]:
-    """Return the direction of a joint, +1, −1 or 0, and whether it breaks away from rest.
+    """Return the direction of a joint, +1, −1 or 0, and whether it starts from rest.
 
-    At rest the direction is the one in which the derivatives carry the joint. side = +1 evaluates
-    the instant after (a start with static friction), side = −1 the instant before (an arrival). A
-    joint without any motion has direction 0.
+    At rest, the direction is that in which the derivatives move the joint. With `side` = +1 the
+    instant after is evaluated, where a start has static friction. With `side` = −1 the instant
+    before is evaluated, which may be an arrival. A joint without any motion has the direction 0.
     """
     xp = namespace_of(qd, qdd, qddd)
     limit = joint.velocity
     bend = joint.acceleration
     standing = abs(qd) <= STILL * limit
-    # just beside an instant at rest, velocity has the sign of ±acceleration, or of the jerk where
+    # Just after or before a rest, the velocity has the sign of ±acceleration, or of the jerk where
     # that is zero too
     jerking = xp.where(abs(qddd) > STILL * bend**2 / limit, xp.sign(qddd), 0.0)
     leaning = xp.where(abs(qdd) > STILL * bend, side * xp.sign(qdd), jerking)

@@ -1,7 +1,7 @@
-"""Rigid-body dynamics of the four bodies: τ = M(q) q̈ + C(q, q̇) q̇ + g(q).
+"""Evaluate the rigid-body dynamics of the four bodies: τ = M(q) q̈ + C(q, q̇) q̇ + g(q).
 
-One Newton–Euler recursion about the remote centre of motion (RCM), written in CasADi, gives all
-symbolic and numeric results.
+All symbolic and numeric results come from one Newton–Euler recursion about the remote centre of
+motion (RCM), which is written in CasADi.
 """
 
 from __future__ import annotations
@@ -31,21 +31,23 @@ def _newton_euler(
     base: Any,
     motion: tuple[ca.SX, ca.SX, ca.SX],
 ) -> ca.SX:
-    """Evaluate the recursion for constants or symbols in the base frame at q = 0.
+    """Return the joint efforts (4,) of a Newton–Euler recursion, with constants or symbols.
+
+    All vectors are in the base frame at q = 0.
 
     Parameters
     ----------
     axes : three of (3,)
-        Revolute axes.
+        Unit vectors of the revolute axes.
     rotations : three of (3, 3)
-        Rotations e^{ω̂θ} about them.
+        Rotations e^{ω̂θ} about the axes.
     bodies : four of (mass, com, inertia)
-        Mass, centre of mass (3,) and inertia about it (3, 3). A body that only rotates may have
-        None, its first moment and its inertia about the RCM instead.
+        Mass, centre of mass (3,) and inertia about it (3, 3). A body that only rotates may instead
+        have None, its first moment and its inertia about the RCM.
     base : (3,)
         Acceleration of the base, −g.
     motion : three of (4,)
-        q, qd and qdd.
+        Joint positions q, velocities qd and accelerations qdd.
     """
     q, qd, qdd = motion
     omega = ca.SX.zeros(3)
@@ -55,8 +57,8 @@ def _newton_euler(
     for i, (mass, com, inertia) in enumerate(bodies):
         sliding, position = ca.SX.zeros(3), com
         if i < 3:
-            # into the next body's frame; ω̇ gains ω × (axis q̇) because the axis itself turns with
-            # the bodies before it
+            # The vectors are converted to the frame of the next body. The term ω × (axis q̇) is
+            # added to ω̇ because the axis turns with the previous bodies.
             back = rotations[i].T
             omega = back @ omega
             omega_dot = back @ omega_dot
@@ -89,9 +91,9 @@ def _newton_euler(
 LOAD = Layout(first_turn=2, second_turn=2, gravity=3, first_moments=9, inertias=18, mass=1, com=3)
 """Numbers that determine the efforts of a robot, in the frames of `axes_frames`.
 
-The cosine and sine of the angles between adjacent axes; gravity in the base frame; first moments
-and inertias (xx, xy, xz, yy, yz, zz) about the RCM of the three rotating bodies, where the third
-inertia includes the fourth; mass and centre of mass of the fourth body.
+These are the cosine and sine of the angles between adjacent axes, gravity in the base frame, first
+moments and inertias (xx, xy, xz, yy, yz, zz) about the RCM of the three rotating bodies, and mass
+and centre of mass of the fourth body. The third inertia includes the fourth body.
 """
 
 
@@ -100,14 +102,20 @@ def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
 
     The z axis of each frame is a joint axis, and its x–z plane contains the next axis.
 
+    Parameters
+    ----------
+    omegas : three of (3,)
+        Unit vectors of the revolute axes.
+
     Returns
     -------
     frames : (4, 3, 3)
         Frames of the base and three bodies at q = 0 in the base frame.
     angles : list of float
-        Angles between adjacent axes.
+        Angles between adjacent axes, rad.
     offset : float
-        Angle that must be added to θ2, because joint 2 brings the third axis into the x–z plane.
+        Angle in rad that must be added to θ2, because joint 2 turns the third axis into the x–z
+        plane.
     """
     axis_1, axis_2, third = (np.asarray(omega) / np.linalg.norm(omega) for omega in omegas)
     angles = [
@@ -126,7 +134,7 @@ def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
 
 
 def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:
-    """Return the numbers of LOAD for a robot, (38,). gravity: (3,), m/s²."""
+    """Return the numbers of LOAD for a robot, (38,), for gravity (3,) in m/s²."""
     frames, angles, _ = axes_frames((geometry.omega1, geometry.omega2, geometry.omega3))
     coms = [body.frame @ body.com for body in bodies]
     inertias = [body.frame @ body.inertia @ body.frame.T for body in bodies]
@@ -146,9 +154,9 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
 
 
 def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-    """Evaluate `RigidBody.symbolic` with the numbers of LOAD as symbols.
+    """Return the joint efforts (4,) of `RigidBody.symbolic` with the numbers of LOAD as symbols.
 
-    θ2 must include the offset of `axes_frames`.
+    The angle θ2 in `q` must include the offset of `axes_frames`.
     """
     f = LOAD.unpack(inertias)
     axis = constant(np.array([0.0, 0.0, 1.0]))
@@ -165,7 +173,7 @@ def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.S
 
 
 def _about_y(turn: ca.SX) -> ca.SX:
-    """Return the rotation about y for the cosine and sine of its angle."""
+    """Return the rotation matrix about y from the cosine and sine of its angle."""
     matrix = ca.SX(3, 3)
     matrix[0, 0], matrix[0, 2], matrix[1, 1], matrix[2, 0], matrix[2, 2] = (
         turn[0],
@@ -178,7 +186,7 @@ def _about_y(turn: ca.SX) -> ca.SX:
 
 
 def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Array) -> Array:
-    """Return the efforts (n, k, 4) that hold n robots still, each in k configurations.
+    """Return the efforts (n, k, 4) that hold n robots at rest, each in k configurations.
 
     Parameters
     ----------
@@ -189,9 +197,9 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
     coms : (n, 4, 3)
         Centres of mass in the base frame at q = 0, m.
     gravity : (3,)
-        m/s².
+        Acceleration of gravity in the base frame, m/s².
     q : (n, k, 4)
-        Joints in rad and m.
+        Joint positions, rad and m.
     """
     points = q.shape[1]
     of_robot = np.concatenate([axes.reshape(-1, 9), masses, coms.reshape(-1, 12)], axis=1)
@@ -203,13 +211,17 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
 
 @lru_cache(maxsize=4)
 def _static_load(gravity: tuple[float, ...]) -> ca.Function:
-    """Build the function of q (4,) and of the numbers of a robot (25,) for one gravity."""
+    """Build the function that returns the efforts (4,) that hold a robot at rest.
+
+    Its arguments are q (4,) and 25 numbers of the robot, which are axes, masses and centres of
+    mass.
+    """
     q = ca.SX.sym("q", 4)
     robot = ca.SX.sym("robot", 25)
     still = ca.SX.zeros(4)
     axes = [robot[3 * i : 3 * i + 3] for i in range(3)]
     hats = [ca.skew(axis) for axis in axes]
-    # Rodrigues with a symbolic axis
+    # Rodrigues' formula with a symbolic axis
     rotations = [
         ca.SX.eye(3) + hat * ca.sin(q[i]) + hat @ hat * (1 - ca.cos(q[i]))
         for i, hat in enumerate(hats)
@@ -230,7 +242,7 @@ def inertia_about_com(body: Body) -> Array:
 
 @record
 class RigidBody:
-    """Numeric rigid-body dynamics of one robot, vectorised over samples."""
+    """Numeric rigid-body dynamics of one robot for many samples at once."""
 
     geometry: Geometry
     bodies: tuple[Body, ...]
@@ -243,7 +255,7 @@ class RigidBody:
         Equal geometry, bodies and gravity give the same object, so its functions are built once.
         """
         global _last
-        # every robot copies its gravity
+        # Each robot has its own copy of the gravity array.
         key = (robot.geometry, *robot.bodies)
         gravity = robot.gravity.tobytes()
         cached = _last
@@ -262,9 +274,9 @@ class RigidBody:
         return self.inverse_dynamics(q, zero, zero)
 
     def path_load(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
-        """Return a, b, c (n, 4) of the efforts a s̈ + b ṡ² + c along a path q(s).
+        """Return a, b and c (n, 4) of the efforts a s̈ + b ṡ² + c along a path q(s).
 
-        dq, ddq: derivatives of q with respect to s, (n, 4).
+        `dq` and `ddq` (n, 4) are the derivatives of q with respect to s.
         """
         a, b, c = call(self._path_load, q, dq, ddq)
         return a, b, c
@@ -324,9 +336,10 @@ class RigidBody:
         return self._split("parts", along_path=False)
 
     def _split(self, name: str, *, along_path: bool) -> ca.Function:
-        """Return the efforts of two motions without gravity, and gravity alone, as a function.
+        """Build the function of the efforts of two motions without gravity, and of gravity.
 
-        Its arguments are q and two derivatives, by the path or by time.
+        Its arguments are q and two derivatives of q, with respect to the path if `along_path` is
+        true, and otherwise with respect to time.
         """
         q, first, second = (ca.SX.sym(symbol, 4) for symbol in ("q", "first", "second"))
         zero = ca.SX.zeros(4)
@@ -359,7 +372,7 @@ def _rigid_body(content: bytes) -> RigidBody:
 def with_payload(robot: Robot, mass: float) -> Robot:
     """Return the robot with a point mass (kg) at the tool tip, the origin of the last body's frame.
 
-    Raises ProblemError for a mass that is not allowed.
+    Raises ProblemError if the mass is not allowed.
     """
     if mass == 0.0:
         return robot

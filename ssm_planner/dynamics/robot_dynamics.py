@@ -1,4 +1,4 @@
-"""Dynamics of a robot as users call them: joint efforts and motor torques."""
+"""Compute joint efforts and motor torques for users of the library."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ from ssm_planner.typing import Array
 def inverse_dynamics(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
     """Return the joint efforts τ = M(q) q̈ + C(q, q̇) q̇ + g(q) of the rigid bodies.
 
-    The recursive Newton–Euler algorithm gives them (Featherstone, Rigid Body Dynamics Algorithms,
-    2008, §5.3). Friction and the inertia of the motors are not included. See `motor_torque`.
+    They are computed by the recursive Newton–Euler algorithm (Featherstone, Rigid Body Dynamics
+    Algorithms, 2008, §5.3). Friction and the inertia of the motors are not included. See
+    `motor_torque`.
 
     Parameters
     ----------
     robot : Robot
+        Robot whose bodies move.
     q, qd, qdd : (4,) or (n, 4)
         Joint positions, velocities and accelerations in rad, m and s.
 
@@ -54,12 +56,13 @@ def inverse_dynamics(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) 
 def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
     """Return the motor torques of a joint motion, with the friction of the drives.
 
-    A joint at rest that accelerates breaks away with static friction. A joint without velocity and
-    acceleration is held by its self-locking drive, and its motor needs no torque.
+    A joint at rest that accelerates starts with static friction. A joint without velocity and
+    acceleration is held by its self-locking drive, and its motor torque is 0.
 
     Parameters
     ----------
     robot : Robot
+        Robot with drives.
     q, qd, qdd : (4,) or (n, 4)
         Joint positions, velocities and accelerations in rad, m and s.
 
@@ -88,7 +91,10 @@ def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> A
 
 
 def _samples(q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Samples:
-    """Return samples without times and jerks. Raises GeometryError if the lengths differ."""
+    """Return samples without times and jerks.
+
+    Raises GeometryError if the arguments differ in length.
+    """
     rows = [batch(name, x, 4) for name, x in (("q", q), ("qd", qd), ("qdd", qdd))]
     if len({len(values) for values in rows}) > 1:
         lengths = ", ".join(str(len(values)) for values in rows)

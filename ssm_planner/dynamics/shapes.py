@@ -1,7 +1,7 @@
-"""Mass, centre of mass and inertia of arcs, rods, boxes and points in closed form.
+"""Compute mass, centre of mass and inertia of arcs, rods, boxes and points in closed form.
 
-Each solid contributes the integrals of 1, r and r·rᵀ times its density. The integrals of several
-solids add up, and the inertia is tr(S)·1 − S for the second moment S.
+Each solid contributes the integrals of 1, r and r·rᵀ, multiplied by its density. The integrals of
+several solids are added. The inertia is tr(S)·1 − S for the second moment S.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Moments:
         )
 
     def rotated(self, rotation: Array) -> Moments:
-        """Return the moments after `rotation` (3, 3) of the solid."""
+        """Return the moments of the solid after a rotation (3, 3)."""
         return Moments(self.mass, rotation @ self.first, rotation @ self.second @ rotation.T)
 
     @property
@@ -50,18 +50,25 @@ def point(mass: float, position: Array) -> Moments:
 
 
 def box(mass: float, position: Array, size: Array) -> Moments:
-    """Return the moments of a box of mass `mass` (kg).
+    """Return the moments of a box.
 
-    at: its centre (3,), m. size: its lengths along the axes (3,), m.
+    Parameters
+    ----------
+    mass : float
+        Mass, kg.
+    position : (3,)
+        Centre of the box, m.
+    size : (3,)
+        Lengths along the axes, m.
     """
     moments = point(mass, position)
     return Moments(mass, moments.first, moments.second + mass / 12 * np.diag(np.square(size)))
 
 
 def rod(start: Array, end: Array, diameter: float, density: float) -> Moments:
-    """Return the moments of a round rod between two points (3,), m.
+    """Return the moments of a round rod between two points `start` and `end` (3,), m.
 
-    diameter in m, density in kg/m³.
+    The diameter is in m and the density in kg/m³.
     """
     vector = end - start
     length = float(np.linalg.norm(vector))
@@ -82,11 +89,11 @@ def arc(
     start, end : (3,)
         Unit vectors towards both ends, less than 180° apart.
     radius : float
-        Radius of the middle line, m.
+        Radius of the centre line, m.
     section : (float, float)
-        Width in the plane of the arc and across it, m.
+        Width in the plane of the arc and height across this plane, m.
     density : float
-        kg/m³.
+        Density, kg/m³.
     """
     across, (width, height) = np.cross(start, end), section
     angle = math.atan2(float(np.linalg.norm(across)), float(start @ end))
@@ -94,7 +101,7 @@ def arc(
     frame = np.column_stack([start, np.cross(normal, start), normal])
     inner = radius - width / 2
     outer = radius + width / 2
-    # ∫ r^(k+1) dr over the section, times its height
+    # integral of r^(k+1) over the width of the section, multiplied by its height
     zeroth, moment_1, moment_2 = (density * height * (outer**k - inner**k) / k for k in (2, 3, 4))
     sine = math.sin(angle)
     cosine = math.cos(angle)

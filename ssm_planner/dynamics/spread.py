@@ -1,8 +1,8 @@
-"""Uncertainty of the friction of a drive.
+"""Describe the uncertainty of the friction of a drive.
 
-There are two kinds. The posterior or covariance of an identification is statistical. A stated range
-(lubrication, temperature, wear) is a requirement: a motion must work at every corner of the range.
-A parameter with a stated range is removed from the statistics.
+There are two kinds of uncertainty. The posterior or covariance of an identification is statistical.
+A stated range (lubrication, temperature, wear) is a requirement: a motion must be possible at every
+corner of the range. A parameter with a stated range is removed from the statistics.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ SEED = 20_210_521
 
 @record
 class FrictionSpread:
-    """Distribution of the friction parameters of a drive.
+    """Distribution of the friction parameters of a drive, in SI units.
 
-    names (k,) with their means (k,) and covariance (k, k) in SI units. ranges: intervals of other
-    parameters.
+    The parameters `names` (k,) have the means `mean` (k,) and the covariance (k, k). Other
+    parameters have an interval in `ranges`.
     """
 
     names: tuple[str, ...] = ()
@@ -55,11 +55,11 @@ class FrictionSpread:
     inertia: Range | None = None
     """Range of the rotor inertia in kg·m² if the motor file does not state it."""
     rotors: tuple[str, ...] = ()
-    """Rotor inertias that would decide the question."""
+    """Descriptions of the rotor inertias that the motor files do not state."""
 
     @property
     def is_stated(self) -> bool:
-        """True if the drive file says anything about the uncertainty of its friction."""
+        """True if the drive file states any uncertainty of its friction."""
         return bool(self.names or self.ranges)
 
     @property
@@ -68,7 +68,10 @@ class FrictionSpread:
         return np.sqrt(np.diag(self.covariance))
 
     def corners(self) -> tuple[dict[str, float], ...]:
-        """Combinations of the ends of all ranges. Without ranges, one empty combination."""
+        """Combinations of the ends of all ranges.
+
+        Without ranges, there is one empty combination.
+        """
         ranges = {
             **self.ranges,
             **({} if self.inertia is None else {"input_inertia": self.inertia}),
@@ -80,8 +83,8 @@ class FrictionSpread:
     def deviations(self, count: int) -> Array:
         """Return deterministic draws (count, k) of the uncertain parameters minus their means.
 
-        A covariance is sampled by a log-normal distribution with the same means and covariance,
-        because friction is not negative.
+        For a covariance, the draws follow a log-normal distribution with the same means and
+        covariance, because friction is not negative.
         """
         if not self.names:
             return np.zeros((1, 0))
@@ -97,13 +100,11 @@ class FrictionSpread:
         return self.mean * (factors - 1.0)
 
     def values(self, deviations: Array) -> Arrays:
-        """Return the parameters by name, each (count,), for deviations (count, k) from the
-        means.
-        """
+        """Return the parameters by name, each (count,), for deviations (count, k)."""
         return {name: self.mean[i] + deviations[:, i] for i, name in enumerate(self.names)}
 
     def within(self, share: float, count: int = 1000) -> Arrays:
-        """Return parameter sets by name, each (sets,), that span a confidence range.
+        """Return parameter sets by name, each (sets,), that represent a confidence region.
 
         The sets are the fraction `share` of the draws that is nearest to the mean by Mahalanobis
         distance, combined with the ends of the ranges. Without a posterior, `count` draws are made.
@@ -121,7 +122,7 @@ class FrictionSpread:
         return sets | {name: np.repeat(column, len(deviations)) for name, column in ends.items()}
 
     def draws(self, name: str) -> Array:
-        """Return the draws (draws,) of one of `names`."""
+        """Return the draws (draws,) of the parameter `name`."""
         return self.values(self.deviations(LINEAR_DRAWS))[name]
 
     def mu_ends(self, drive: Drive, confidence: float) -> Range:
@@ -143,8 +144,14 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     Parameters
     ----------
     drive : Drive
+        Drive with its friction.
     relative : float, optional
         Relative range of all parameters of SPREAD whose uncertainty the file does not state.
+
+    Returns
+    -------
+    FrictionSpread
+        Ranges, and a posterior or a mean with a covariance.
 
     Raises
     ------
@@ -169,7 +176,7 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
 
 
 def _posterior_spread(drive: Drive, posterior: Posterior) -> FrictionSpread:
-    """Return the spread of a posterior without the parameters whose range is stated."""
+    """Return the spread of a posterior. Parameters with a stated range are removed from it."""
     ranges = dict(drive.friction_ranges)
     names = tuple(name for name in posterior.names if name != LOAD_OFFSET and name not in ranges)
     mean = np.array([_nominal_value(drive, name, posterior) for name in names])
@@ -179,7 +186,7 @@ def _posterior_spread(drive: Drive, posterior: Posterior) -> FrictionSpread:
 
 
 def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array:
-    """Return the checked covariance (k, k) of a table with a row for each parameter.
+    """Return the covariance (k, k) in a table with a row for each parameter.
 
     Raises ProblemError for an unknown parameter, a missing entry or an invalid matrix.
     """
@@ -199,7 +206,7 @@ def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array
 def drive_with(drive: Drive, values: Mapping[str, Any]) -> Drive:
     """Return the drive with other friction parameters, preload or input inertia.
 
-    Arrays (count, 1) stand for many drives at once. The value LAW is the index of the friction law.
+    Arrays (count, 1) represent many drives at once. The value LAW is the index of the friction law.
     The static coefficient keeps its ratio to the kinetic one unless it is among the values.
     """
     drive_values = {name: values[name] for name in ("preload", "input_inertia") if name in values}

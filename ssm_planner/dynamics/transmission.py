@@ -1,4 +1,4 @@
-"""Exact torque law of self-locking transmissions.
+"""Evaluate the exact torque law of self-locking transmissions.
 
 Source: Mablekos-Alexiou, da Cruz, Bergeles, IEEE T-RO 37(4), 2021. With the motor angle w = ratio·q
 and all torques on the motor side:
@@ -12,13 +12,13 @@ branch of each nut.
 Direct drives, gears, belts, cables and ball screws have efficiencies η₊ and η₋ instead of a thread.
 The motor supplies F/(ratio·η₊) while the load opposes the motion, and receives η₋·F/ratio while the
 load drives it. A thread with a lead angle of 45° has the same two slopes (`of_efficiencies`), so
-the same rows hold for all drives.
+the same equations apply to all drives.
 
 The law is piecewise linear in the acceleration. The motor accelerates the inertia
 `effective_inertia(...)[0]` while the load opposes the motion, and `effective_inertia(...)[1]` while
 the load drives it. Friction can make the second inertia negative if the inertia of the load is
 large (J_in·ratio < γ·|tan(λ − φ)|·M). The motion of a rigid drive with such a load is not unique:
-it may run ahead or jam at once.
+it may continue or jam at once.
 """
 
 from __future__ import annotations
@@ -42,9 +42,10 @@ def friction_angle(drive: Drive, mu: Expression) -> Array:
 def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Expression]:
     """Return γ·tan(λ + φ) and γ·tan(λ − φ), the motor torque per unit of output effort.
 
-    The first applies uphill and the second downhill. The second is negative if the mesh is
-    self-locking. Both have the shape of mu, an array or a CasADi expression, and are finite while
-    λ + φ < 90°. The tangents of sums use tan φ = μ / cos θ_n.
+    The first coefficient applies while the load opposes the motion, the second while the load
+    drives it. The second is negative if the mesh is self-locking. Both have the shape of mu, an
+    array or a CasADi expression, and are finite while λ + φ < 90°. The tangents of sums are
+    evaluated with tan φ = μ / cos θ_n.
     """
     tan_lead = drive.lead_slope
     tan_phi = mu * drive.wedging
@@ -54,11 +55,11 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
 
 
 def of_efficiencies(ratio: float, forwards: float, backwards: float) -> tuple[float, float]:
-    """Return (γ, μ) of the thread with the slopes 1/(ratio·forwards) and backwards/ratio.
+    """Return γ and μ of the thread that has the same efficiencies as a gear.
 
-    The thread has λ = 45° and θ_n = 0, so its slopes are γ·(1 + μ)/(1 − μ) and γ·(1 − μ)/(1 + μ).
-    γ² is their product and ((1 + μ)/(1 − μ))² is their quotient. forwards and backwards are
-    efficiencies in (0, 1].
+    Its slopes are 1/(ratio·forwards) and backwards/ratio, where `forwards` and `backwards` are
+    efficiencies in (0, 1]. The thread has λ = 45° and θ_n = 0, so its slopes are γ·(1 + μ)/(1 − μ)
+    and γ·(1 − μ)/(1 + μ). Their product is γ², and their quotient is ((1 + μ)/(1 − μ))².
     """
     root = math.sqrt(forwards * backwards)
     return math.sqrt(backwards / forwards) / ratio, (1.0 - root) / (1.0 + root)
@@ -83,11 +84,12 @@ def output_effort(
 
 @record
 class TorqueRows:
-    """Motor torque in one direction of motion as two linear functions of F, wd and w.
+    """Motor torque in one direction of motion, as two linear functions of F, wd and w.
 
-    tau_k = slope[k]·F + inertia·wd + coulomb + viscous·w. The torque is max_k tau_k for direction
-    +1 and min_k tau_k for −1, exactly. A torque limit in the direction of motion is therefore two
-    linear rows. For the limit in the other direction, either row suffices.
+    The functions are tau_k = slope[k]·F + inertia·wd + coulomb + viscous·w. The torque is exactly
+    max_k tau_k for the direction +1 and min_k tau_k for −1. A torque limit in the direction of
+    motion therefore consists of two linear rows. For the limit in the other direction, either row
+    suffices.
     """
 
     slope: tuple[Expression, Expression]
@@ -97,9 +99,9 @@ class TorqueRows:
     viscous: float
 
     def torque(self, carried: Expression, w: Expression, wd: Expression) -> Expression:
-        """Return the motor torque in N·m while the mesh carries slope[k]·F = carried.
+        """Return the motor torque in N·m at the motor speed w (rad/s) and acceleration wd (rad/s²).
 
-        w, wd: motor speed and acceleration.
+        The torque `carried` in N·m is that of the mesh, slope[k]·F.
         """
         return carried + self.inertia * wd + self.coulomb + self.viscous * w
 
@@ -109,8 +111,8 @@ def motor_torque_rows(
 ) -> TorqueRows:
     """Return the torque rows for motion in `direction` (±1).
 
-    mu: friction coefficient, by default the kinetic `friction.mu`. The torque grows with μ in the
-    direction of motion, so an upper bound of μ is conservative.
+    The friction coefficient `mu` is by default the kinetic one, `friction.mu`. The torque grows
+    with μ in the direction of motion, so an upper bound of μ is conservative.
     """
     if isinstance(direction, int) and direction not in (1, -1):
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")
@@ -119,8 +121,8 @@ def motor_torque_rows(
     if not drive.two_nuts:
         return TorqueRows((up, down), drive.input_inertia, f.b_c * direction, f.b_v)
     xp = namespace_of(direction, mu)
-    # the main nut carries F − P, the second one P + m₂·qdd: each on the branch that the direction
-    # alone decides
+    # The main nut carries F − P, and the second nut P + m₂·qdd. The direction alone selects the
+    # branch of each nut.
     main = xp.where(direction > 0, down, up)
     secondary = xp.where(direction > 0, up, down)
     inertia = drive.input_inertia + secondary * drive.second_nut_mass / drive.ratio
@@ -138,7 +140,7 @@ def moving_torque(
     direction: Expression,
     mu: Expression,
 ) -> Expression:
-    """Return the motor torque of a drive that moves, or is about to move, in `direction` (±1).
+    """Return the motor torque in N·m of a drive that moves or starts in `direction` (±1).
 
     It is the larger row for +1 and the smaller row for −1.
     """
@@ -163,6 +165,7 @@ def motor_torque(
     Parameters
     ----------
     drive : Drive
+        Drive with its friction.
     F : float, array or expression
         Output effort, see `output_effort`.
     w, wd : float, array or expression
@@ -185,10 +188,10 @@ def motor_torque(
 def breakaway_torque(
     drive: Drive, tau_rigid: Expression, direction: Expression, mu: Expression | None = None
 ) -> Expression:
-    """Return the motor torque at which a drive at rest starts to move in `direction` (±1).
+    """Return the motor torque in N·m at which a drive at rest starts to move in `direction` (±1).
 
-    tau_rigid: effort of the load without the output's friction, which is added. mu: default
-    mu_static.
+    The effort `tau_rigid` of the load excludes the friction on the output, which is added. The
+    coefficient `mu` is by default mu_static.
     """
     F = output_effort(drive, tau_rigid, 0.0, 0.0, direction)
     mu = friction_of(drive).mu_static if mu is None else mu
@@ -207,9 +210,9 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
 
 
 def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return μ − cos θ_n·tan λ and φ − λ (rad), with the shape of mu.
+    """Return the margins of self-locking, μ − cos θ_n·tan λ and φ − λ (rad), with the shape of mu.
 
-    Both are positive if the mesh is self-locking by its friction alone.
+    Both are positive if the friction of the mesh alone makes it self-locking.
     """
     mu = friction_of(drive).mu if mu is None else mu
     return mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle), friction_angle(
@@ -220,9 +223,9 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
 def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
     """Return the smallest contact force of both half nuts of an antibacklash screw, N.
 
-    The main nut carries P − F and the second nut P + m₂·qdd. A force ≤ 0 means that contact is lost
-    and the torque law does not hold. The result is infinite for other drives. F: output effort in
-    N. wd: motor acceleration in rad/s². The shapes broadcast.
+    The main nut carries P − F and the second nut P + m₂·qdd. If a force is ≤ 0, contact is lost and
+    the torque law does not hold. The result is infinite for other drives. The output effort `F` is
+    in N and the motor acceleration `wd` in rad/s². Their shapes broadcast.
     """
     F = np.asarray(F, dtype=float)
     if not drive.two_nuts:
@@ -235,10 +238,10 @@ def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
 def effective_inertia(
     drive: Drive, mu: Expression | None = None, direction: Expression = 1
 ) -> tuple[Expression, Expression]:
-    """Return the inertia at the motor shaft, kg·m², while the load opposes and while it drives.
+    """Return the inertia at the motor shaft, kg·m², for an opposing and for a driving load.
 
-    It is J_in + γ·tan(λ ± φ)·J_out / ratio, with the shape of mu (default: kinetic coefficient).
-    Both nuts of an antibacklash screw count, so its inertia depends on the direction (±1).
+    It is J_in + γ·tan(λ ± φ)·J_out / ratio, with the shape of mu, which is by default the kinetic
+    coefficient. An antibacklash screw has two nuts, so its inertia depends on the direction (±1).
     """
     rows = motor_torque_rows(drive, direction, mu)
     output = drive.output_inertia / drive.ratio
@@ -256,9 +259,21 @@ def motor_acceleration(
 ) -> tuple[Expression, Expression]:
     """Return the motor acceleration in rad/s² and the mesh effort of a drive that moves.
 
-    It solves motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction. The solution
-    is unique if the effective inertia at the largest friction is positive. tau, w: motor torque and
-    speed. load: effort on the output without its inertia and friction. direction: ±1.
+    The function solves motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction. The
+    solution is unique if the effective inertia at the largest friction is positive.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    tau, w : array or expression
+        Motor torque in N·m and motor speed in rad/s.
+    load : array or expression
+        Effort on the output without its inertia and friction, N·m or N.
+    direction : array or expression
+        Direction of motion, ±1.
+    mu : array or expression
+        Friction coefficient.
     """
     rows = motor_torque_rows(drive, direction, mu)
     effort = output_effort(drive, load, w / drive.ratio, 0.0, direction)

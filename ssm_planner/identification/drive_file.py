@@ -1,4 +1,4 @@
-"""Write an identified drive as a YAML file: the file of the rig with its friction and sources."""
+"""Write the YAML file of an identified drive, with its friction and the sources."""
 
 from __future__ import annotations
 
@@ -39,9 +39,14 @@ def write_drive(
     fit : MapFit
         Fit of the torque–velocity map.
     dynamic : Mapping
-        Estimates of the start–stop recordings by name.
+        Estimates from the start–stop recordings, by name of the parameter.
     evidence : str
         Description of the recordings, which becomes the source of the friction.
+
+    Returns
+    -------
+    str
+        Path of the written file.
 
     Raises
     ------
@@ -88,7 +93,7 @@ def _heading(fit: MapFit, evidence: str) -> str:
 def _friction(
     drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str
 ) -> JsonObject:
-    """Return the mapping of the key `friction`."""
+    """Return the content of the key `friction`, as JSON types."""
     friction = friction_of(drive)
     estimates = {**fit.estimates, **dynamic}
     names = ["mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"]
@@ -106,7 +111,10 @@ def _friction(
 
 
 def _posterior(posterior: Posterior) -> JsonObject:
-    """Return the posterior with numbers in SI as texts, which YAML reads fast."""
+    """Return the posterior as JSON types.
+
+    Rows of numbers are texts, because YAML reads these fast.
+    """
     draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
     table: JsonObject = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
     if posterior.speeds:
@@ -130,17 +138,17 @@ def _posterior(posterior: Posterior) -> JsonObject:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    """Return numbers of six digits as one text."""
+    """Return numbers with six significant digits as one text, separated by spaces."""
     return " ".join(f"{value:.6g}" for value in values)
 
 
 def _with_source(drive: Drive, name: str, value: float, estimate: Estimate | None) -> JsonObject:
-    """Return a value and its source."""
+    """Return a parameter with its unit and its source, as a drive file states it."""
     return {"value": _quantity(drive, name, value), "source": _origin(name, estimate)}
 
 
 def _origin(name: str, estimate: Estimate | None) -> str:
-    """Return the source that a parameter states."""
+    """Return the source of a parameter: the identification, with the interval of its estimate."""
     if estimate is None:
         return "the law's value as speed tends to 0" if name == "mu_static" else "not identified"
     if estimate.fixed:
@@ -161,6 +169,6 @@ def unit_of(drive: Drive, name: str) -> str | None:
 
 
 def _quantity(drive: Drive, name: str, value: float) -> Any:
-    """Return a value of eight digits with its unit, or as a number."""
+    """Return a value with eight significant digits and its unit, or as a number without a unit."""
     unit = unit_of(drive, name)
     return float(f"{value:.8g}") if unit is None else f"{value:.8g} {unit}"

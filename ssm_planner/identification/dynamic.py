@@ -20,7 +20,7 @@ from ssm_planner.typing import Array, record
 PARAMETERS = ("mu_static", "dwell_constant", "memory")
 
 UPPER = np.array([0.3, 20.0, 0.5])
-"""Upper bounds of θ: rise of mu_static above mu, dwell constant in s, memory in s."""
+"""Upper bounds of θ: excess of mu_static over mu, dwell constant (s) and memory (s)."""
 
 _GRID = (
     (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15),
@@ -44,18 +44,21 @@ class DynamicFit(ShortRepr):
 
     drive: Drive
     estimates: dict[str, Estimate]
-    """Estimates by name. Those that the recordings do not determine are fixed as in the map."""
+    """Estimates by name. Parameters that the recordings do not determine keep the values of the
+    map.
+    """
     before: tuple[float, ...]
-    """NRMSD of each recording with the friction of the map."""
+    """NRMSD of each recording with the friction from the map."""
     after: tuple[float, ...]
     """NRMSD of each recording with the fitted friction."""
     notes: tuple[str, ...] = ()
 
 
 class _Problem:
-    """Residuals of recordings as functions of θ, in units of the torque range of each recording.
+    """Residuals of the start–stop recordings as functions of θ.
 
-    θ = (mu_static − mu, dwell constant, memory).
+    The vector θ contains mu_static − mu, the dwell constant and the memory. The residuals of a
+    recording are divided by the range of its torque.
     """
 
     def __init__(
@@ -89,7 +92,7 @@ class _Problem:
         ]
 
     def residual(self, theta: Array) -> Array:
-        """Return the errors of all recordings one after the other."""
+        """Return the errors of all recordings in one array (all samples,)."""
         return np.concatenate(self.residuals(theta))
 
     def cost(self, theta: Array) -> float:
@@ -97,7 +100,7 @@ class _Problem:
         return float(np.sum(self.residual(theta) ** 2))
 
     def nrmsd(self, theta: Array) -> tuple[float, ...]:
-        """Return the NRMSD of each recording."""
+        """Return the RMS error of each recording, divided by the range of its torque."""
         return tuple(map(rms, self.residuals(theta)))
 
 
@@ -106,19 +109,26 @@ def fit_dynamic(
 ) -> DynamicFit:
     """Fit mu_static, dwell_constant (s) and memory (s) to start–stop recordings.
 
-    The parameters of the map do not change. The fit takes the subset of the three parameters with
-    the lowest Akaike criterion. The criterion counts the samples that are independent by the
-    autocorrelation of the residuals. The 95 % intervals are asymptotic.
+    The parameters of the map do not change. The fit selects the subset of the three parameters with
+    the lowest Akaike criterion. Because neighbouring residuals are correlated, the criterion uses
+    the number of independent samples that their autocorrelation gives. The 95 % intervals are
+    asymptotic.
 
     Parameters
     ----------
     drive : Drive
         Drive with the friction of the map.
     recordings : sequence of Recording
+        Start–stop recordings.
     load : float
         Constant effort on the output, N·m or N.
     load_inertia : float
         Inertia of the payload at the output, kg·m² or kg.
+
+    Returns
+    -------
+    DynamicFit
+        Drive with the fitted parameters, their estimates and the errors before and after the fit.
     """
     problem = _Problem(drive, recordings, load, load_inertia)
     starts = {subset: _best_of_grid(problem, subset) for subset in _SUBSETS}
@@ -149,14 +159,20 @@ def fit_dynamic(
 
 
 def _best_of_grid(problem: _Problem, subset: tuple[int, ...]) -> Array:
-    """Return the best θ (3,) of a grid over a subset of the parameters."""
+    """Return the point θ (3,) of a grid with the smallest cost.
+
+    Only the parameters with the indices `subset` vary.
+    """
     axes = [values if k in subset else (problem.default[k],) for k, values in enumerate(_GRID)]
     points = [problem.default, *(np.array(point) for point in itertools.product(*axes))]
     return min(points, key=problem.cost)
 
 
 def _polished(problem: _Problem, theta: Array, free: list[int]) -> Array:
-    """Minimise the cost over the free parameters from θ (3,)."""
+    """Minimise the cost over the parameters with the indices `free`, and return θ (3,).
+
+    The search starts at `theta` (3,).
+    """
     from scipy.optimize import least_squares
 
     if not free:
@@ -181,7 +197,10 @@ def _polished(problem: _Problem, theta: Array, free: list[int]) -> Array:
 
 
 def _independent(residual: Array) -> float:
-    """Return the number of independent samples by the lag-one autocorrelation of residuals."""
+    """Return the number of independent samples in residuals (samples,).
+
+    It follows from their correlation with the next sample.
+    """
     centred = residual - residual.mean()
     rho = float(np.sum(centred[1:] * centred[:-1]) / max(float(np.sum(centred**2)), 1e-300))
     rho = min(max(rho, 0.0), 0.99)
@@ -191,7 +210,7 @@ def _independent(residual: Array) -> float:
 def _estimates(
     problem: _Problem, theta: Array, free: list[int], independent: float
 ) -> dict[str, Estimate]:
-    """Return the estimates at θ (3,) with asymptotic intervals of the free parameters."""
+    """Return the estimates at θ (3,) by name, with asymptotic intervals of the free parameters."""
     from scipy.special import ndtri
 
     half = np.zeros(3)

@@ -1,7 +1,7 @@
 """Fit friction to a torque–velocity map.
 
-The fit handles outliers, chooses the law and the load offset by errors on recordings left out, and
-states 95 % intervals of the posterior.
+The fit reduces the weight of outliers. It chooses the friction law and the load offset by the
+errors on recordings outside the fit. Parameters have 95 % intervals of the posterior.
 """
 
 from __future__ import annotations
@@ -41,26 +41,31 @@ from ssm_planner.typing import Array, Arrays, frozen, record
 DRAWS = 1000
 """Number of equally likely parameter sets in a posterior."""
 SEPARABLE = 0.2
-"""Prior pull below which the data determine a parameter, in standard deviations.
+"""Largest prior pull of a parameter that the data determine, in standard deviations.
 
-Every possible law must have a pull below this value.
+The limit applies to every possible law.
 """
 POSSIBLE = 0.01
-"""Probability from which a law is possible."""
+"""Smallest probability of a law that is considered possible."""
 FOREIGN = 2.5
-"""Ratio to the expected bearing friction that indicates another drive."""
+"""Ratio of fitted to expected bearing friction above which the recordings seem to be of another
+drive.
+"""
 BAD = 0.2
-"""Error, as a share of the mean torque, that indicates another drive."""
+"""RMS error, as a share of the mean torque, above which the recordings seem to be of another drive.
+"""
 WEIGHT = "weight"
 _WAYS = ("forwards", "backwards")
 _STRIBECK = ("mu_stribeck", "stribeck_speed")
 _QUIET = 0.1
-"""Guess of the scatter between recordings, as a share of the deviation within a recording."""
+"""Initial guess of the scatter between recordings, as a share of the deviation in a recording."""
 
 
 @frozen
 class Estimate:
-    """One parameter with its 95 % interval; low = high = value if it was given, not fitted.
+    """Value of a parameter with its 95 % interval.
+
+    If the user fixed the parameter, both ends of the interval equal the value.
 
     Examples
     --------
@@ -76,12 +81,12 @@ class Estimate:
     separable: bool = True
     """False if the data alone do not determine it, so that the interval depends on the prior."""
     at_bound: bool = False
-    """True if the value is the smallest with which the drive locks itself."""
+    """True if the value is the smallest with which the drive is self-locking."""
 
 
 @record
 class MapFit(ShortRepr):
-    """Result of `fit_map`: the chosen law on one map.
+    """Result of `fit_map`: the chosen friction law and its parameters.
 
     Examples
     --------
@@ -98,21 +103,26 @@ class MapFit(ShortRepr):
     estimates: dict[str, Estimate]
     correlation_names: tuple[str, ...]
     correlation: Array
-    """Correlation (parameters, parameters) of their logarithms, given the data alone."""
+    """Correlation (parameters, parameters) of the logarithms of the parameters.
+
+    It follows from the data without the prior.
+    """
     inseparable: tuple[tuple[str, ...], ...]
     """Groups of parameters that the data determine only together."""
     combinations: dict[str, Estimate]
-    """The torque of slow motion in each direction, N·m, which the data determine."""
+    """Torque of slow motion in each direction, N·m. The data determine it well."""
     predicted: Array
-    """(points,) N·m."""
+    """Torque of each point of the map, (points,), N·m."""
     nrmsd: float
     """NRMSD over all points including outliers."""
     outliers: tuple[tuple[str, float, float], ...]
-    """(recording, distance from its neighbours in N·m, weight in the fit) of each outlier."""
+    """Name of the recording, distance from its neighbours (N·m) and weight in the fit of each
+    outlier.
+    """
     criterion: dict[str, float]
-    """RMS error of every law on recordings left out, N·m."""
+    """RMS error of each law on recordings outside the fit, N·m."""
     law_shares: dict[str, float]
-    """Probability of every law, as a share of the parameter sets."""
+    """Probability of each law, as a share of the parameter sets."""
     notes: tuple[str, ...] = ()
 
 
@@ -138,10 +148,10 @@ def fit_map(
     load : float
         Constant effort that the drive exerts on the payload, N·m or N. It is negative if the
         payload drives forwards. A constant offset is fitted if it reduces the error on recordings
-        left out.
+        outside the fit.
     law : str
-        One of LAWS, or `auto` for the simplest law that predicts recordings left out about as well
-        as the best.
+        One of LAWS, or `auto` for the simplest law whose error on recordings outside the fit is
+        close to the smallest.
     fixed : Mapping, optional
         Known values by name.
     reference : Mapping, optional
@@ -154,11 +164,12 @@ def fit_map(
     Returns
     -------
     MapFit
+        Identified drive, estimates, errors and remarks.
 
     Raises
     ------
     RecordingError
-        If the map has one direction only, or too few points for the parameters.
+        If all recordings move in one direction, or if there are too few points for the parameters.
     """
     fixed = {
         name: value for name, value in {"b_ov": 0.0, **(fixed or {})}.items() if name not in free
@@ -194,9 +205,10 @@ def fit_map(
 
 
 def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel]:
-    """Return a model for every law, without and with a load offset unless that is fixed.
+    """Return the models that are compared: each law, without and with a load offset.
 
-    prototype: model with the data, whose law is the requested one or `auto`.
+    The law and the data of `prototype` apply. Its law may be `auto`. If the user fixed the load
+    offset, there is only one model for each law.
     """
     fixed = prototype.fixed
     models = []
@@ -219,9 +231,9 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
 def _choose_model(
     determined: list[tuple[MapModel, Array]],
 ) -> tuple[tuple[MapModel, Array], dict[str, float]]:
-    """Return the simplest model that predicts well, with its z (k,), and the criterion of all laws.
+    """Return the simplest model that predicts well with its z (k,), and the criterion of each law.
 
-    The criterion is the RMS error on recordings left out, N·m, by law.
+    The criterion is the RMS error on recordings outside the fit, N·m.
     """
     models = [model for model, _ in determined]
     errors = [blind_errors(model, z) for model, z in determined]
@@ -261,7 +273,7 @@ def _check_directions(data: TorqueMap) -> None:
 def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Array]]:
     """Return the models that have fewer parameters than points, each with its z (k,).
 
-    Raises RecordingError if all have too many.
+    Raises RecordingError if no model is left.
     """
     points = len(fitted[0][0].w)
     determined = [(model, z) for model, z in fitted if points > len(model.names)]
@@ -275,12 +287,12 @@ def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Ar
 
 
 def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[Sample, float]]:
-    """Return samples of the possible laws with their probabilities. The chosen law is among them.
+    """Return samples of all possible laws with their probabilities.
 
-    fitted: models with the most likely z (k,), where the one with a free load
-    offset is the last of its law.
-    An offset that does not reduce the blind error is 0 in the fit, but it remains uncertain. Laws
-    with more parameters than points count too, because the prior bounds their parameters.
+    `fitted` contains models with their most likely z (k,). For each law, the model with a free load
+    offset is last. The law `chosen` is always in the result. An offset that does not reduce the
+    error outside the fit is 0 in the fit, but it remains uncertain. Laws with more parameters than
+    points are possible as well, because the prior bounds their parameters.
     """
     models = {model.law: (model, z) for model, z in fitted}
     samples = [sample(model, z) for model, z in models.values()]
@@ -295,9 +307,9 @@ def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[S
 def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> Arrays:
     """Return the parameter sets of all possible laws as columns (sets,) by name.
 
-    The columns are the parameters, the torques at the slow speeds (2,) in rad/s, the WEIGHT, and
-    the LAW if several laws are possible. Missing values are NaN, except that the Stribeck friction
-    of the Coulomb law is 0.
+    The columns are the parameters, the torques at the slow speeds `slow` (2,) in rad/s, and WEIGHT.
+    If several laws are possible, there is also the column LAW. Missing values are NaN, except that
+    the Stribeck friction of the Coulomb law is 0.
     """
     laws = []
     for law_sample, share in possible:
@@ -321,7 +333,7 @@ def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> Arrays:
 def _draw_sets(pooled: Arrays) -> Arrays:
     """Return DRAWS equally likely sets by systematic resampling, as columns (DRAWS,) by name.
 
-    A Coulomb law has the Stribeck speeds of the other laws, which do not affect it.
+    Sets of the Coulomb law get Stribeck speeds from other laws, which do not affect them.
     """
     cumulative = np.cumsum(pooled[WEIGHT])
     indices = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
@@ -338,7 +350,7 @@ def _draw_sets(pooled: Arrays) -> Arrays:
 def _report(
     model: MapModel, z: Array, data: TorqueMap, possible: list[tuple[Sample, float]]
 ) -> MapFit:
-    """Return the fit of the chosen law with the most likely z (k,)."""
+    """Build the result of the fit from the chosen model and its most likely z (k,)."""
     smallest = locking_mu(model.drive)
     mu_at_bound = "mu" in model.names and model.parameters(z[None])["mu"].item() < smallest
     if mu_at_bound:
@@ -381,7 +393,7 @@ def _report(
 
 
 def _separable(possible: list[tuple[Sample, float]]) -> set[str]:
-    """Return the parameters whose prior pull is small in the sample of every possible law."""
+    """Return the names of the parameters that the data determine under every possible law."""
     names = []
     for law_sample, _ in possible:
         pull = prior_pull(law_sample.covariance)
@@ -397,7 +409,7 @@ def _posterior(
     possible: list[tuple[Sample, float]],
     columns: Arrays,
 ) -> Posterior:
-    """Return the posterior with numbers of six digits, as a drive file has them."""
+    """Build the posterior. Its numbers have six digits, as in a drive file."""
     usual = model.weight == 1.0
     variance, common = np.sum([share * s.scatter for s, share in possible], axis=0)
     scatter, common = _six_digits(np.array([math.sqrt(variance), common]))
@@ -426,7 +438,7 @@ def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
 
 
 def _unreliable(possible: list[tuple[Sample, float]]) -> list[str]:
-    """Return a note if one of the parameter sets has too much weight."""
+    """Return a note if one parameter set has too much weight for reliable intervals."""
     weight = max(share * s.largest_weight for s, share in possible)
     if weight <= LARGEST_WEIGHT:
         return []
@@ -437,9 +449,9 @@ def _unreliable(possible: list[tuple[Sample, float]]) -> list[str]:
 
 
 def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tuple[str, ...]:
-    """Return remarks on a load, a contact, a coefficient or a misfit that is not plausible.
+    """Return remarks on implausible loads, nut contacts, coefficients and errors of the fit.
 
-    predicted: (points,) N·m. offset: load offset, N·m or N.
+    `predicted` (points,) is the fitted torque in N·m, and `offset` is the load offset in N·m or N.
     """
     notes = []
     if model.load * (model.load + offset) < 0.0:
@@ -480,7 +492,7 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
 def _identified(
     model: MapModel, values: Mapping[str, float], posterior: Posterior, offset: float
 ) -> Drive:
-    """Return the drive with identified values by name, SI, and the load offset of its rig."""
+    """Return the drive with identified values (SI) by name, and the load offset of its rig."""
     drive = with_parameters(model.drive, model.law, {**model.fixed, **values})
     friction = replace(
         friction_of(drive),

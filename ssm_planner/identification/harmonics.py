@@ -1,8 +1,8 @@
-"""Fit harmonics of the torque in the angle of the screw or worm, and of its wheel.
+"""Fit harmonics of the torque in the angle of the screw or worm, and in the angle of its wheel.
 
-Where the angle is recorded, all recordings of a direction are fitted together. Otherwise the angle
-is the integral of the speed from an unknown start. The harmonics of the recordings are then aligned
-with each other, so that only their amplitudes are valid.
+If the angle is recorded, all recordings in one direction are fitted together. Otherwise, the angle
+is the integral of the speed from an unknown start. The harmonics of these recordings are rotated
+until they agree, so only their amplitudes are valid.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ _ROUNDS = 5
 
 
 def travelled(recording: Recording) -> Array:
-    """Return the motor angle (samples,) in rad, recorded or as the integral of the speed."""
+    """Return the motor angle (samples,) in rad.
+
+    It is the recorded angle or, without one, the integral of the speed.
+    """
     if recording.angle is not None:
         return recording.angle
     steps = np.diff(recording.time) * (recording.w[1:] + recording.w[:-1]) / 2
@@ -34,7 +37,7 @@ def travelled(recording: Recording) -> Array:
 def ripple_rms(angle: Array, tau: Array) -> float:
     """Return the RMS of the harmonics in a torque (samples,), N·m, corrected for noise.
 
-    angle: (samples,) in rad. The result is NaN for less than two turns.
+    `angle` (samples,) is the motor angle in rad. The result is NaN if it spans less than two turns.
     """
     if np.ptp(angle) < 2 * TURN:
         return float("nan")
@@ -47,21 +50,22 @@ def ripple_rms(angle: Array, tau: Array) -> float:
 def fit_harmonics(
     recordings: Sequence[Recording], direction: int, ratio: float | None = None
 ) -> Harmonics | None:
-    """Fit the harmonics of the steady-state recordings in a direction.
+    """Fit the harmonics of the steady-state recordings in one direction.
 
     Parameters
     ----------
     recordings : sequence of Recording
+        Steady-state recordings of one drive.
     direction : int
-        Sign of the motor speed of the recordings, ±1.
+        Sign of the motor speed of the recordings that are fitted, ±1.
     ratio : float, optional
-        Gear ratio of a worm. Harmonics of its wheel are fitted if the recorded angles span a turn
-        of it.
+        Gear ratio of a worm. Harmonics of its wheel are fitted if the recorded angles span one turn
+        of the wheel.
 
     Returns
     -------
     Harmonics or None
-        None if every recording is shorter than two turns.
+        The harmonics. None if every recording is shorter than two turns.
     """
     series = []
     phased = True
@@ -80,10 +84,11 @@ def fit_harmonics(
 
 
 def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
-    """Return the mean of the harmonics of recordings whose angles start anywhere.
+    """Return the mean of the harmonics of recordings whose angles start at unknown positions.
 
-    The harmonics of every recording (angle, torque) are rotated until they agree best with the
-    mean, and the mean is then computed again. The weights are the spans of the angles.
+    `series` contains the angle and the torque of each recording. The harmonics of every recording
+    are rotated until they agree best with the mean, and then the mean is computed again. The
+    weights are the ranges of the angles.
     """
     single = [_fit([curve], _orders(None), phased=False) for curve in series]
     turns = np.array([np.ptp(angle) for angle, _ in series])
@@ -99,9 +104,9 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
 
 
 def _orders(ratio: float | None) -> tuple[float, ...]:
-    """Return the orders of the harmonics per turn of the motor, with those of a wheel first.
+    """Return the orders of the harmonics per turn of the motor, those of the wheel first.
 
-    ratio: motor turns per turn of the wheel.
+    `ratio` is the number of motor turns per turn of the wheel. None means a drive without a wheel.
     """
     motor = tuple(float(k) for k in range(1, HARMONICS + 1))
     return motor if ratio is None else (*(k / ratio for k in motor), *motor)
@@ -110,7 +115,10 @@ def _orders(ratio: float | None) -> tuple[float, ...]:
 def _fit(
     curves: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool
 ) -> Harmonics:
-    """Fit (angle, torque) of recordings by least squares, each with its own mean."""
+    """Fit harmonics to the angle and torque of recordings by least squares.
+
+    Each recording has its own mean torque.
+    """
     means = np.repeat(np.eye(len(curves)), [len(tau) for _, tau in curves], axis=0)
     waves = np.outer(np.concatenate([angle for angle, _ in curves]), orders)
     columns = np.column_stack([means, np.cos(waves), np.sin(waves)])
@@ -121,7 +129,7 @@ def _fit(
 
 
 def _start(reference: Any, c: Any) -> float:
-    """Return the angle in rad by which the reference must turn to align with c (orders,).
+    """Return the angle in rad by which `reference` must be rotated to agree best with c (orders,).
 
     The orders are 1, 2, ….
     """

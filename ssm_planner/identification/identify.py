@@ -43,31 +43,37 @@ class Identification(ShortRepr):
     fit: MapFit
     """Fit of the torque–velocity map."""
     dynamic: DynamicFit | None
-    """Fit of the start–stop recordings, or None without any."""
+    """Fit of the start–stop recordings. None without such recordings."""
     data: TorqueMap
     moving: tuple[Recording, ...]
     """The start–stop recordings."""
     harmonics: Mapping[str, Harmonics]
-    """Harmonics of the motor angle, `forwards` and `backwards`, from recordings with two turns."""
+    """Harmonics in the motor angle by direction, `forwards` and `backwards`.
+
+    They are fitted to recordings of at least two turns.
+    """
     load: float
     """Constant effort on the output including an identified offset, N·m or N."""
     evidence: str
-    """Origin of the map as a text."""
+    """Description of the recordings or table behind the map."""
     file: Path
     """The drive file that was identified."""
 
     @property
     def drive(self) -> Drive:
-        """The drive with the identified friction."""
+        """Drive with the identified friction."""
         return self.fit.drive if self.dynamic is None else self.dynamic.drive
 
     @property
     def dynamic_estimates(self) -> dict[str, Estimate]:
-        """Estimates of the start–stop recordings by name; empty without such recordings."""
+        """Estimates from the start–stop recordings by name. Empty without such recordings."""
         return {} if self.dynamic is None else dict(self.dynamic.estimates)
 
     def save(self, path: str | Path) -> Path:
-        """Write the drive file with the identified friction in it. Raises ExportError."""
+        """Write the drive file with the identified friction, and return its path.
+
+        Raises ExportError.
+        """
         write_drive(
             path,
             self.file,
@@ -79,7 +85,7 @@ class Identification(ShortRepr):
         return Path(path)
 
     def to_dict(self) -> JsonObject:
-        """Return the object that `identify --json` prints, without files; SI."""
+        """Return the object that `identify --json` prints, in SI units and without file names."""
         fit, dynamic = self.fit, self.dynamic
         estimates = {**fit.estimates, **self.dynamic_estimates}
         rows = zip(fit.correlation_names, fit.correlation, strict=True)
@@ -135,10 +141,10 @@ def identify(
         Drive file, or the name of a shipped drive.
     recordings : sequence of str or Path
         Files or folders. Without steady-state recordings, the map comes from the table of figures
-        beside the drive file.
+        in the folder of the drive file.
     law : str
-        Name of a friction law, or `auto` for the simplest law that predicts recordings left out
-        about as well as the best.
+        Name of a friction law, or `auto` for the simplest law whose error on recordings outside the
+        fit is close to the smallest.
     fixed : Mapping, optional
         Known parameters by name, in SI units.
     free : sequence of str
@@ -149,6 +155,7 @@ def identify(
     Returns
     -------
     Identification
+        The identified drive with the fits behind it.
 
     Raises
     ------
@@ -201,7 +208,7 @@ def identify(
 
 
 def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> Drive:
-    """Return the drive with harmonics, `forwards` and `backwards`, in its posterior."""
+    """Return the drive with harmonics in its posterior, by direction (`forwards`, `backwards`)."""
     friction = friction_of(drive)
     if friction.posterior is None:
         return drive
@@ -263,7 +270,7 @@ def predict(
 
 
 def friction_origin(drive: str | Path) -> str:
-    """Return the origin of the friction that `predict` uses, as a text."""
+    """Describe in a text where the friction that `predict` uses comes from."""
     return "the drive file" if load_drive(drive).friction is not None else _map(drive, [], [])[1]
 
 
@@ -275,7 +282,7 @@ def _read(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
 
 
 def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Return the steady-state and the start–stop recordings."""
+    """Divide recordings into steady-state recordings and start–stop recordings."""
     kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
     for recording in recordings:
         kinds[kind_of(recording)].append(recording)
@@ -283,12 +290,15 @@ def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[
 
 
 def _load(drive: Drive) -> tuple[float, float]:
-    """Return effort (N·m or N) and inertia (kg·m² or kg) of the rig's payload."""
+    """Return the effort (N·m or N) and the inertia (kg·m² or kg) of the rig's payload."""
     return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
 
 
 def _reference(drive: Drive) -> dict[str, float]:
-    """Return the prior centres: values published for a rig, or the friction in the file."""
+    """Return the prior centres by name.
+
+    They are the values published for a rig or, without these, the friction in the drive file.
+    """
     if drive.rig is not None and drive.rig.published:
         return dict(drive.rig.published)
     f = drive.friction
@@ -298,7 +308,7 @@ def _reference(drive: Drive) -> dict[str, float]:
 def _map(
     drive_path: str | Path, steady: list[Recording], moving: list[Recording]
 ) -> tuple[TorqueMap, str]:
-    """Return the torque map to fit, and a description of its recordings or of its table."""
+    """Return the torque–velocity map to fit, and a description of its source."""
     also = f" and {len(moving)} start-stop recordings" if moving else ""
     if steady:
         data = torque_map(steady)

@@ -12,7 +12,7 @@ from ssm_planner.problem import LAWS, Drive, Friction, FrictionLawName, unchecke
 from ssm_planner.typing import Array, Keywords
 
 TYPICAL_MU = 0.15
-"""Prior centre of μ without a value in the drive file: metal on greased metal or polymer."""
+"""Prior centre of μ if the drive file omits it, for metal on greased metal or polymer."""
 
 _ABOVE_CRITICAL = 1.005
 
@@ -41,7 +41,7 @@ def names_of(law: str) -> tuple[str, ...]:
 def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Drive:
     """Return the drive with another friction law and other parameters.
 
-    The values may be arrays that represent many sets.
+    `values` contains the parameters by name, in SI units. Arrays represent many sets at once.
     """
     friction: Keywords = {name: values[name] for name in _FRICTION_FIELDS if name in values}
     base = drive.friction or Friction(mu=TYPICAL_MU, mu_static=TYPICAL_MU, b_c=0.0, b_v=0.0)
@@ -57,15 +57,15 @@ def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Driv
 def map_torque(drive: Drive, w: Array, load: float | Array) -> Array:
     """Return the motor torque in N·m of steady motion at motor speeds w (points,) in rad/s.
 
-    load: constant effort on the output, N·m or N. If the load or the friction contains columns
-    (sets, 1), the torque has the shape (sets, points).
+    `load` is the constant effort on the output, N·m or N. If the load or the friction contains
+    columns (sets, 1), the torque has the shape (sets, points).
     """
     effort = output_effort(drive, load, w / drive.ratio, 0.0)
     return motor_torque(drive, effort, w, 0.0)
 
 
 def locking_mu(drive: Drive) -> float:
-    """Return the smallest μ with which a self-locking drive locks, just above tan λ · cos θ_n.
+    """Return the smallest μ with which a self-locking drive locks, slightly above tan λ · cos θ_n.
 
     The result is 0 for other drives.
     """
@@ -75,5 +75,8 @@ def locking_mu(drive: Drive) -> float:
 
 
 def rest_coefficient(drive: Drive) -> float:
-    """Return the limit of μ for w → 0 in motion, which is the least coefficient of breakaway."""
+    """Return the limit of μ for a moving drive as w → 0.
+
+    The static coefficient is at least this value.
+    """
     return float(friction_coefficient(friction_of(drive), 0.0))

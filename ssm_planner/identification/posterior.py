@@ -70,7 +70,7 @@ SEED = 20_210_521
 class MapModel:
     """One friction law on one torque–velocity map.
 
-    w, tau, weight: (points,), SI.
+    The arrays `w`, `tau` and `weight` have the shape (points,) and SI units.
     """
 
     drive: Drive
@@ -79,7 +79,7 @@ class MapModel:
     """Names of the k parameters, in the order of z."""
     fixed: Mapping[str, float]
     reference: Mapping[str, float]
-    """Prior centres by name."""
+    """Prior centres of the parameters, by name."""
     w: Array
     tau: Array
     weight: Array
@@ -87,11 +87,14 @@ class MapModel:
     load: float
     """Effort on the output including a fixed offset, N·m or N."""
     scatter: float
-    """s₀, N·m."""
+    """Guess s₀ of the scatter between recordings, N·m."""
 
     @cached_property
     def prior(self) -> tuple[Array, Array]:
-        """Return centres and standard deviations (k,) of ln θ, and of the load offset itself."""
+        """Prior centres and standard deviations, (k,) each.
+
+        They refer to ln θ, except that those of the load offset refer to its value.
+        """
         friction, top_speed = 0.5 * float(np.mean(np.abs(self.tau))), float(np.abs(self.w).max())
         effort = friction / float(mesh_coefficients(self.drive, TYPICAL_MU)[0])
         centre = {
@@ -113,16 +116,16 @@ class MapModel:
 
     @cached_property
     def linear(self) -> Mask:
-        """Return a mask (k,) of b_c and b_v, which enter the torque linearly."""
+        """Mask (k,) that selects b_c and b_v, in which the torque is linear."""
         return np.array([name in ("b_c", "b_v") for name in self.names], dtype=bool)
 
     @property
     def floor(self) -> float:
-        """Return ν s₀², N²·m²."""
+        """Weight of the guess s₀ in the sum of squares: ν s₀², N²·m²."""
         return DEGREES * self.scatter**2
 
     def parameters(self, z: Array) -> Arrays:
-        """Return the parameters by name, (sets, 1) each, of z (sets, k)."""
+        """Return the parameters by name, (sets, 1) each, for coordinates z (sets, k)."""
         centre, spread = self.prior
         x = centre + z * spread
         return {
@@ -131,15 +134,15 @@ class MapModel:
         }
 
     def coordinate(self, name: str, value: float) -> float:
-        """Return the coordinate of a parameter's value; the parameter is not the load offset."""
+        """Return the coordinate z of the value of a parameter other than the load offset."""
         i = self.names.index(name)
         centre, spread = self.prior
         return (math.log(value) - float(centre[i])) / float(spread[i])
 
     def torque(self, z: Array, w: Array | None = None) -> Array:
-        """Return the motor torque of steady motion, (sets, points) in N·m, for z (sets, k).
+        """Return the torque of steady motion, (sets, points), N·m, for coordinates z (sets, k).
 
-        w: motor speeds (points,) in rad/s instead of those of the map.
+        `w` contains motor speeds (points,) in rad/s. The default is the speeds of the map.
         """
         values: Keywords = {**self.fixed, **self.parameters(z)}
         load = self.total_load(values.pop(LOAD_OFFSET, 0.0))
@@ -149,16 +152,22 @@ class MapModel:
         return np.broadcast_to(torque, (len(z), np.shape(torque)[-1]))
 
     def total_load(self, offset: Any) -> Any:
-        """Return the effort on the output with a load offset. `load` includes a fixed offset."""
+        """Return the effort on the output with a load offset, N·m or N.
+
+        The attribute `load` already includes a fixed offset.
+        """
         return self.load if LOAD_OFFSET in self.fixed else self.load + offset
 
     def residual(self, z: Array) -> Array:
-        """Return weighted errors of the torque, (sets, points) in N·m, for z (sets, k)."""
+        """Return the weighted torque errors, (sets, points), N·m, for coordinates z (sets, k)."""
         return (self.torque(z) - self.tau) * self.weight
 
     @cached_property
     def whiteners(self) -> list[tuple[Array, float]]:
-        """Return W (points, points) with W Wᵀ = R_c⁻¹ and ln p(c) |R_c|^(−1/2) of every share c."""
+        """Whitening matrix and logarithm of the weight for each share c of SHARES.
+
+        The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹. The logarithm is ln p(c) |R_c|^(−1/2).
+        """
         related, identity = correlation(self.w, self.w), np.eye(len(self.w))
         roots = [np.linalg.cholesky((1 - c) * identity + c * related) for c in SHARES]
         return [
@@ -167,9 +176,9 @@ class MapModel:
         ]
 
     def log_posterior(self, z: Array) -> Array:
-        """Return the logarithm of the posterior, (sets,), up to a constant, for z (sets, k).
+        """Return the logarithm of the posterior, (sets,), for coordinates z (sets, k).
 
-        It is −inf where the law overflows.
+        A constant is omitted. The result is −inf if the friction law overflows.
         """
         with np.errstate(all="ignore"):
             error, half = self.residual(z), 0.5 * (len(self.w) + DEGREES)
@@ -181,7 +190,7 @@ class MapModel:
         return np.where(np.isfinite(value), value, -np.inf)
 
     def without(self, points: Indices) -> MapModel:
-        """Return the model without some points, with the same prior."""
+        """Return the model without the points at these indices. Its prior does not change."""
         remaining = np.setdiff1d(np.arange(len(self.w)), points)
         model = replace(
             self, w=self.w[remaining], tau=self.tau[remaining], weight=self.weight[remaining]
@@ -193,10 +202,16 @@ class MapModel:
 def most_likely(
     model: MapModel, start: Array | None = None, held: tuple[int, float] | None = None
 ) -> Array:
-    """Return z (k,) of the largest posterior.
+    """Return the coordinates z (k,) at which the posterior is largest.
 
-    start: initial coordinates (k,); without them the search has several starts. held: index and
-    value of a coordinate that does not change.
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    start : (k,), optional
+        Coordinates at which the search starts. By default, it starts at several points.
+    held : tuple of int and float, optional
+        Index and value of a coordinate that does not change.
     """
     k, rng = len(model.names), np.random.default_rng(SEED)
     free = np.array([held is None or i != held[0] for i in range(k)], dtype=bool)
@@ -216,15 +231,16 @@ def most_likely(
 
 
 def _scatter(model: MapModel, z: Array) -> float:
-    """Return the most likely scatter at z (k,), N·m."""
+    """Return the most likely scatter between recordings at coordinates z (k,), N·m."""
     square = float(np.sum(model.residual(z[None]) ** 2)) + model.floor
     return max(math.sqrt(square / (len(model.w) + DEGREES)), 1e-9 * float(np.ptp(model.tau)))
 
 
 def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Array:
-    """Minimise the squares of residuals over the scatter and of the free coordinates.
+    """Minimise the sum of squared residuals and squared free coordinates.
 
-    z: initial coordinates (k,). free: mask (k,).
+    The residuals are divided by `scatter`. The search starts at z (k,) and changes only the
+    coordinates that the mask `free` (k,) selects.
     """
     from scipy.optimize import least_squares
 
@@ -249,9 +265,10 @@ def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Ar
 
 
 def blind_errors(model: MapModel, z: Array) -> Array:
-    """Return weighted errors (points,) in N·m of recordings that are left out fold by fold.
+    """Return the weighted errors (points,) in N·m of recordings that are outside the fit.
 
-    z: start of the fits (k,).
+    The recordings are divided into folds, and each fold is predicted by a fit to the others. These
+    fits start at z (k,).
     """
     rng, count = np.random.default_rng(SEED), len(model.w)
     folds = min(FOLDS, count)
@@ -269,10 +286,9 @@ def blind_errors(model: MapModel, z: Array) -> Array:
 
 
 def simplest(models: list[MapModel], errors: list[Array]) -> int:
-    """Return the index of the model with the fewest parameters that predicts about as well as
-    the best.
+    """Return the index of the simplest model whose errors are close to the smallest.
 
-    errors: blind errors (points,) of each model.
+    `errors` contains the blind errors (points,) of each model.
     """
     best_model = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
     for i in sorted(range(len(models)), key=lambda i: len(models[i].names)):
@@ -284,7 +300,7 @@ def simplest(models: list[MapModel], errors: list[Array]) -> int:
 
 
 def _information(model: MapModel, z: Array) -> Array:
-    """Return the information (k, k) of the data alone near z (k,), the inverse of a covariance."""
+    """Return the information matrix (k, k) of the data without the prior at coordinates z (k,)."""
     sets = np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])
     values = model.residual(sets) / _scatter(model, z)
     jacobian = (values[1:] - values[0]) / 1e-5
@@ -292,14 +308,14 @@ def _information(model: MapModel, z: Array) -> Array:
 
 
 def covariance_near(model: MapModel, z: Array) -> Array:
-    """Return the covariance (k, k) of a normal approximation of the posterior near z (k,)."""
+    """Return the covariance (k, k) of a normal approximation of the posterior at z (k,)."""
     return np.asarray(np.linalg.inv(_information(model, z) + np.eye(len(z))))
 
 
 def data_correlation(model: MapModel, z: Array) -> Array:
-    """Return the correlation (k, k) of the parameters near z (k,) with an almost flat prior.
+    """Return the correlation (k, k) of the parameters at z (k,) with an almost flat prior.
 
-    It is ±1 where the data determine parameters only together.
+    An entry is ±1 if the data determine two parameters only together.
     """
     covariance = np.linalg.inv(_information(model, z) + NEGLIGIBLE * np.eye(len(z)))
     deviation = np.sqrt(np.diag(covariance))
@@ -307,23 +323,26 @@ def data_correlation(model: MapModel, z: Array) -> Array:
 
 
 def _log_speed(w: Array) -> Array:
-    """Return the logarithm of |w| (n,), at least that of SLOWEST."""
+    """Return the logarithm of max(|w|, SLOWEST) for motor speeds w (n,)."""
     return np.log(np.maximum(np.abs(w), SLOWEST))
 
 
 def correlation(v: Array, w: Array) -> Array:
-    """Return K (samples, recordings) between motor speeds v (samples,) and w (recordings,)."""
+    """Return the correlations K (samples, recordings) of errors at two sets of motor speeds.
+
+    The speeds are v (samples,) and w (recordings,) in rad/s.
+    """
     distance = np.abs(_log_speed(v)[:, None] - _log_speed(w))
     return np.where(np.sign(v)[:, None] == np.sign(w), np.exp(-distance / LENGTH), 0.0)
 
 
 def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
-    """Return how the departures of the recordings from the law continue at other motor speeds.
+    """Extrapolate the departures of the recordings from the friction law to other motor speeds.
 
-    The result has factors (samples, recordings) of the recordings' departures at motor speeds w
-    (samples,), and the factor (samples,) of the scatter that remains. Away from the recorded speeds
-    of a direction, the scatter grows with the logarithm of the speed, because no recording tests
-    the law there.
+    The first result contains factors (samples, recordings) on the departures of the recordings for
+    motor speeds w (samples,). The second result is the factor (samples,) on the scatter that
+    remains. The scatter grows with the logarithm of the distance from the recorded speeds in a
+    direction, because no recording tests the law there.
     """
     speeds, common = np.array(posterior.speeds), posterior.common
     if not len(speeds):
@@ -341,8 +360,8 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
 def outside(posterior: Posterior, w: Array) -> Array:
     """Return the distance (samples,) of motor speeds w from the range of the recordings.
 
-    The distance is the |ln| of the ratio of speeds in the same direction, and 1 in a direction that
-    was not recorded.
+    It is the magnitude of the logarithm of the ratio to the nearest recorded speed in the same
+    direction. It is 1 in a direction without recordings.
     """
     speeds = np.array(posterior.speeds)
     same = np.sign(w)[:, None] == np.sign(speeds)
@@ -353,7 +372,7 @@ def outside(posterior: Posterior, w: Array) -> Array:
 
 
 def _or_one(distance: Array) -> Array:
-    """Return distances with 1 in place of infinite ones."""
+    """Replace infinite distances by 1."""
     return np.where(np.isfinite(distance), distance, 1.0)
 
 

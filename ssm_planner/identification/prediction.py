@@ -33,11 +33,12 @@ from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, reco
 START_LEAD = 0.05
 """Time before the first nonzero speed reading in which the motor already pushes, s.
 
-The recorder averages and rounds the speed, so it shows motion only after breakaway.
+The recorder averages and rounds the speed, so it shows motion only after the breakaway.
 """
 
 UNSEEN = 0.25
-"""Logarithm of the ratio to the recorded speeds from which a speed is extrapolated."""
+"""Magnitude of the logarithm of the ratio to recorded speeds above which a speed is extrapolated.
+"""
 SEED = 20_210_521
 PEAK_CONFIDENCE = 0.99
 IMPLAUSIBLE = 0.5
@@ -48,7 +49,7 @@ LONG_REST = 10.0
 
 @record
 class PredictionBand(ShortRepr):
-    """95 % band of the motor torque of a recording, N·m, arrays (samples,).
+    """95 % band of the motor torque of a recording, N·m. Arrays have the shape (samples,).
 
     Examples
     --------
@@ -59,7 +60,7 @@ class PredictionBand(ShortRepr):
     """
 
     mean: Range
-    """Band of the mean, from uncertain parameters and from the scatter between recordings."""
+    """Band of the mean torque, due to uncertain parameters and scatter between recordings."""
     low: Array
     """Lower end of the band of single samples, which includes ripple and noise."""
     high: Array
@@ -70,7 +71,7 @@ class PredictionBand(ShortRepr):
 
 @record
 class Prediction(ShortRepr):
-    """Predicted and measured motor torque of one recording, N·m, arrays (samples,).
+    """Predicted and measured motor torque of one recording, N·m. Arrays have the shape (samples,).
 
     Examples
     --------
@@ -82,18 +83,21 @@ class Prediction(ShortRepr):
     recording: Recording
     tau: Array
     rest: Array
-    """Mask (samples,) of rest, where the torque is the holding torque."""
+    """Mask (samples,) of the samples at rest, for which the holding torque is predicted."""
     nrmsd: float
     contact_lost: float = 0.0
-    """Share of the samples in which a half nut loses contact, so that the law does not hold."""
+    """Share of the samples in which a half nut loses contact.
+
+    The torque law does not hold in these samples.
+    """
     band: PredictionBand | None = None
     """None if the drive file does not contain a posterior."""
     unseen: float | None = None
-    """Largest extrapolated motor speed, rad/s; None if the fit has recordings near all speeds."""
+    """Largest extrapolated motor speed, rad/s. None if recordings of the fit cover all speeds."""
 
     @property
     def mean_inside(self) -> bool | None:
-        """True if the measured mean lies in its band; None without a band."""
+        """True if the measured mean torque is in its band. None without a band."""
         if self.band is None:
             return None
         low, high = self.band.mean
@@ -101,7 +105,7 @@ class Prediction(ShortRepr):
 
     @property
     def sample_coverage(self) -> float | None:
-        """Share of moving samples with the measured torque in the band; None without a band."""
+        """Share of the moving samples whose measured torque is in the band. None without a band."""
         moving = np.logical_not(self.rest)
         if self.band is None or not moving.any():
             return None
@@ -110,7 +114,7 @@ class Prediction(ShortRepr):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on recordings of another drive and on extrapolated speeds."""
+        """Remarks on extrapolated speeds, and on signs that the recording is of another drive."""
         if self.unseen is None:
             return self._foreign
         text = f"extrapolated: the fit had no recording near {self.unseen * 30 / np.pi:.3g} rpm"
@@ -118,7 +122,7 @@ class Prediction(ShortRepr):
 
     @property
     def _foreign(self) -> tuple[str, ...]:
-        """Remarks on a torque that another drive, load or unit explains."""
+        """Remarks on a torque that suggests another drive, load or unit."""
         moving = np.logical_not(self.rest)
         expected, measured = (
             float(np.abs(self.tau[moving]).mean()),
@@ -138,7 +142,7 @@ class Prediction(ShortRepr):
         return ()
 
     def to_dict(self) -> JsonObject:
-        """Return the object that `predict --json` prints for one recording, without files."""
+        """Return the object that `predict --json` prints for one recording, without file names."""
         return {
             "recording": self.recording.name,
             "nrmsd": self.nrmsd,
@@ -158,7 +162,7 @@ class Prediction(ShortRepr):
 
 
 def nrmsd(predicted: Array, measured: Array) -> float:
-    """Return the RMS of predicted − measured (samples,) over max − min of measured.
+    """Return the RMS of predicted − measured (samples,), divided by the range of measured values.
 
     Raises RecordingError if the measured torque is constant.
     """
@@ -173,17 +177,24 @@ def predict_recording(
 ) -> Prediction:
     """Predict the motor torque of a recording from its speed alone.
 
-    A steady-state recording has its mean speed. At rest, a self-locking drive holds without torque.
-    The torque that the integrator of a controller leaves at rest is not predicted.
+    The mean speed represents a steady-state recording. At rest, a self-locking drive holds without
+    torque. The torque that the integrator of a controller leaves at rest is not predicted.
 
     Parameters
     ----------
     drive : Drive
+        Drive with its friction.
     recording : Recording
+        Measured speed and torque.
     load : float
         Constant effort on the output, N·m or N.
     load_inertia : float
         Inertia of the payload at the output, kg·m² or kg.
+
+    Returns
+    -------
+    Prediction
+        Predicted torque, its band and its error.
     """
     w = recording.w
     if kind_of(recording) == "steady":
@@ -211,9 +222,9 @@ def predict_recording(
 
 
 def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | None:
-    """Return the torque (samples,) in N·m that repeats with the angle.
+    """Return the part of the torque (samples,) in N·m that repeats with the motor angle.
 
-    The result is None if the angle of the recording or the phases in the drive file are missing.
+    The result is None if the recording lacks the angle or the drive file lacks the phases.
     """
     posterior = friction_of(drive).posterior
     if posterior is None or recording.angle is None:
@@ -241,16 +252,19 @@ def unseen_speed(drive: Drive, motion: Motion) -> float | None:
 
 
 def departure(drive: Drive, motion: Motion, load: float) -> Array:
-    """Return the expected torque beyond that of the drive's own parameters, (samples,) in N·m.
+    """Return the expected torque in addition to that of the drive's parameters, (samples,), N·m.
 
-    It is the departure of recordings at similar speeds from the law plus the median of the equally
-    likely sets. If several laws are possible, the chosen law is not the best prediction at speeds
-    without recordings. The result is 0 at rest or without a posterior.
+    It consists of the departure of recordings at similar speeds from the friction law, and of the
+    median of the equally likely sets. If several laws are possible, the chosen law is not the best
+    prediction at speeds without recordings. The result is 0 at rest, and for a drive without a
+    posterior.
 
     Parameters
     ----------
     drive : Drive
+        Drive with its friction.
     motion : Motion
+        Motion whose torque is predicted.
     load : float
         Constant effort on the output including the rig's load_offset, N·m or N.
     """
@@ -265,9 +279,9 @@ def departure(drive: Drive, motion: Motion, load: float) -> Array:
 
 
 def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
-    """Return the different speeds and directions (kinds,) of a motion.
+    """Return the distinct speeds and directions (kinds,) of a motion.
 
-    The third value is the index of the kind of each sample, (samples,).
+    The third result is the index of the kind of each sample, (samples,).
     """
     pairs = np.column_stack([motion.w, motion.direction])
     kinds, index = np.unique(pairs, axis=0, return_inverse=True)
@@ -277,10 +291,10 @@ def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
 
 
 def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
-    """Return the torque of each set minus that of the drive's parameters, (sets, speeds) in N·m.
+    """Return the torque of each parameter set minus that of the drive, (sets, speeds), N·m.
 
-    w: motor speeds (speeds,) in rad/s. Each set agrees with the recordings at their speeds, because
-    its expected departure from them is subtracted.
+    `w` contains motor speeds (speeds,) in rad/s. The expected departure of each set from the
+    recordings is subtracted, so that the set agrees with the recordings at their speeds.
     """
     sets: Keywords = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
@@ -302,7 +316,9 @@ def band_of(
     Parameters
     ----------
     drive : Drive
+        Drive with its friction.
     motion : Motion
+        Motion whose torque is predicted.
     tau : (samples,)
         Predicted torque with the departure, N·m.
     load : float
@@ -344,19 +360,22 @@ def band_of(
 
 @record
 class Motion:
-    """Motion of a drive from a recorded speed, with rests, directions and acceleration."""
+    """Motion of a drive from a recorded speed, with its rests, directions and accelerations.
+
+    The arrays have the shape (samples,), in rad and s.
+    """
 
     time: Array
     w: Array
     wd: Array
     direction: Array
-    """Sign of the motion (samples,), also shortly before a start; 0 at rest."""
+    """Sign of the motion, which is set shortly before a start. 0 at rest."""
     rests: tuple[tuple[int, int], ...]
     """Index of the first sample and one past the last sample of each rest."""
 
     @staticmethod
     def from_speed(time: Array, w: Array) -> Motion:
-        """Return the motion for times (s) and motor speeds (rad/s), arrays (samples,)."""
+        """Build the motion from times (s) and motor speeds (rad/s), both (samples,)."""
         rest = rest_mask(time, w)
         rests = [(start, stop) for start, stop in runs(rest)]
         direction = np.sign(_fill_gaps(np.where(rest, np.nan, w)))
@@ -370,14 +389,16 @@ class Motion:
 
 
 def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: float) -> Array:
-    """Return the motor torque of the exact law along a motion, (samples,) in N·m.
+    """Return the motor torque of the exact law along a motion, (samples,), N·m.
 
-    It includes the memory of friction and its growth at rest.
+    The law includes frictional memory and the growth of friction at rest.
 
     Parameters
     ----------
     drive : Drive
+        Drive with its friction.
     motion : Motion
+        Motion of the motor.
     load : float
         Constant effort on the output, N·m or N.
     load_inertia : float
@@ -398,8 +419,9 @@ def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: floa
 def coefficient_along(friction: Friction, motion: Motion) -> Array:
     """Return the friction coefficient of the mesh along a motion, (samples,).
 
-    It grows at rest. After a rest, the Stribeck term starts at the coefficient of breakaway and
-    fades with the speed that friction remembers. Before the first rest, it starts at mu_stribeck.
+    The coefficient grows at rest. After a rest, the Stribeck term starts at the coefficient of
+    breakaway and decreases with the remembered speed. Before the first rest, it starts at
+    mu_stribeck.
     """
     speed = np.abs(remembered_speed(friction, motion.time, motion.w))
     mu = np.array(friction_coefficient(friction, speed), dtype=float)
@@ -422,7 +444,10 @@ def coefficient_along(friction: Friction, motion: Motion) -> Array:
 
 
 def _fill_gaps(values: Array) -> Array:
-    """Replace zeros and NaN (samples,) by the last nonzero value, and leading ones by the next."""
+    """Replace zeros and NaN in values (samples,) by the last nonzero value before them.
+
+    At the beginning, they are replaced by the first nonzero value.
+    """
     values = np.where(values == 0, np.nan, values)
     present = np.flatnonzero(np.isfinite(values))
     if not len(present):

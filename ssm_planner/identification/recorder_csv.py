@@ -1,6 +1,6 @@
 """Read tables of numbers from text files: exports of the EPOS recorder, and CSV with named columns.
 
-Numbers may have local formats. The reader lists every repair.
+Numbers may have local formats. Every repair of a file is recorded in a note.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _GROUPED = {
 }
 """Numbers with thousands separators, by the decimal mark."""
 _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
-"""Numbers with one mark, which separates decimals or thousands."""
+"""Numbers with one mark that can separate decimals or thousands."""
 _INTEGER = re.compile(r"[+-]?\d+")
 _MARKED = re.compile(r"[+-]?[\d.,]*\d[\d.,]*([eE][+-]?\d+)?")
 _BLANKS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f ](?=\\d{3})")
@@ -36,7 +36,7 @@ _EDITED = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
 
 
 class Notes:
-    """Repairs of one file; equal repairs are counted."""
+    """Notes on the repairs of one file. Equal repairs are counted."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -44,17 +44,17 @@ class Notes:
         self.counted: dict[str, list[int]] = {}
 
     def add(self, text: str) -> None:
-        """Add one repair."""
+        """Add a note."""
         self.single.append(text)
 
     def count(self, text: str, line: int) -> None:
-        """Add a repair of the line with an index, which is counted with equal ones."""
+        """Add a note on one line. Equal notes are counted. `line` is the index of the line."""
         self.counted.setdefault(text, []).append(line + 1)
 
     def number(self, text: str, line: int, mark: str) -> float:
         """Return the number in a field, or NaN for an empty field and for `nan`.
 
-        mark: decimal mark of the column, or "" if it is ambiguous.
+        `mark` is the decimal mark of the column, or "" if it is ambiguous.
         """
         text = _unquoted(text)
         if text.lower() in ("", "nan", "inf", "-inf", "+inf", "null", "none", "#n/a"):
@@ -77,7 +77,7 @@ class Notes:
         return float(pointed)
 
     def _number_with_text(self, text: str, line: int) -> float:
-        """Return the number in a field with a remark behind it. Raises RecordingError."""
+        """Return the number in a field that also contains a remark. Raises RecordingError."""
         edited = _EDITED.fullmatch(text)
         if edited:
             value, original = edited.group(1).strip(), edited.group(2)
@@ -95,7 +95,7 @@ class Notes:
         raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
 
     def texts(self) -> list[str]:
-        """Return all repairs as texts."""
+        """Return all notes as texts."""
         counted = [f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()]
         return self.single + counted
 
@@ -155,7 +155,7 @@ _UNIT_IN_NAME = re.compile(r"^(.*?)\s*[\[(](.*?)[\])]\s*$")
 class Table:
     """Numbers of a file, (samples, columns), with the line of each sample.
 
-    They are NaN for fields without a finite number.
+    A field without a finite number is NaN.
     """
 
     names: list[str]
@@ -168,7 +168,7 @@ class Table:
 
 @frozen
 class Column:
-    """Index, name and factor to SI of one column."""
+    """Index, name, unit and factor to SI units of one column."""
 
     index: int
     name: str
@@ -205,7 +205,7 @@ def parse_table(text: str, path: Path) -> Table:
 
 
 def find_columns(table: Table, path: Path) -> dict[str, Column]:
-    """Return the columns of time, speed, torque and position by quantity.
+    """Return the columns of time, speed, torque and position, by quantity.
 
     Raises RecordingError if a required column is missing or if its unit is unknown.
     """
@@ -247,7 +247,7 @@ def _separator(lines: list[str], path: Path) -> str:
 
 
 def _find_names(lines: list[str], separator: str, path: Path) -> int:
-    """Return the index of the line of channel names, which names a speed or torque channel."""
+    """Return the index of the line of column names, which contains a speed or torque channel."""
     prefixes = ("velocity", "speed", "torque", "tau", "omega")
     for k, line in enumerate(lines[:200]):
         fields = [f.strip().strip('"').lower() for f in _fields(line, separator)]
@@ -276,7 +276,11 @@ def _align(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
-    """Return ("velocity", "rpm") for `velocity` and `rpm`, `Velocity [rpm]` or `velocity_rpm`."""
+    """Split the heading of a column into name and unit.
+
+    The result is ("velocity", "rpm") for `velocity` with the unit `rpm`, for `Velocity [rpm]` and
+    for `velocity_rpm`.
+    """
     match = _UNIT_IN_NAME.match(name)
     if match and not unit:
         name, unit = match.group(1), match.group(2)
@@ -298,7 +302,7 @@ def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
 
 
 def _strip(line: str) -> str:
-    """Return a line without commas and blanks at its end, which spreadsheets add."""
+    """Remove commas and blanks at the end of a line, which spreadsheets add."""
     return line.rstrip().rstrip(",").rstrip()
 
 
@@ -316,17 +320,17 @@ def _fields(line: str, separator: str) -> list[str]:
 
 
 def _unquoted(text: str) -> str:
-    """Return a field without blanks and quotes around it, with an ASCII minus sign."""
+    """Remove blanks and quotes around a field, and replace Unicode minus signs."""
     return text.strip().strip('"').strip().replace("\u2212", "-")
 
 
 def _matching(pattern: re.Pattern[str], fields: Iterable[str]) -> list[str]:
-    """Return the fields that match a pattern completely."""
+    """Return the fields that match a pattern from beginning to end."""
     return [field for field in fields if pattern.fullmatch(field)]
 
 
 def _marks(rows: list[list[str]], width: int) -> list[str]:
-    """Return the decimal mark of each column of fields, or "" for ambiguous columns."""
+    """Return the decimal mark of each of `width` columns, or "" for an ambiguous column."""
     columns = [[_BLANKS.sub("", _unquoted(row[k])) for row in rows] for k in range(width)]
     sure = [_certain_marks(fields) for fields in columns]
     numbers = _matching(_MARKED, itertools.chain.from_iterable(columns))
@@ -338,7 +342,7 @@ def _marks(rows: list[list[str]], width: int) -> list[str]:
 
 
 def _certain_marks(fields: list[str]) -> set[str]:
-    """Return the decimal marks of the numbers in a column whose mark is certain."""
+    """Return the decimal marks of those numbers in a column whose mark is unambiguous."""
     marks = set()
     for number in _matching(_MARKED, fields):
         last = max(map(number.rfind, ".,"))
@@ -350,9 +354,9 @@ def _certain_marks(fields: list[str]) -> set[str]:
 
 
 def _guessed(fields: list[str], elsewhere: set[str]) -> str:
-    """Return the decimal mark of a column without a certain mark, or "" if it is ambiguous.
+    """Return the probable decimal mark of a column without an unambiguous number, or "".
 
-    elsewhere: the certain marks of all columns.
+    `elsewhere` contains the unambiguous marks of all columns.
     """
     seen = set("".join(_matching(_EITHER, fields))) & set(".,")
     if len(seen) != 1:
@@ -360,7 +364,7 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
     (mark,) = seen
     integers = [abs(int(field)) for field in _matching(_INTEGER, fields)]
     if integers:
-        # With 992 before it, 1,024 has thousands; with 1024 before it, 1,125 has decimals.
+        # After 992, the text 1,024 is 1024. After 1024, the text 1,125 is 1.125.
         decimal = max(integers) >= 1000 or (mark == "." and "," not in elsewhere)
         return mark if decimal else _OTHER[mark]
     return mark if elsewhere == {mark} else ""
@@ -375,10 +379,11 @@ def _samples(
     header: dict[str, str],
     path: Path,
 ) -> Table:
-    """Return the table of the lines from index `first` on.
+    """Return the table of the lines from the index `first` onwards.
 
-    Raises RecordingError if there are no samples, or if many of them have more fields than columns
-    and the comma separates columns, because numbers then seem to have decimal commas.
+    Raises RecordingError if the table is empty. It is also raised if many lines of a
+    comma-separated file have more fields than columns, because their numbers seem to have decimal
+    commas.
     """
     notes = Notes(path)
     width = len(names)
@@ -415,8 +420,8 @@ def _rows(
 ) -> tuple[list[list[str]], list[int]]:
     """Return the fields of all samples, `width` for each, and the numbers of their lines.
 
-    `notes` gets remarks on blank lines, on a last line that is cut off, and the remark `more` on
-    lines with too many fields.
+    `notes` gets a remark on blank lines and on an incomplete last line. It gets the remark `more`
+    for lines with too many fields.
     """
     rows: list[list[str]] = []
     numbers = []
@@ -431,7 +436,7 @@ def _rows(
             notes.count("lines with commas added at their end read without them", k)
         if len(fields) > width:
             notes.count(more, k)
-            # A number with a decimal comma makes two fields.
+            # A number with a decimal comma is split into two fields.
             fields = [] if separator == "," else fields
         elif len(fields) < width and k == last:
             notes.add(f"the last line ({k + 1}) is cut off and left out")

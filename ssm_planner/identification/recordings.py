@@ -1,6 +1,6 @@
 """Read recordings of a drive: exports of the EPOS recorder, and CSV files with named columns.
 
-The reader states every repair of a file.
+The names of the channels select the columns. Every repair of a file is stated.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ MAX_BYTES = 32_000_000
 
 MIN_SAMPLES = 8
 RAIL = 8
-"""Number of samples at the largest torque, or of equal samples in a row, that is suspicious."""
+"""Suspicious number of samples at the largest torque, or of equal samples in a row."""
 RAIL_BAND, RAIL_EXCESS = 0.01, 4
 """Width of the band below the largest torque, as a share of the torque range.
 
 Its samples are suspicious if they are RAIL_EXCESS times those of the next band.
 """
 UNEQUAL = 3
-"""Ratio of the longest row of equal torque to the next longest in a channel that stopped.
+"""Ratio of the longest to the second longest run of equal torques in a channel that has stopped.
 
-The ratio of a channel with a coarse resolution is smaller.
+The ratio is smaller for a channel with a coarse resolution.
 """
 LASTING = 2.0
-"""Mean torque, divided by the nominal torque, that exceeds the ability of any motor."""
+"""Ratio of mean to nominal torque that no motor can sustain."""
 PASSAGE, REPEATED = 8, 0.5
 """Number of samples in a compared passage, and the share of common passages in a repetition."""
 SPIKE_GAP = 3.0
@@ -51,7 +51,7 @@ SPIKE_GAP = 3.0
 
 @record
 class Recording(ShortRepr):
-    """Speed and torque of one motor over time in the drive's positive direction.
+    """Speed and torque of one motor over time, in the drive's positive direction.
 
     Arrays have the shape (samples,) and SI units.
 
@@ -76,7 +76,7 @@ class Recording(ShortRepr):
     angle: Array | None = None
     """Motor angle in rad, or None without a position channel."""
     begin: float = 0.0
-    """Time of the first sample in the file, s; `time` begins with 0."""
+    """Time of the first sample in the file, s. The array `time` begins with 0."""
 
 
 def read_recording(
@@ -102,11 +102,12 @@ def read_recording(
     Returns
     -------
     Recording
+        The channels in SI units, with remarks on repairs.
 
     Raises
     ------
     RecordingError
-        If the file cannot be used. The message has file, line and fault.
+        If the file cannot be used. The message states file, line and fault.
     """
     path = Path(path)
     table = parse_table(read_text(path), path)
@@ -145,10 +146,10 @@ def read_recording(
 
 
 def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, Indices, list[str]]:
-    """Return the channels (4, samples) without samples that are not finite, with their lines.
+    """Return the channels (4, samples) without samples that are not finite, and their lines.
 
-    The third value has a remark on samples that are left out. Raises RecordingError if they are too
-    many, if too few remain, or if the time does not increase.
+    The third result contains a remark on the removed samples. Raises RecordingError if too many
+    samples are removed, if too few remain, or if the time does not increase.
     """
     finite = np.isfinite(channels).all(axis=0)
     bad = [table.lines[k] for k in np.flatnonzero(~finite)]
@@ -171,7 +172,8 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
 def _remove_spikes(channels: Array, lines: Indices) -> list[str]:
     """Replace spikes of torque and speed by NaN, and return a remark on each channel with spikes.
 
-    channels: time, speed, torque and position (4, samples), which change. lines: (samples,).
+    `channels` (4, samples) contains time, speed, torque and position, and is changed. `lines`
+    (samples,) contains the line of each sample.
     """
     remarks = []
     for quantity, channel in (("torque", channels[2]), ("speed", channels[1])):
@@ -199,7 +201,12 @@ def read_recordings(
     paths : list or tuple of str or Path
         Files and directories. Files of a directory are sorted and named by their path within it.
     nominal_torque, direction
-        See `read_recording`.
+        Arguments of `read_recording`.
+
+    Returns
+    -------
+    list of Recording
+        One recording for each file.
 
     Raises
     ------
@@ -226,9 +233,9 @@ def read_recordings(
 def find_spikes(values: Array) -> Indices:
     """Return the indices of isolated samples of values (samples,).
 
-    A gap of SPIKE_GAP times the range of all but the outermost samples separates them from the
-    others. On each side, at most 1 % of the samples are isolated, or one sample of a short
-    recording.
+    A gap separates them from the other values. It is at least SPIKE_GAP times the range of all but
+    the outermost samples. On each side, at most 1 % of the samples are isolated, or one sample of a
+    short recording.
     """
     order = np.argsort(values, kind="stable")
     ranked = values[order]
@@ -293,7 +300,10 @@ def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
 def _torque_remarks(
     torque: Array, column: Column, nominal_torque: float | None, moving: Mask
 ) -> list[str]:
-    """Return remarks on a suspicious torque (samples,) in N·m. moving: mask (samples,)."""
+    """Return remarks on a suspicious torque (samples,) in N·m.
+
+    The mask `moving` (samples,) selects the samples in motion.
+    """
     remarks, size = [], np.abs(torque)
     below = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
     largest, second = (
@@ -315,9 +325,9 @@ def _torque_remarks(
 
 
 def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
-    """Return the lengths of the longest and second longest row of equal torques in motion.
+    """Return the lengths of the longest and second longest run of equal torques in motion.
 
-    torque, moving: (samples,). Without two rows, the second length is 1.
+    Both arrays have the shape (samples,). Without a second run, its length is 1.
     """
     edges = np.flatnonzero(np.diff(torque, prepend=np.nan, append=np.nan) != 0.0)
     rows = sorted(
@@ -329,7 +339,7 @@ def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
 
 
 def _percent_remarks(share: Array, unit: str) -> list[str]:
-    """Return a remark if torques over the nominal torque (samples,) look like ‰ instead of %."""
+    """Return a remark if relative torques (samples,) seem to be in ‰ instead of %."""
     percent, size = 100 * share, np.abs(share)
     whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
     if not whole and np.mean(size) <= LASTING:
@@ -341,7 +351,7 @@ def _percent_remarks(share: Array, unit: str) -> list[str]:
 
 
 def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
-    """Return the recordings without repetitions, and a sentence for each that is left out.
+    """Remove repeated recordings, and describe each removed recording in a sentence.
 
     A recording is a repetition if a longer one contains most of its samples.
     """
@@ -361,9 +371,9 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
 
 
 def _passages(recording: Recording) -> set[int]:
-    """Return a number for each passage of PASSAGE samples of speed and torque.
+    """Return the hash of each passage of PASSAGE consecutive samples of speed and torque.
 
-    Values are rounded to 1e-6 rad/s and 1e-9 N·m.
+    The values are rounded to 1e-6 rad/s and 1e-9 N·m.
     """
     samples = np.column_stack([recording.w / 1e-6, recording.tau / 1e-9])
     rounded = np.round(samples).astype(np.int64)
@@ -387,6 +397,9 @@ def rms(values: Array) -> float:
 
 
 def quantum(values: Array, decimals: int) -> float:
-    """Return the smallest difference of two values (samples,) rounded to `decimals`, or 0."""
+    """Return the smallest nonzero difference of values (samples,), rounded to `decimals`.
+
+    The result is 0 if all values are equal.
+    """
     steps = np.diff(np.unique(np.round(values, decimals)))
     return float(steps.min()) if len(steps) else 0.0

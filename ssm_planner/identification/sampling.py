@@ -28,15 +28,19 @@ from ssm_planner.typing import Array, Indices, Range, record
 ADAPTATION = (2**12, 2**12, 2**12, 2**13, 2**14)
 """Number of points in each round of adaptation. The components double from round to round."""
 POINTS = 2**17
-"""Number of points in the final round: intervals of two shifts then agree within 3 %."""
+"""Number of points in the final round. Intervals with two different shifts then agree within 3 %.
+"""
 BLOCK = 2**13
 """Number of points that are evaluated at once, which bounds the memory."""
 WIDENING = 0.01
-"""Share of the whole covariance that is added to the covariance of each component."""
+"""Share of the total covariance that is added to the covariance of each component."""
 UNCLIPPED_WEIGHTS = 100
-"""Least number of points to which the components adapt."""
+"""Smallest number of points to which the components adapt."""
 LARGEST_WEIGHT = 1e-3
-"""Largest weight of one set in a reliable sample: above it, 1000 draws repeat the set."""
+"""Largest weight of one set in a reliable sample.
+
+Above it, 1000 draws would repeat the set.
+"""
 TINY = 1e-300
 
 Mixture = list[tuple[Array, Array]]
@@ -45,7 +49,7 @@ Mixture = list[tuple[Array, Array]]
 
 @record
 class Sample:
-    """Parameter sets of one friction law that represent its posterior by their weights.
+    """Parameter sets of one friction law, whose weights represent its posterior.
 
     Each point of the sequence gives one set for each share c of SHARES.
     """
@@ -60,39 +64,39 @@ class Sample:
 
     @cached_property
     def log_evidence(self) -> float:
-        """Return ln p(τ) of the law, up to a constant that all laws share."""
+        """Logarithm of the evidence p(τ) of the law. A constant that all laws share is omitted."""
         return float(np.logaddexp.reduce(self.log_weight, axis=None))
 
     @cached_property
     def weight(self) -> Array:
-        """Return the weights (shares, points) with the sum 1."""
+        """Weights (shares, points) with the sum 1."""
         return np.exp(self.log_weight - self.log_evidence)
 
     @property
     def flat(self) -> tuple[Array, Array]:
-        """Return the coordinates (sets, k) and the weights (sets,) over all shares."""
+        """Coordinates (sets, k) and weights (sets,) over all shares."""
         return self.z.reshape(self.weight.size, -1), self.weight.ravel()
 
     @property
     def largest_weight(self) -> float:
-        """Return the largest weight of a point. Its inverse is an effective sample size [4]."""
+        """Largest weight of a point. Its inverse is an effective sample size [4]."""
         return float(self.weight.sum(axis=0).max())
 
     @cached_property
     def covariance(self) -> Array:
-        """Return the covariance (k, k) of the coordinates."""
+        """Covariance (k, k) of the coordinates."""
         return _moments(*self.flat)[1]
 
     @property
     def scatter(self) -> Array:
-        """Return the expected variance s² in N²·m² and the expected share c, (2,)."""
+        """Expected variance s² in N²·m² and expected share c, (2,)."""
         degrees = len(self.model.w) + DEGREES - 2
         variance = np.sum(self.weight * self.square) / degrees
         return np.array([variance, self.weight.sum(axis=1) @ list(SHARES)])
 
     @property
     def ordered(self) -> tuple[Array, Array]:
-        """Return coordinates (sets, k) and weights (sets,) along the longest principal axis."""
+        """Coordinates (sets, k) and weights (sets,), sorted along the longest principal axis."""
         z, weight = self.flat
         order = _order(z, weight)
         return z[order], weight[order]
@@ -101,8 +105,8 @@ class Sample:
 def sample(model: MapModel, z: Array, shift: float = 0.5) -> Sample:
     """Sample the posterior of a law.
 
-    z: most likely coordinates (k,), from which the adaptation starts. shift: start of the sequence
-    in [0, 1). The result depends on it within the accuracy of the sample only.
+    The adaptation starts at the most likely coordinates z (k,). `shift` in [0, 1) is the start of
+    the sequence. It changes the result only within the accuracy of the sample.
     """
     curved = np.flatnonzero(~model.linear)
     covariance = covariance_near(model, z)[np.ix_(curved, curved)]
@@ -136,8 +140,8 @@ def _sampled(model: MapModel, mixture: Mixture, count: int, shift: float) -> Sam
 def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
     """Return evenly distributed points (points, dimensions) in the unit cube.
 
-    They are an additive recurrence whose step has the powers of 1/φ as coordinates, with
-    φ^(dimensions + 1) = φ + 1 [3].
+    They form an additive recurrence. Its step has the powers of 1/φ as coordinates, where φ is the
+    solution of φ^(dimensions + 1) = φ + 1 [3].
     """
     phi = 2.0
     for _ in range(60):
@@ -147,10 +151,10 @@ def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
 
 
 def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -> Array:
-    """Return z, log_weight and square of a `Sample`, (shares, points, k + 2), at some points.
+    """Return z, log_weight and square of a `Sample` in one array (shares, points, k + 2).
 
-    The points take turns among the prior and the components of the mixture. The components have
-    t-distributions of two degrees of freedom, whose quantiles have a closed form.
+    The points belong in turn to the prior and to each component of the mixture. The components have
+    t-distributions with two degrees of freedom, whose quantiles have a closed form.
     """
     from scipy.special import ndtri
 
@@ -244,8 +248,8 @@ def _slopes(model: MapModel) -> Array:
 def _components(y: Array, weight: Array, divisions: int) -> Mixture:
     """Return 2^divisions components that follow points y (points, d) with weights (points,).
 
-    The points are repeatedly divided into halves of equal weight across their longest principal
-    axis, so that the components follow a curved ridge.
+    The points are repeatedly divided into two groups of equal weight across their longest principal
+    axis. The components can therefore follow a curved ridge.
     """
     groups = [np.arange(len(y))]
     for _ in range(divisions):
@@ -256,7 +260,7 @@ def _components(y: Array, weight: Array, divisions: int) -> Mixture:
 
 
 def _halves(group: Indices, y: Array, weight: Array) -> list[Indices]:
-    """Return two halves of equal weight of a group of points."""
+    """Divide a group of points into two groups of equal weight."""
     group = group[_order(y[group], weight[group])]
     cumulative = np.cumsum(weight[group])
     return np.split(group, [np.searchsorted(cumulative, cumulative[-1] / 2, side="right")])

@@ -1,6 +1,6 @@
 """Compute torque–velocity maps: mean speed and mean torque of each steady-state recording.
 
-The maps of the three rigs ship as a table of figures.
+The package contains the maps of the three rigs as a table of figures.
 """
 
 from __future__ import annotations
@@ -32,37 +32,39 @@ FIGURES_HEADER = (
     "torque_peak_N_m",
     "samples",
 )
-"""Columns of a table of figures. Signs are those of the drive's positive direction."""
+"""Columns of a table of figures. Signs refer to the drive's positive direction."""
 
 REST_TIME = 0.3
 REST_SAMPLES = 6
-"""Shortest time at zero speed, s and samples, that is rest.
+"""Smallest number of samples at zero speed that count as rest. REST_TIME is the shortest time, s.
 
-Shorter ones are motion below the resolution of the speed.
+Shorter intervals are motion below the resolution of the speed.
 """
 
 FLICKER = 0.05
-"""Share of the usual speed below which motions of fewer than REST_SAMPLES samples are noise."""
+"""Share of the usual speed below which a motion of fewer than REST_SAMPLES samples is noise."""
 
 BEYOND = 5.0
 """Distance of an outlier from the line through its neighbours, in robust standard deviations."""
 
 LEAST = 0.005
-"""Least standard deviation, as a share of the torque range, because a map is curved."""
+"""Smallest standard deviation as a share of the torque range, because a map is curved."""
 
 DRIFT = 0.2
-"""Relative change of speed, from first to last third of a recording, that is not steady motion."""
+"""Relative change of speed from the first to the last third of a recording above which the motion
+is not steady.
+"""
 
 _KEEP = 3.0
 _FEWEST = 5
 
 TABLE = "rig_figures.csv"
-"""Name of the table in the folder of the drive files, whose stems are the names of the rigs."""
+"""Name of the table in the folder of the drive files. A rig has the name of its drive file."""
 
 
 @record
 class TorqueMap(ShortRepr):
-    """Points of a map, sorted by speed. Arrays (points,), SI, at the motor.
+    """Points of a map, sorted by speed. Arrays have the shape (points,) and SI units at the motor.
 
     Examples
     --------
@@ -81,16 +83,16 @@ class TorqueMap(ShortRepr):
     tau: Array
     w_deviation: Array
     tau_deviation: Array
-    """RMS of torque − mean."""
+    """RMS of the torque minus its mean."""
     samples: Array
     repairs: tuple[str, ...] = ()
     ripple: Array | None = None
-    """RMS of the torque that repeats with the motor angle; NaN below two turns."""
+    """RMS of the torque that repeats with the motor angle. NaN for less than two turns."""
     peak: Array | None = None
     """Largest |torque| minus |mean torque|."""
 
     def spread(self, sign: int) -> Ripple | None:
-        """Return ripple and noise of the recordings in one direction (±1), or None without data."""
+        """Return ripple and noise in one direction (±1), or None if data are missing."""
         side = np.sign(self.w) == sign
         if (
             self.ripple is None
@@ -111,10 +113,10 @@ class TorqueMap(ShortRepr):
 
 
 def rest_mask(time: Array, w: Array) -> Mask:
-    """Return a mask (samples,) of rest from times in s and speeds in rad/s, (samples,) each.
+    """Return a mask (samples,) of rest, from times (s) and motor speeds (rad/s), (samples,).
 
-    Motion below the resolution of the speed is not rest. Flickers of the speed channel, which are
-    short motions at very low speed, belong to the rest.
+    Motion below the resolution of the speed does not count as rest. Short motions at very low speed
+    are flicker of the speed channel and count as rest.
     """
     still = np.abs(w) <= STANDSTILL
     fast = FLICKER * float(np.quantile(np.abs(w[~still]), 0.9)) if not still.all() else 0.0
@@ -131,15 +133,9 @@ def rest_mask(time: Array, w: Array) -> Mask:
 
 
 def runs(mask: Mask) -> list[list[int]]:
-    """Return the first index and one past the last index of each run of True.
+    """Return the first index, and the last index plus 1, of each run of True in `mask`.
 
-    Parameters
-    ----------
-    mask : (samples,)
-
-    Returns
-    -------
-    list of [int, int]
+    The mask has the shape (samples,).
     """
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
     return np.flatnonzero(edges).reshape(-1, 2).tolist()
@@ -162,7 +158,7 @@ def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
 
 
 def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
-    """Return the map of steady-state recordings."""
+    """Compute the map of steady-state recordings."""
     order = sorted(recordings, key=lambda recording: float(recording.w.mean()))
     repairs = [f"{r.name}: {repair}" for r in order for repair in r.repairs]
     for r in order:
@@ -194,7 +190,7 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
 
 
 def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
-    """Return a map of rows with numbers in the order of FIGURES_HEADER."""
+    """Build a map from rows of numbers in the order of FIGURES_HEADER."""
     table = np.array(rows)
     order = np.argsort(table[:, 0], kind="stable")
     columns = ("w", "tau", "w_deviation", "tau_deviation", "ripple", "peak", "samples")
@@ -217,8 +213,8 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     Raises
     ------
     RecordingError
-        If the table does not contain the rig or has other columns or invalid figures. The message
-        has file, line and fault.
+        If the table does not contain the rig, has other columns or has invalid figures. The message
+        states file, line and fault.
     ProblemError
         If the file is not a table.
     """
@@ -241,7 +237,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
 
 
 def _parse_figures(fields: list[str], location: str) -> list[float]:
-    """Convert the figures of one row. The ripple may be NaN. Raises RecordingError."""
+    """Convert the figures of one row to numbers. The ripple may be NaN. Raises RecordingError."""
     try:
         row = [float(field) for field in fields]
     except ValueError as error:
@@ -283,10 +279,11 @@ def find_outliers(w: Array, tau: Array) -> list[Outlier]:
 
 
 def _scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, float]:
-    """Return the distance of each point from the line through its neighbours.
+    """Compare each point of a map with the line through its neighbours.
 
-    mask: points that are compared, (points,). The result has the distance over its
-    expected deviation (points,), the distance in N·m (points,), and the deviation of a torque.
+    The mask `mask` (points,) selects the compared points. The results are the distance divided by
+    its expected deviation (points,), the distance in N·m (points,), and the deviation of a torque
+    in N·m.
     """
     distance, spread = np.full(len(w), np.nan), np.ones(len(w))
     for sign in (-1.0, 1.0):
@@ -294,7 +291,7 @@ def _scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, float]:
         count = len(side)
         if count < _FEWEST:
             continue
-        # The neighbours of an outermost point are the two next to it.
+        # An outermost point is compared with the line through the two points nearest to it.
         a = side[[1, *range(count - 2), count - 3]]
         b = side[[2, *range(2, count), count - 2]]
         gap = w[b] - w[a]

@@ -1,8 +1,9 @@
-"""Distance of the tool tip from the retina, and clearance of the shaft from the lens.
+"""Compute the distance of the tip from the retina, and the clearance of the shaft from the lens.
 
 The remote centre is the origin of the base frame. Each function accepts NumPy arrays and CasADi
-expressions. `xp` is namespace.NUMPY or namespace.casadi_namespace(). `tip` holds the three
-components of the tip position in the base frame, m. The results have the shape of one component.
+expressions. The argument `xp` is namespace.NUMPY or namespace.casadi_namespace(), and `tip`
+contains the three components of the tip position in the base frame, m. The results have the shape
+of one component.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
 def lens_ratio(xp: Namespace, lens: Lens, tip: Any) -> Any:
     """Return the factor ρ by which the lens must grow to touch the axis of the shaft.
 
-    ρ must be at least `lens_limit`. The shaft in the eye is the segment from the remote centre to
-    the tip. In coordinates scaled by the semi-axes, the lens is the unit ball and ρ is the distance
-    of the segment from its centre.
+    A permitted ρ is at least `lens_limit`. The shaft in the eye is the segment from the remote
+    centre to the tip. In coordinates scaled by the semi-axes, the lens is the unit ball and ρ is
+    the distance of the segment from its centre.
     """
     return xp.sqrt(_lens_square(xp, lens, tip))
 
@@ -54,9 +55,9 @@ def lens_limit(eye: Eye) -> float:
 
 
 def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]]:
-    """Return (value, smallest allowed value) of each eye limit by the name of the limit.
+    """Return the value and the smallest allowed value of each eye limit, by the name of the limit.
 
-    The retina's value is a distance in m. The lens, if there is one, has ρ.
+    The value for the retina is a distance in m. The value for the lens, if there is one, is ρ.
     """
     limits = {RetinaClearance.name: (retina_distance(xp, eye, tip), eye.clearance)}
     if eye.lens is not None:
@@ -65,7 +66,10 @@ def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]
 
 
 def retina_row(xp: Namespace, eye: Eye, tip: Any) -> Any:
-    """Return |p − c|²/(R − clearance)² − 1, which is smooth and must be ≤ 0 beyond the port."""
+    """Return |p − c|²/(R − clearance)² − 1, which must be ≤ 0 beyond the port.
+
+    The row is smooth, unlike `retina_distance`.
+    """
     return _square(_minus(tip, eye.centre)) / (eye.radius - eye.clearance) ** 2 - 1.0
 
 
@@ -78,7 +82,7 @@ def lens_row(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:
 
 
 def eye_rows(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
-    """Return the rows that must be ≤ 0, by the name of the limit."""
+    """Return the rows of all eye limits, by the name of the limit. Each row must be ≤ 0."""
     rows = {RetinaClearance.name: retina_row(xp, eye, tip)}
     if eye.lens is not None:
         rows[LensClearance.name] = lens_row(xp, eye, eye.lens, tip)
@@ -86,13 +90,13 @@ def eye_rows(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
 
 
 def _lens_square(xp: Namespace, lens: Lens, tip: Any) -> Any:
-    """Return ρ²."""
+    """Return ρ², the square of `lens_ratio`."""
     scale = (lens.frame / lens.semi_axes).T.tolist()
     offset = [-_dot(row, lens.centre.tolist()) for row in scale]
     shaft = [_dot(row, tip) for row in scale]
     length = _square(shaft)
-    # A shaft without a length does not determine the foot of the perpendicular. The guarded
-    # quotient keeps value and derivatives finite.
+    # A shaft without a length does not determine a perpendicular from the centre of the lens. The smallest
+    # divisor NO_LENGTH keeps the value and its derivatives finite.
     foot = -_dot(offset, shaft) / xp.where(length > NO_LENGTH, length, 1.0)
     foot = xp.where(foot > 0.0, xp.where(foot < 1.0, foot, 1.0), 0.0)
     return _square([b + foot * s for b, s in zip(offset, shaft, strict=True)])

@@ -1,6 +1,6 @@
-"""Closed forms for many mechanisms at once, as arrays over α, home tilt and home roll.
+"""Evaluate closed forms for many mechanisms at once, as arrays over α, home tilt and home roll.
 
-Design studies use them.
+Design studies use these functions.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from ssm_planner.typing import Array, record
 class Family:
     """n mechanisms with ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(ψ_h) Ry(φ_h) x.
 
-    alpha, home_tilt, home_roll: rad, (n,). insertion_sign: sign in depth = insertion_sign · θ4.
+    The angles `alpha`, `home_tilt` and `home_roll` are in rad, (n,). `insertion_sign` is the sign
+    in depth = insertion_sign · θ4.
     """
 
     alpha: Array
@@ -29,7 +30,7 @@ class Family:
     insertion_sign: int = -1
 
     def subset(self, which: Array) -> Family:
-        """Return the members for which the mask `which` (n,) is true."""
+        """Return the mechanisms for which the mask `which` (n,) is true."""
         return Family(
             self.alpha[which], self.home_tilt[which], self.home_roll[which], self.insertion_sign
         )
@@ -54,7 +55,7 @@ class Family:
 
     @cached_property
     def beta(self) -> Array:
-        """Angle β (n,) with cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h."""
+        """Angle β (n,) between ω2 and ω3: cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h."""
         return np.arccos(np.clip(np.sum(self.omega2 * self.omega3, axis=1), -1.0, 1.0))
 
     @cached_property
@@ -64,7 +65,7 @@ class Family:
 
     @cached_property
     def delta(self) -> Array:
-        """Angle δ of mechanism.py, (n,)."""
+        """Angle δ (n,), see the module `mechanism`."""
         toward = np.sin(self.alpha) * self.omega3[:, 0] - np.cos(self.alpha) * self.omega3[:, 1]
         return np.arctan2(self.omega3[:, 2], toward)
 
@@ -89,7 +90,7 @@ class Family:
     def joints(self, task: Array, branch: int) -> Array:
         """Return joints (n, k, 4) for task coordinates (k, 4).
 
-        branch: +1 for the branch of the home configuration, −1 for the other one.
+        `branch` is +1 for the branch of the home configuration, and −1 for the other branch.
         """
         columns = [np.asarray(column)[None, :] for column in np.asarray(task, dtype=float).T]
         home = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]
@@ -99,9 +100,9 @@ class Family:
 
 
 class _Wide:
-    """A family with the attributes that `joints_of_task` reads from a mechanism.
+    """Family with the attributes that `joints_of_task` reads from a mechanism.
 
-    Members run along the first axis and points along the second.
+    The attributes have the shape (n, 1), so that they broadcast over k points.
     """
 
     def __init__(self, family: Family) -> None:

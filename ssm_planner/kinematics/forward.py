@@ -1,9 +1,10 @@
-"""Forward kinematics, Jacobians and tool speeds by the product of exponentials (paper, eq. 2).
+"""Compute forward kinematics, Jacobians and tool speeds by the product of exponentials (eq. 2).
 
-The matrix e^{ω̂θ} is linear in (1, cos θ, sin θ). The orientation R is therefore a constant matrix
-times the 27 products of these terms for three joints. The tool axis and the Jacobian columns need
-nine products. One matrix product evaluates a cache-sized block of configurations. The functions
-named ..._symbolic express the same equations for one configuration in CasADi.
+The equation numbers are those of the paper. The matrix e^{ω̂θ} is linear in (1, cos θ, sin θ). The
+orientation R is therefore a constant matrix times the 27 products of these terms for three joints.
+The tool axis and the Jacobian columns need nine products. One matrix product evaluates a block of
+configurations that fits into the cache. Functions whose names end with _symbolic express the same
+equations for one configuration in CasADi.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ if TYPE_CHECKING:
 
 
 BLOCK = 1024
-"""Configurations per block. Temporaries stay in the cache, and BLAS starts no threads."""
+"""Number of configurations per block.
+
+Temporary arrays then stay in the cache, and BLAS starts no threads.
+"""
 
 
 def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
@@ -68,7 +72,7 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
 
 
 def _terms(angle: Array) -> Array:
-    """Return the rows (1, cos θ, sin θ), (3, n)."""
+    """Return the terms (1, cos θ, sin θ) of n angles as rows, (3, n)."""
     terms = np.empty((3, len(angle)))
     terms[0] = 1.0
     np.cos(angle, out=terms[1])
@@ -77,16 +81,27 @@ def _terms(angle: Array) -> Array:
 
 
 def _products(a: Array, b: Array) -> Array:
-    """Return all products of a row of a with a row of b, (rows of a · rows of b, n)."""
+    """Return the products of each row of a with each row of b, (rows of a · rows of b, n)."""
     return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
 
 
 def _pose(
     mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, *, results: tuple[Array, Array]
 ) -> None:
-    """Write R (n, 9) and p (n, 3) into `results`.
+    """Write the orientation (n, 9) and the tip position (n, 3) into `results`.
 
-    theta4: (n,). elbow: products of joints 1 and 2, (9, n). three: terms of joint 3, (3, n).
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    theta4 : (n,)
+        Positions of joint 4, m.
+    elbow : (9, n)
+        Products of the terms of joints 1 and 2.
+    three : (3, n)
+        Terms of joint 3.
+    results : ((n, 9), (n, 3))
+        Arrays that receive R and p.
     """
     rotations, positions = results
     np.matmul(_products(elbow, three).T, mechanism.orientation_terms, out=rotations)
@@ -128,11 +143,14 @@ def tip_jacobian(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
 JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] = {
     TipSpeed: tip_jacobian
 }
-"""Jacobian J(q) (k, 4) in CasADi for every kind of limit on a speed |v| with v = J(q) q̇."""
+"""Function that returns the Jacobian J(q) (k, 4) in CasADi by kind of speed limit.
+
+The limit applies to |v| with v = J(q) q̇.
+"""
 
 
 def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
-    """Return the limited speed |J(q) q̇| (n,) in SI units for joints q and rates qd (n, 4)."""
+    """Return the limited speed |J(q) q̇| (n,) in SI units for joints q and joint rates qd (n, 4)."""
     from ssm_planner.codegen import call
 
     return call(_speed(limit_type, mechanism), q, qd)[0][:, 0]

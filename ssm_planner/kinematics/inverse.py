@@ -1,4 +1,4 @@
-"""Closed-form inverse kinematics on every branch, for batches of targets (paper, §II-C).
+"""Solve the inverse kinematics in closed form on every branch, for batches of targets.
 
 Targets are task coordinates or tip positions. The closed forms of Paden–Kahan subproblems 2 and 1,
 which give θ1 to θ3, are in `task.joints_of_task`. The depth gives θ4 (subproblem 3′).
@@ -23,9 +23,12 @@ from ssm_planner.typing import Array, Mask
 
 BRANCHES = (1, -1)
 TOLERANCE = 1e-7
-"""Largest error, rad and m, of a target that counts as reached."""
+"""Largest error of a solution that reaches its target, rad and m."""
 BLOCK = 3072
-"""Targets per block. Temporaries stay in the cache, and BLAS starts no threads."""
+"""Number of targets per block.
+
+Temporary arrays then stay in the cache, and BLAS starts no threads.
+"""
 
 
 def inverse_task(
@@ -38,8 +41,8 @@ def inverse_task(
     """Return the joints of task coordinates (roll, tilt, spin, depth) (n, 4) on both branches.
 
     The tilt may have either sign. Roll and spin are not wrapped, so θ1 and θ3 are continuous in
-    them. A tilt outside the workspace is moved to the nearer end. `limits` and `reference` have the
-    same meaning as in `inverse`.
+    them. A tilt outside the workspace is moved to the nearer end. The arguments `limits` and
+    `reference` have the same meaning as in `inverse_tip`.
     """
     _refuse_parallel(mechanism)
     task = task_batch("task", task)
@@ -71,14 +74,24 @@ def inverse_tip(
 ) -> Solutions:
     """Return up to four solutions for each tip position (n, 3) in m with spin (n,) in rad.
 
-    The distance of the tip from the RCM leaves two depths (subproblem 3′ of the paper), and each
-    depth has two branches of the inverse kinematics, +1 and −1. The solutions are ordered
-    (depth > 0, +1), (depth > 0, −1), (depth < 0, +1), (depth < 0, −1). A tip at the RCM does not
-    determine the direction of the tool. The tool then points as at `reference`, or as at home
-    without one, and the two solutions with depth < 0 do not count as reaching the tip.
+    The distance of the tip from the RCM has two depths as solutions (subproblem 3′ of the paper),
+    and each depth has two branches of the inverse kinematics, +1 and −1. The order of the solutions
+    is (depth > 0, +1), (depth > 0, −1), (depth < 0, +1), (depth < 0, −1). A tip at the RCM does not
+    determine the direction of the tool. The tool then has the direction of `reference`, or of home
+    without a reference, and the two solutions with depth < 0 do not count as reaching the tip.
 
-    limits: lowest and highest joint positions (4, 2), rad and m. reference: joints (4,) to whose
-    distance the solutions are sorted.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    tip : (n, 3)
+        Tip positions in the base frame, m.
+    spin : float or (n,)
+        Rotation of the tool about its axis, rad.
+    limits : (4, 2), optional
+        Lowest and highest joint positions, rad and m.
+    reference : (4,), optional
+        Joint positions. The solutions are sorted by their distance to it.
     """
     tip = batch("tip", tip, 3)
     spins = np.asarray(spin, dtype=float)
@@ -114,7 +127,7 @@ def _solutions(
     limits: ArrayLike | None,
     reference: ArrayLike | None,
 ) -> Solutions:
-    """Return the joints (n, 2, 4) of both branches as solutions, in limits and in order."""
+    """Return the joints (n, 2, 4) of both branches as solutions, marked by limits and sorted."""
     reachable = (orientation_error <= TOLERANCE) & (tip_error <= TOLERANCE)
     shape = joints.shape[:2]
     result = Solutions(
@@ -138,7 +151,7 @@ def _pointing(
 ) -> tuple[Array, Array]:
     """Return roll and tilt of the tool for tip positions at given depths.
 
-    At the RCM they are those of the reference, or of home.
+    At the RCM, they are those of the reference or, without one, those of home.
     """
     u = (
         mech.frame.T

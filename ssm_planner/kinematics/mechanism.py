@@ -1,18 +1,18 @@
-"""Geometry of the serial spherical mechanism.
+"""Describe the geometry of the serial spherical mechanism.
 
 Three revolute axes meet in the remote centre of motion (RCM). The fourth joint translates along the
 third axis.
 
-The axes ω1, ω2 and the tool axis form a spherical triangle. Its sides are α (ω1 to ω2),
-β (ω2 to the tool) and |φ| (ω1 to the tool). Its angle at ω2 is |x| with x = θ2 − δ.
-With c = cos(x/2) and s = sin(x/2):
+The axes ω1, ω2 and the tool axis form a spherical triangle. Its sides are α (ω1 to ω2), β (ω2 to
+the tool) and |φ| (ω1 to the tool). Its angle at ω2 is |x| with x = θ2 − δ. With c = cos(x/2) and s
+= sin(x/2):
 
     cos φ = cos(α − β) c² + cos(α + β) s²          (f(θ2) in eq. 4 of the paper)
     e^{ω̂2 θ2} ω3 = cos φ ω1 + P t + Q n
     P = sin(α − β) c² + sin(α + β) s²,   Q = −2 sin β s c
 
-In the tool frame, ω1 has the azimuth η = atan2(F, E) about the tool axis. The azimuth is zero at
-θ2 = δ:
+In the tool frame, ω1 has the azimuth η = atan2(F, E) about the tool axis. The azimuth is zero at θ2
+= δ:
 
     E = sin(α − β) c² − sin(α + β) s²,   F = −2 sin α s c
 
@@ -39,7 +39,7 @@ from ssm_planner.typing import Array, record
 PARALLEL = 1e-9
 """Sine of the angle below which two axes count as parallel."""
 ROTATION_TOLERANCE = 2.5e-7
-"""Largest entry of RᵀR − 1 of a matrix that counts as a rotation."""
+"""Largest magnitude of the entries of RᵀR − 1 for a rotation matrix R."""
 
 
 @record
@@ -174,9 +174,9 @@ class Mechanism:
 
     @cached_property
     def delta(self) -> float:
-        """Angle δ in [−π, π]: the θ2 at which the tool is nearest to ω1.
+        """Angle δ in [−π, π], which is the θ2 at which the tool is nearest to ω1.
 
-        It is the zero of x = θ2 − δ.
+        At this angle, x = θ2 − δ is zero.
         """
         return -math.atan2(
             -float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ self.toward_omega1)
@@ -188,9 +188,9 @@ class Mechanism:
         return -1 if math.sin(self.delta) > 0.0 else 1
 
     def branch_of(self, q: Array) -> Array:
-        """Return the branch of the inverse kinematics for joints q (..., 4).
+        """Return the branch of the inverse kinematics for joints q (..., 4), which is ±1.
 
-        The branch is ±1, the sign of sin(θ2 − δ).
+        It is the sign of sin(θ2 − δ).
         """
         return np.where(np.sin(q[..., 1] - self.delta) > 0.0, 1, -1)
 
@@ -361,9 +361,9 @@ def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) 
 
 
 def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any, Any]:
-    """Return the azimuths (ζ, η) for c and s. Both are continuous on a branch.
+    """Return the azimuths (ζ, η) in rad for c = cos(x/2) and s = sin(x/2).
 
-    c and s may share a positive factor.
+    Both azimuths are continuous on a branch. They do not depend on a positive factor that c and s share.
     """
     minus = xp.sin(alpha - beta) * (c * c)
     plus = xp.sin(alpha + beta) * (s * s)

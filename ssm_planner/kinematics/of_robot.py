@@ -1,4 +1,4 @@
-"""Kinematics of a robot as users call it: tool poses, joints of task coordinates, workspace."""
+"""Provide tool poses, joints of task coordinates and the workspace of a robot to users."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, Mask, Range, record
 
 SAME = 1e-7
-"""Largest difference of the joints (rad, m) of two solutions that count as one."""
+"""Largest difference of the joints (rad, m) of two solutions that are considered equal."""
 
 
 @record
@@ -81,7 +81,7 @@ class JointSolutions(ShortRepr):
 
 @record
 class Workspace(ShortRepr):
-    """The tilts that a robot's tool reaches, rad.
+    """Tilts that the tool of a robot can reach, rad.
 
     Examples
     --------
@@ -131,13 +131,14 @@ def fk(robot: Robot, q: ArrayLike) -> ToolPose:
     Parameters
     ----------
     robot : Robot
+        Robot whose tool is moved.
     q : (4,) or (n, 4)
         Joint positions in rad and m.
 
     Returns
     -------
     ToolPose
-        Arrays with n rows for n configurations.
+        Orientation, tip position and task coordinates. Arrays have n rows for n configurations.
 
     Raises
     ------
@@ -165,12 +166,13 @@ def fk(robot: Robot, q: ArrayLike) -> ToolPose:
 def jacobian(robot: Robot, q: ArrayLike) -> Array:
     """Return the geometric Jacobian of the tip in the base frame.
 
-    The tip moves at v = J[:3] q̇ and the tool turns at ω = J[3:] q̇. The columns follow from the
-    screws of the joints (Lynch and Park, Modern Robotics, 2017, §5.1).
+    The velocity of the tip is v = J[:3] q̇, and the angular velocity of the tool is ω = J[3:] q̇.
+    The columns follow from the screws of the joints (Lynch and Park, Modern Robotics, 2017, §5.1).
 
     Parameters
     ----------
     robot : Robot
+        Robot whose tool is moved.
     q : (4,) or (n, 4)
         Joint positions in rad and m.
 
@@ -216,6 +218,7 @@ def ik(
     Parameters
     ----------
     robot : Robot
+        Robot whose joints are computed.
     roll, tilt, spin : float or (n,)
         Angles of the tool in rad. For the coordinates of a Task, pass `**task.set_coordinates`.
     depth : float or (n,)
@@ -223,8 +226,8 @@ def ik(
     within_limits : bool
         Leave out solutions beyond the joint ranges. For n points, these solutions become NaN.
     reference : (4,), optional
-        Joints that order the solutions by distance. Revolute joints are moved by whole turns next
-        to it. The default is home.
+        Joint positions. Solutions are sorted by their distance to it, and revolute joints are moved
+        next to it by whole turns. The default is home.
 
     Returns
     -------

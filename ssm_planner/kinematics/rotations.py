@@ -1,7 +1,7 @@
-"""Rotations by Rodrigues' formula for NumPy and CasADi, and checks of array arguments.
+"""Compute rotations by Rodrigues' formula in NumPy and CasADi, and check array arguments.
 
-Each check names the argument, its shape and the required shape.
-Source: Murray, Li, Sastry, A Mathematical Introduction to Robotic Manipulation, eq. 2.14.
+An error of a check names the argument, its shape and the required shape. Source: Murray, Li,
+Sastry, A Mathematical Introduction to Robotic Manipulation, eq. 2.14.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def hat(omega: ArrayLike) -> Array:
-    """Return the matrix of the cross product ω × ·, (..., 3, 3), for ω (..., 3)."""
+    """Return the matrix (..., 3, 3) of the cross product ω × · for ω (..., 3)."""
     omega = np.asarray(omega, dtype=float)
     x = omega[..., 0]
     y = omega[..., 1]
@@ -61,7 +61,7 @@ def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
 
 
 def constant(value: Any) -> Any:
-    """Return a sparse CasADi constant. Entries that are rounding errors of zero are dropped.
+    """Return a sparse CasADi constant without the entries that are rounding errors of zero.
 
     CasADi expressions are returned unchanged.
     """
@@ -98,7 +98,10 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
 
 
 def finite(name: str, array: Array) -> None:
-    """Raise GeometryError with the index of the first value that is not finite, for any shape."""
+    """Raise GeometryError with the index of the first value that is not finite.
+
+    The array may have any shape.
+    """
     if not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise GeometryError(

@@ -1,4 +1,4 @@
-"""Solutions of the inverse kinematics, joint limits, and the order of solutions."""
+"""Represent solutions of the inverse kinematics, mark them by joint limits, and sort them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WEIGHTS = (1.0, 1.0, 1.0, 10.0)
 
 
 OF_EACH = ("joints", "branch", "reaches", "in_limits")
-"""Fields of Solutions that have an entry for every solution of a target."""
+"""Fields of Solutions that have an entry for each solution of a target."""
 
 
 @record
@@ -52,7 +52,7 @@ class Solutions:
 def select(
     solutions: Solutions, limits: ArrayLike | None, reference: ArrayLike | None
 ) -> Solutions:
-    """Mark solutions by joint limits (4, 2), and order them by distance to a reference (..., 4).
+    """Mark solutions by joint limits (4, 2), and sort them by the distance to a reference (..., 4).
 
     Either argument may be None.
     """
@@ -68,8 +68,9 @@ def within_limits(
 ) -> Solutions:
     """Mark the solutions that are within limits (4, 2), rad and m.
 
-    Revolute joints are moved by whole turns into their limits. Of several turns, the one nearest to
-    `reference` (4,) or (n, 4) is taken, or without a reference the one nearest to the middle.
+    Revolute joints are moved by whole turns into their limits. If several positions are possible,
+    the one nearest to `reference` (4,) or (n, 4) is selected, or without a reference the one
+    nearest to the middle.
     """
     bounds = joint_limits("limits", limits)
     joints = solutions.joints.copy()
@@ -81,9 +82,10 @@ def within_limits(
 def by_distance(
     solutions: Solutions, reference: ArrayLike, limits: ArrayLike | None = None
 ) -> Solutions:
-    """Order the solutions by distance to `reference` (4,) or (n, 4), valid solutions first.
+    """Sort the solutions by the distance to `reference` (4,) or (n, 4), valid solutions first.
 
-    Revolute joints are moved by whole turns next to the reference, within `limits` if given.
+    Revolute joints are moved by whole turns next to the reference, within `limits` if they are
+    given.
     """
     bounds = (
         np.tile((-np.inf, np.inf), (4, 1)) if limits is None else joint_limits("limits", limits)
@@ -101,7 +103,8 @@ def by_distance(
 def joint_limits(name: str, value: ArrayLike) -> Array:
     """Return checked limits (4, 2), lower and upper. Joints without limits have infinite ones.
 
-    Raises GeometryError for a wrong shape, a lower limit above the upper one, or limits in degrees.
+    Raises GeometryError for a wrong shape, for a lower limit above the upper one, or for values
+    that seem to be in degrees.
     """
     limits = np.asarray(value, dtype=float)
     if limits.shape != (4, 2):
@@ -125,7 +128,7 @@ def joint_limits(name: str, value: ArrayLike) -> Array:
 
 
 def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
-    """Return the 2π-equivalent of each angle in (centre − π, centre + π], rad.
+    """Shift each angle by whole turns into (centre − π, centre + π], rad.
 
     The shapes of both arguments broadcast.
     """
@@ -133,7 +136,7 @@ def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
 
 
 def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
-    """Return the positions next to which whole turns are chosen, (n or 1, 1, 4)."""
+    """Return the positions to which joints are moved by whole turns, (n or 1, 1, 4)."""
     if reference is None:
         low, high = bounds.T
         low, high = np.where(np.isfinite(low), low, high), np.where(np.isfinite(high), high, low)
@@ -148,9 +151,9 @@ def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
 
 
 def _shift_into_range(joints: Array, centres: Array, bounds: Array) -> None:
-    """Move revolute joints by whole turns next to their centres.
+    """Move revolute joints by whole turns as close as possible to their centres, in place.
 
-    If whole turns can bring a joint into its bounds, they do.
+    A joint is kept within its bounds if whole turns can achieve this.
     """
     for i in range(3):
         angle = nearest_turn(joints[..., i], centres[..., i])

@@ -1,8 +1,8 @@
-"""Conversion between task coordinates (roll, tilt, spin, depth) and joints in closed form.
+"""Convert between task coordinates (roll, tilt, spin, depth) and joints in closed form.
 
 `joints_of_task`, `task_of_joints` and `task_rates_of_joints` contain each equation once, for NumPy
-arrays and CasADi expressions (`xp`). The other functions apply them to NumPy batches (n, 4), and
-under names with ..._symbolic to CasADi vectors (4, 1).
+arrays and CasADi expressions (`xp`). The other functions apply them to NumPy batches (n, 4) or, if
+their names end with _symbolic, to CasADi vectors (4, 1).
 """
 
 from __future__ import annotations
@@ -89,9 +89,9 @@ def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four)
 def roll_and_tilt(
     xp: Namespace, mechanism: Mechanism, pointing: Any, around: Any
 ) -> tuple[Any, Any]:
-    """Return roll and tilt of a tool that points along (x, y, z) in `mechanism.frame`.
+    """Return roll and tilt of a tool that has the direction (x, y, z) in `mechanism.frame`.
 
-    `around` is √(y² + z²) and must not be zero.
+    The argument `around` is √(y² + z²) and must not be zero.
     """
     side, (axial, y, z) = mechanism.side, pointing
     return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, axial)
@@ -112,9 +112,9 @@ def task_batch(name: str, value: ArrayLike) -> Array:
 def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None = None) -> Array:
     """Return (roll, tilt, spin, depth) (n, 4) for joints q (n, 4).
 
-    A pose has two names, (ψ, φ, σ) and (ψ + π, −φ, σ + π). The result has the sign of the home
-    tilt. Roll and spin are in (−π, π], or they are the 2π-equivalents nearest to `near`, task
-    coordinates (n, 4) or (4,).
+    Two sets of task coordinates describe a pose, (ψ, φ, σ) and (ψ + π, −φ, σ + π). The result has
+    the sign of the home tilt. Roll and spin are in (−π, π]. If task coordinates `near` (n, 4) or
+    (4,) are given, roll and spin are shifted by whole turns next to them.
     """
     q = batch("q", q, 4)
     task = np.stack(task_of_joints(NUMPY, mechanism, q.T), axis=1)
@@ -127,8 +127,8 @@ def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None 
 def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
     """Return the rates of (roll, tilt, spin, depth) (n, 4) for joints q and joint rates qd (n, 4).
 
-    Units are rad/s and m/s. The rates of roll and spin grow without bound towards a tilt of 0 or
-    180°, where both are the same rotation.
+    Units are rad/s and m/s. The rates of roll and spin grow without bound as the tilt approaches 0
+    or 180°, where both are the same rotation.
     """
     q = batch("q", q, 4)
     qd = batch("qd", qd, 4)
@@ -136,9 +136,10 @@ def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
 
 
 def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]:
-    """Return the tool pose (R (n, 3, 3), p (n, 3)) for task coordinates (n, 4), tilt of any sign.
+    """Return the tool pose (R (n, 3, 3), p (n, 3)) for task coordinates (n, 4).
 
-    R = e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 Rz(σ).
+    The tilt may have either sign. The orientation is R = e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1
+    ψ_h} R_0 Rz(σ).
     """
     task = task_batch("task", task)
     pointing = rotation(mechanism.omega1, task[:, 0]) @ rotation(mechanism.tilt_axis, task[:, 1])
@@ -150,11 +151,11 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
 def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
     """Return the tip position (n, 3) of `pose_from_task` for task coordinates (n, 4).
 
-    The formula uses that t̂ is perpendicular to ω1.
+    The formula is shorter because t̂ is perpendicular to ω1.
     """
     roll, tilt, _, depth = np.ascontiguousarray(task.T)
     axial, across, upwards = (axis[:, None] for axis in mechanism.tip_axes)
-    # row by row, so that operations run along many values
+    # The rows are contiguous in memory, which makes the operations fast.
     lateral = np.cos(roll) * across + np.sin(roll) * upwards
     pointing = np.cos(tilt) * axial + np.sin(tilt) * lateral
     return (mechanism.insertion_sign * depth * pointing).T
@@ -168,19 +169,19 @@ def joints_from_task_symbolic(
     Parameters
     ----------
     mechanism : Mechanism
+        Axes and tool frame.
     task : (4, 1)
         Roll, tilt and spin in rad, depth in m. Roll and spin are not wrapped.
     branch : int
         Sign of sin(θ2 − δ), +1 or −1. δ (`mechanism.delta`) is the θ2 with the largest cos φ.
     reference : (4, 1), optional
-        Joints, rad and m. Each revolute joint gets the whole turns that bring it closest to its
-        reference.
+        Joints, rad and m. Each revolute joint is moved next to its reference by whole turns.
 
     Returns
     -------
     (4, 1) expression
-        Continuous along any path inside the workspace. It is NaN outside, and its derivative is
-        infinite at the boundary, like that of the mechanism.
+        Joints, which are continuous along any path inside the workspace. They are NaN outside.
+        Their derivatives are infinite at the boundary, like those of the mechanism.
     """
     import casadi
 
@@ -237,7 +238,7 @@ def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> ca
 def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
     """Return the joint rates q̇ (4,) that change the task coordinates at `rate` (4,).
 
-    q: joints (4,). The result is zero for a rate of zero.
+    The joints `q` (4,) are in rad and m. The result is zero for a rate of zero.
     """
     if not np.any(rate):
         return np.zeros(4)

@@ -1,12 +1,12 @@
-"""Workspace in closed form (paper, §II-B): extreme tilts, tilt ranges, design regions, tilt rates.
+"""Compute the workspace in closed form (paper, §II-B): extreme tilts, design regions, tilt rates.
 
 Tilt is the signed angle φ between ω1 and the tool. It depends on θ2 alone. Each tilt inside the
 workspace has two solutions θ2, one on each branch. The branches meet at the extremes of φ, where
 dφ/dθ2 = 0.
 
-|φ| ranges from |α − β| to α + β, folded at π (eq. 9). The angles (α, β) reach a range with
-a = min |φ| and b = max |φ| if |α − β| ≤ a and b ≤ α + β ≤ 2π − b. In the plane of α and β, this is
-a rectangle whose sides are at 45° to the axes.
+The magnitude |φ| ranges from |α − β| to α + β, folded at π (eq. 9). The angles (α, β) reach a
+range with a = min |φ| and b = max |φ| if |α − β| ≤ a and b ≤ α + β ≤ 2π − b. In the plane of α and
+β, this is a rectangle whose sides are at 45° to the axes.
 """
 
 from __future__ import annotations
@@ -96,10 +96,10 @@ def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
 
 
 def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
-    """Return θ2(φ) in δ + branch · [0, π], any shape.
+    """Return the θ2 with a tilt φ, in the interval δ + branch · [0, π] and in the shape of `tilt`.
 
-    branch: +1 or −1, the sign of sin(θ2 − δ). A tilt outside the workspace gives the θ2 of the
-    nearest tilt inside.
+    The branch is +1 or −1, the sign of sin(θ2 − δ). A tilt outside the workspace gives the θ2 of
+    the nearest tilt inside.
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     half = np.clip(np.abs(np.asarray(tilt, dtype=float)), low, high) / 2.0
@@ -111,7 +111,10 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
 
 
 def magnitude_range(name: str, tilt_range: Range) -> Range:
-    """Return the smallest and the largest |φ| of a signed tilt range. Raises GeometryError."""
+    """Return the smallest and the largest |φ| of a signed tilt range.
+
+    Raises GeometryError if the range is invalid.
+    """
     low, high = (float(end) for end in tilt_range)
     if not -math.pi <= low <= high <= math.pi:
         raise GeometryError(
@@ -141,11 +144,10 @@ def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
 
 
 def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return the smallest singular value (n,) of the angular part of the space Jacobian.
+    """Return the smallest singular value (n,) of the Jacobian's angular part at q (n, 4).
 
-    q: joints (n, 4). The columns of the angular part are the three revolute axes. The value is
-    dimensionless, depends on θ2 alone, and is zero at the workspace boundary, where the axes are
-    coplanar.
+    The columns of the angular part are the three revolute axes. The value is dimensionless, depends
+    on θ2 alone, and is zero at the workspace boundary, where the axes are coplanar.
     """
     values = np.linalg.svd(space_jacobian(mechanism, q)[:, 3:, :3], compute_uv=False)
     return np.asarray(values[:, 2], dtype=float)
@@ -155,8 +157,11 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
     """Return (dθ1/dφ, dθ2/dφ, dθ3/dφ) (..., 3) at constant roll and spin for tilts (...).
 
     With x = θ2 − δ and P, E of mechanism.py, for |φ| on the home side:
-    dθ2/dφ = sin φ / (sin α sin β sin x), dθ1/dφ = E / (sin α sin x sin φ),
-    dθ3/dφ = −P / (sin β sin x sin φ).
+
+        dθ2/dφ = sin φ / (sin α sin β sin x)
+        dθ1/dφ = E / (sin α sin x sin φ)
+        dθ3/dφ = −P / (sin β sin x sin φ)
+
     The result is infinite at the workspace boundary and NaN outside.
     """
     alpha = mechanism.alpha
@@ -164,8 +169,7 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
     tilts = _tilts(tilt)
     half = np.abs(tilts) / 2.0
     c2, s2 = elbow_squares(NUMPY, alpha, beta, np.cos(half), np.sin(half))
-    # at a tilt that is the end of the interval, rounding must not decide between infinite and
-    # outside
+    # At a tilt on the boundary, rounding errors must not turn the infinite result into NaN.
     c2, s2 = (np.where((square < 0.0) & (square > -1e-15), 0.0, square) for square in (c2, s2))
     with np.errstate(divide="ignore", invalid="ignore"):
         product = math.sin(alpha) * math.sin(beta)
@@ -193,7 +197,7 @@ def _tilts(value: ArrayLike) -> Array:
 
 @frozen
 class TiltRateBound:
-    """A bound on the tilt rate (rad/s), the tilt (rad) that allows it, and the limiting joint."""
+    """Bound on the tilt rate (rad/s), its tilt (rad) and the limiting joint."""
 
     rate: float
     tilt: float
@@ -228,7 +232,7 @@ def tilt_rate_bound(mechanism: Mechanism, ends: Range, acceleration: float) -> T
 def _travel(mechanism: Mechanism, tilt: Array) -> tuple[Array, Array]:
     """Return |dq/dφ| and the travel since the first tilt for joints 1 to 3, each (n, 3).
 
-    tilt: monotonic (n,).
+    The tilts `tilt` (n,) in rad are monotonic.
     """
     slope = np.abs(joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch))
     step = (slope[1:] + slope[:-1]) / 2 * np.abs(np.diff(tilt))[:, None]
@@ -273,7 +277,7 @@ class DesignRegion(ShortRepr):
         return (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
 
     def contains(self, alpha: float, beta: float) -> bool:
-        """Return whether (α, β) reaches the range with the margin."""
+        """Return True if the angles (α, β) reach the range with the margin."""
         return design_margin(alpha, beta, self.tilt_range) >= self.margin - ROUNDING
 
 

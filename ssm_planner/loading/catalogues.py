@@ -28,17 +28,16 @@ MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
 The torque at the end of a chart is not a rating, and its source states this.
 """
 BESIDE = {"mass": "mass", "length": "length"}
-"""Kinds of the columns that a catalogue may have in addition to the keys of motor and drive files.
-"""
+"""Kind of quantity of each column that no motor or drive file has as a key."""
 NAMES = {"name", "order_number"}
 """Text columns whose cells may consist of digits."""
 FITTED = ("free_length", "ends")
-"""Ratings that depend on the robot and not on the chosen screw."""
+"""Ratings of a screw that depend on the robot, so they are not ratings of the catalogue's screw."""
 
 
 @frozen
 class Row:
-    """Row of a table with its text by column and its line."""
+    """Row of a table: its label, the text of each cell by column, and its line in the file."""
 
     label: str
     cells: JsonObject
@@ -59,10 +58,10 @@ class Part(Generic[T]):
 
 
 def entries(path: Path, gear: bool = False) -> JsonObject:
-    """Read a catalogue, and return the content of every entry by name.
+    """Read a catalogue, and return the content of each entry by its name.
 
-    The contents have the keys of motor files, or those of drive files if `gear` is true. Raises
-    ProblemError if the catalogue is missing or invalid.
+    The contents have the keys of drive files if `gear` is true, and the keys of motor files
+    otherwise. Raises ProblemError if the catalogue is missing or invalid.
     """
     file = catalogue_file(path)
     if file.is_dir():
@@ -77,9 +76,9 @@ def entries(path: Path, gear: bool = False) -> JsonObject:
 
 
 def stated_beside(path: Path) -> dict[str, dict[str, float]]:
-    """Return the masses (kg) and lengths (m) that a CSV catalogue states, by name of the entry.
+    """Return the masses (kg) and lengths (m) in a CSV catalogue, by the name of the entry.
 
-    Raises ProblemError if the catalogue is invalid.
+    The result is empty for a folder of YAML files. Raises ProblemError if the catalogue is invalid.
     """
     file = catalogue_file(path)
     values = (
@@ -112,10 +111,10 @@ def motors_of(path: Path) -> list[Part[Motor]]:
 def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
     """Read the gears of a catalogue, and return a drive with each of them.
 
-    A row of a CSV replaces the gear of the joint's present `drive`. If the row does not state
-    friction or inertias, those of the present drive remain. Its ratings do not remain. Rows with a
-    gear of another kind are left out. A YAML file describes a complete drive. Raises ProblemError
-    if the catalogue is missing or invalid.
+    A row of a CSV table replaces the gear of the joint's present `drive`. Friction and inertias
+    that the row does not state are taken from the present drive, but its ratings are not. Rows with
+    another kind of gear are ignored. A YAML file describes a complete drive. Raises ProblemError if
+    the catalogue is missing or invalid.
     """
     file = catalogue_file(path)
     if file.is_dir():
@@ -138,7 +137,7 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
 
 
 def _describes(row: Row, kind: type[Transmission]) -> bool:
-    """Return whether the columns of a row are those of a kind of drive."""
+    """Return whether the columns of a row are dimensions of this kind of drive."""
     columns = {name.removeprefix("geometry.") for name in row.cells if "geometry." in name}
     if kind.distinctive:
         return bool(kind.distinctive & columns)
@@ -146,7 +145,7 @@ def _describes(row: Row, kind: type[Transmission]) -> bool:
 
 
 def catalogue_file(path: Path) -> Path:
-    """Find a catalogue by its path or by its shipped name. Raises ProblemError if there is none."""
+    """Find a catalogue by its path or by its shipped name. Raises ProblemError if it is missing."""
     shipped = shipped_folder() / "catalogues" / path.name
     with suppress(OSError, ValueError):  # a name can be too long for a file
         if path.exists():
@@ -160,7 +159,7 @@ def catalogue_file(path: Path) -> Path:
 
 
 def rows_of(file: Path) -> list[Row]:
-    """Read the rows of a CSV catalogue. Each row has a unique name or order number.
+    """Read the rows of a CSV catalogue. Each row must have a unique name or order number.
 
     Raises ProblemError if the table is invalid.
     """
@@ -188,7 +187,10 @@ def rows_of(file: Path) -> list[Row]:
 
 
 def _sections(folder: Path) -> dict[str, Section]:
-    """Read the YAML files of a folder, by name. Raises ProblemError."""
+    """Read the YAML files of a folder, and return their sections by the stem of the file name.
+
+    Raises ProblemError if a file is invalid or if the number of files is 0 or too large.
+    """
     return _check_count(folder, {file.stem: read(file) for file in sorted(folder.glob("*.yaml"))})
 
 
@@ -196,6 +198,7 @@ C = TypeVar("C")
 
 
 def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
+    """Return the entries. Raises ProblemError for 0 or more than LARGEST_CATALOGUE."""
     if not 0 < len(named_entries) <= LARGEST_CATALOGUE:
         raise ProblemError(
             f"{len(named_entries)} entries", file=file, allowed=f"1 to {LARGEST_CATALOGUE}"
@@ -204,7 +207,7 @@ def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
 
 
 def number_or_text(text: str) -> str | float:
-    """Convert a text to a number if possible, and otherwise return it."""
+    """Return a text as a number if it is one, and unchanged otherwise."""
     try:
         return float(text)
     except ValueError:
@@ -218,7 +221,7 @@ def _heading(cell: str) -> tuple[str, str]:
 
 
 def _motor(row: Row, file: str) -> JsonObject:
-    """Convert a row to the content of a motor file. Columns that are no such keys are left out."""
+    """Convert a row to the content of a motor file. Other columns of the table are ignored."""
     cells = dict(row.cells)
     source = cells.pop("source", f"{file}, {row.label}")
     name = str(cells.pop("name", ""))
@@ -234,10 +237,15 @@ def _motor(row: Row, file: str) -> JsonObject:
 
 
 def _section(file: Path, row: Row, values: JsonObject) -> Section:
+    """Return the values of a row as a section, so that messages refer to the line of the row."""
     return Section(file, plain_node(values, line=row.line))
 
 
 def _value_beside(file: Path, row: Row, name: str) -> float | None:
+    """Return the mass (kg) or length (m) in a row, or None if the table does not have the column.
+
+    Raises ProblemError if the unit is wrong.
+    """
     if name not in row.cells:
         return None
     try:
@@ -249,7 +257,7 @@ def _value_beside(file: Path, row: Row, name: str) -> float | None:
 
 
 def _geared(file: Path, row: Row, drive: Drive) -> Drive:
-    """Replace the gear of a drive by the gear in a row."""
+    """Return a drive with the gear of a row and the friction of the given drive."""
     friction = friction_of(drive)
     slides = drive.slides
     effort, inertia = ("N", "kg") if slides else ("N*m", "kg*m^2")

@@ -1,4 +1,4 @@
-"""Reader of drive files. It resolves the geometry and records the source of each figure."""
+"""Read drive files, complete the geometry of the gear, and record the source of each figure."""
 
 from __future__ import annotations
 
@@ -60,10 +60,11 @@ from ssm_planner.typing import JsonObject, Keywords
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
 FLAT = 1e-9
-"""Pressure angle of a drive with efficiencies. Its cosine is 1."""
+"""Pressure angle in rad that represents a drive with efficiencies. Its cosine is 1."""
 
 
 def _numbers(value: Any) -> tuple[float, ...]:
+    """Read a text of finite numbers in SI units that are separated by spaces."""
     try:
         numbers = tuple(float(text) for text in value.split())
     except (AttributeError, ValueError):
@@ -108,9 +109,12 @@ class PosteriorModel(Model):
 
 
 class _ThreadModel(Model):
+    """Base of the models of worms and screws, whose friction may still have to be identified."""
+
     @field_validator("friction", mode="before", check_fields=False)
     @classmethod
     def _friction(cls, value: Any) -> Any:
+        """Convert the text "to_identify" to None, and reject any other text."""
         if isinstance(value, str):
             if value != TO_IDENTIFY:
                 raise wrong("invalid friction", f"{TO_IDENTIFY}, or a mapping with mu, b_c, b_v …")
@@ -119,8 +123,10 @@ class _ThreadModel(Model):
 
 
 def _range(name: str, slides: bool) -> Any:
-    """Return the optional range of a friction parameter due to lubrication, temperature and
-    wear.
+    """Return the type and default of the range of a friction parameter.
+
+    The range covers lubrication, temperature and wear. It is in the units of a prismatic joint if
+    `slides` is true.
     """
     unit_kind = quantities(Friction)[name].unit_kind(slides)
     # the bounds of a dimensionless number may be equal
@@ -148,15 +154,15 @@ OF_MESH = (
     "covariance",
     "posterior",
 )
-"""Parameters of the friction in a thread."""
+"""Fields of Friction that only a drive with a thread has."""
 _SHARE = Annotated[Figure, sourced_field(quantity("number", Bound(above=0.0, at_most=1.0)))]
 
 
 @cache
 def drive_model(drive_kind: str) -> Any:
-    """Return the model of the files for one of TRANSMISSIONS.
+    """Return the model of the drive files of one kind, which is a name in TRANSMISSIONS.
 
-    It is built on first use because this is slow.
+    The model is built on first use because building it is slow.
     """
     kind: Any = TRANSMISSIONS.find(drive_kind)
     slides = kind.slides
@@ -185,7 +191,11 @@ def drive_model(drive_kind: str) -> Any:
 
 
 def _keys_of_thread(slides: bool) -> Keywords:
-    """Return the keys of a drive with a thread that differ from the fields of Drive."""
+    """Return the keys of a file of a worm or screw that are not simply fields of Drive.
+
+    Each key has a pair of type and default. The units are those of a prismatic joint if `slides` is
+    true.
+    """
     friction = {
         "mu_static": optional(reading(Friction, "mu_static", sourced=True)),
         "covariance": optional(dict[str, dict[str, FiniteFloat]]),
@@ -221,7 +231,10 @@ _OF_FRICTION = f"Friction of mesh and bearings. {TO_IDENTIFY!r} is allowed for a
 
 
 def _keys_of_efficiencies(kind: Any) -> Keywords:
-    """Return the keys of a drive with efficiencies that differ from the fields of Drive."""
+    """Return the keys of a file of a drive with efficiencies that are not simply fields of Drive.
+
+    Each key has a pair of type and default.
+    """
     friction = {name: optional(reading(Friction, name, sourced=True)) for name in ("b_c", "b_v")}
     if hints(kind):
         friction["efficiency"] = optional(
@@ -235,11 +248,12 @@ def _keys_of_efficiencies(kind: Any) -> Keywords:
 
 
 def _may_be_identified(schema: JsonObject) -> None:
+    """Add the text "to_identify" to the values that a JSON schema allows."""
     schema["anyOf"].append({"const": TO_IDENTIFY})
 
 
 def drive_from(section: Section) -> Drive:
-    """Return the drive that a section describes. Raises ProblemError."""
+    """Build the drive that a section describes. Raises ProblemError if a value is invalid."""
     with located(section):
         kind = TRANSMISSIONS.find(section.value.get("kind"), "Drive.kind")
     model: Any = validated(section, drive_model(kind.name))
@@ -265,7 +279,10 @@ def drive_from(section: Section) -> Drive:
 
 
 def _dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
-    """Return all dimensions of a drive by key. Raises ProblemError."""
+    """Return all dimensions of a drive in SI units, by key.
+
+    Raises ProblemError if the stated dimensions contradict each other or do not suffice.
+    """
     try:
         return kind.complete(model.geometry.numbers() if hints(kind) else {})
     except BadGeometry as error:
@@ -277,7 +294,10 @@ def _dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
 def _of_thread(
     section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
 ) -> Keywords:
-    """Return the fields of a worm or screw that follow from its geometry and friction."""
+    """Return the fields of a worm or screw that follow from its geometry and friction.
+
+    `dimensions` contains all dimensions in SI units by key.
+    """
     lead_angle = dimensions["lead_angle"]
     friction = None
     if model.friction is not None:
@@ -302,7 +322,11 @@ def _of_thread(
 def _of_efficiencies(
     section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
 ) -> Keywords:
-    """Return the fields of a drive with efficiencies, as those of a thread that has them."""
+    """Return the fields of a drive with efficiencies.
+
+    They describe the thread that has the same efficiencies (dynamics/transmission.of_efficiencies).
+    `dimensions` contains all dimensions in SI units by key.
+    """
     ratio = kind.motor_ratio(dimensions)
     bearings = {} if model.friction is None else model.friction.numbers()
     forwards = bearings.pop("efficiency", 1.0)
@@ -322,7 +346,7 @@ def _of_efficiencies(
 
 
 def _values(model: Model) -> Keywords:
-    """Return the figures of a model by the fields of its value."""
+    """Return the figures of a model in SI units, by the fields of the value that it describes."""
     numbers = {
         name: field_value.value if isinstance(field_value, Figure) else field_value
         for name, field_value in model
@@ -332,6 +356,10 @@ def _values(model: Model) -> Keywords:
 
 
 def _friction(section: Section, model: Any) -> Friction:
+    """Build the friction that a section describes. A missing `mu_static` is set to `mu`.
+
+    Raises ProblemError if a coefficient is implausible or if a parameter of the law is missing.
+    """
     values = _values(model)
     values.setdefault("mu_static", values["mu"])
     for name in ("mu", "mu_static"):
@@ -357,6 +385,7 @@ OF_DIRECTIONS = {
 
 
 def _posterior(model: PosteriorModel) -> Posterior:
+    """Build the posterior. Raises ProblemError if its columns have different lengths."""
     if len({len(column) for column in model.draws.values()}) != 1:
         raise ProblemError(
             "columns of different lengths",
@@ -372,13 +401,14 @@ def _posterior(model: PosteriorModel) -> Posterior:
 
 
 def _rig(model: Any) -> Rig:
+    """Build the test rig that a drive file describes."""
     published = {} if model.published is None else model.published.numbers()
     direction = 1 if model.payload_direction == "positive" else -1
     return Rig(**{**_values(model), "payload_direction": direction, "published": published})
 
 
 def _origins(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
-    """Return the source of each figure, and the names of the placeholders."""
+    """Return the source of each figure by key, and the names of the placeholders."""
     sourced: dict[str, Figure] = {}
     sources: dict[str, str] = {}
     for submodel in (model, getattr(model, "geometry", None), model.friction, model.ratings):

@@ -17,22 +17,24 @@ LARGEST_FILE = 10_000_000
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the shipped files, in the installed package or in a checkout."""
+    """Return the folder of the shipped files.
+
+    It is in the installed package or in a checkout.
+    """
     within = _PACKAGE / "problems"
     return within if within.is_dir() else _PACKAGE.parent / "problems"
 
 
 def shipped_names(folder: Folder) -> dict[str, Path]:
-    """Return the paths of the shipped files of one kind by name, such as "tilt_insert"."""
+    """Return the paths of the shipped files in a folder, by names such as "tilt_insert"."""
     directory = shipped_folder() if folder == "problems" else shipped_folder() / folder
     return {file.stem: file for file in sorted(directory.glob("*.yaml"))}
 
 
 def find(name: str | Path, folder: Folder) -> Path:
-    """Find a file by its path or, if there is none, by its shipped name.
+    """Find a file by its path or, if no such file exists, by its shipped name.
 
-    `folder` is the folder of the shipped files of this kind. Raises ProblemError if there is no
-    such file.
+    Shipped files are searched in `folder`. Raises ProblemError if neither exists.
     """
     path = Path(name)
     names = shipped_names(folder)
@@ -66,7 +68,7 @@ def of_text(text: str) -> Section:
 
 
 def of_data(data: Mapping[str, Any]) -> Section:
-    """Convert a mapping from Python to a section, which has no file and no line numbers.
+    """Convert a mapping from Python to a section without file and line numbers.
 
     Raises ProblemError if the data are nested too deeply.
     """
@@ -74,6 +76,7 @@ def of_data(data: Mapping[str, Any]) -> Section:
 
 
 def _section(file: Path | None, root: Node) -> Section:
+    """Return the root of a file as a section. Raises ProblemError unless it is a mapping."""
     if isinstance(root.value, dict):
         return Section(file, root)
     subject = "the problem is" if file is None else "the file holds"

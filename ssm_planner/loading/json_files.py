@@ -86,8 +86,8 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
 def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
     """Parse a file whose longest list becomes an array (n, …).
 
-    A mark takes the place of the list while the rest of the file is parsed. A file in which this
-    is not possible is parsed as a whole, which also describes its faults.
+    The list is replaced by a mark while the rest of the file is parsed. A file that cannot be split
+    in this way is parsed as a whole, which also describes its faults.
     """
     *outer_keys, key = long_key
     start = re.search(rb'"%b"\s*:\s*(?=\[)' % key.encode(), data)
@@ -101,7 +101,7 @@ def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
         mapping = document = parse_json(path, short)
         for outer_key in outer_keys:
             mapping = mapping[outer_key]
-        if mapping[key] != mark:  # the list has another place
+        if mapping[key] != mark:  # the list is not at these keys
             return _parse_whole(path, data)
     except (LookupError, TypeError, ValueError, OverflowError, RecursionError, TrajectoryError):
         return _parse_whole(path, data)
@@ -110,6 +110,10 @@ def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
 
 
 def _parse_whole(path: Path, data: mmap) -> Any:
+    """Parse a file at once.
+
+    Raises TrajectoryError if it is larger than LARGEST_WHOLE or invalid.
+    """
     if len(data) > LARGEST_WHOLE:
         raise TrajectoryError(f"{path}: invalid JSON, or not in the form that this program writes")
     return parse_json(path, data[:])
@@ -170,7 +174,7 @@ def parse_json(path: Path, data: bytes) -> Any:
 
 
 def _decoder(path: Path) -> json.JSONDecoder:
-    """Return a decoder that accepts finite numbers only."""
+    """Return a decoder that accepts finite numbers only. Errors name the file `path`."""
 
     def refuse(constant: str) -> NoReturn:
         raise TrajectoryError(f"{path}: contains {constant[:40]}; only finite numbers are allowed")
@@ -208,8 +212,9 @@ def _check(path: Path, value: Any, depth: int) -> None:
 
 
 def check_text(path: Path, text: str) -> None:
-    """Raise TrajectoryError for half a surrogate pair or a NUL, which no file or name can
-    contain.
+    """Raise TrajectoryError if a text contains a NUL or an unpaired surrogate.
+
+    Files and file names cannot contain these characters. The error names the file `path`.
     """
     if any("\ud800" <= character <= "\udfff" or character == "\0" for character in text):
         raise TrajectoryError(

@@ -71,6 +71,10 @@ def problem_from_dict(data: Mapping[str, Any]) -> Problem:
 
 
 def _from_yaml(text: str) -> Problem:
+    """Build a problem from the text of a problem file.
+
+    Raises ProblemError if a value is invalid.
+    """
     return problem_from(of_text(text))
 
 
@@ -126,7 +130,7 @@ def load_motor(name: str | Path) -> Motor:
 
 
 def _joint_parts(cls: Any) -> Any:
-    """Return the type of a mapping from joints to a controller value."""
+    """Return the type of a mapping from joint names to instances of `cls`, which is optional."""
     return by_joint(model_of(cls), model_of(cls, slides=True))
 
 
@@ -167,6 +171,10 @@ def load_controller(name: str | Path) -> Controller:
 
 
 def _stroke(slides: bool = False) -> Any:
+    """Return the model of a stroke.
+
+    The units are those of a prismatic joint if `slides` is true.
+    """
     centre = reading(Stroke, "centre", slides), 0.0
     return model_of(Stroke, {"centre": centre}, slides=slides, without=("joint",))
 
@@ -224,6 +232,7 @@ Kind = Literal["problem", "robot", "drive", "motor", "motorisation", "controller
 
 
 def _models(file_kind: Kind) -> tuple[Any, ...]:
+    """Return the models of a kind of file. Drive files have one model for each kind of drive."""
     models = {
         "problem": problem_model(tuple(MOTIONS)),
         "robot": RobotModel,
@@ -235,7 +244,7 @@ def _models(file_kind: Kind) -> tuple[Any, ...]:
 
 
 def json_schema(file_kind: Kind) -> JsonObject:
-    """Return the JSON schema of a kind of file, for editors that complete and check YAML."""
+    """Return the JSON schema of a kind of file. Editors complete and check YAML files with it."""
     every: Any = Union[_models(file_kind)]  # noqa: UP007 - of a tuple
     return TypeAdapter(every).json_schema()
 

@@ -1,6 +1,4 @@
-"""Expansion of abbreviations in problem files: named points, repeated motions, included
-problems.
-"""
+"""Expand abbreviations in problem files: named points, repeated motions and included problems."""
 
 from __future__ import annotations
 
@@ -33,9 +31,10 @@ PLACES = {
 
 
 def written_out(section: Section, within: tuple[Section, ...] = ()) -> Section:
-    """Return the section of a problem with named points and motions expanded.
+    """Return the section of a problem in which named points and motions are expanded.
 
-    within contains the sections that include this one. Raises ProblemError.
+    `within` contains the sections that include this one. Raises ProblemError for an unknown name or
+    if a problem includes itself.
     """
     points = _points(section)
     children = dict(section.root.children)
@@ -49,7 +48,7 @@ def written_out(section: Section, within: tuple[Section, ...] = ()) -> Section:
 
 
 def _replaced(node: Node, children: Mapping[str | int, Node]) -> Node:
-    """Return the node with other children."""
+    """Return a copy of a node with these children."""
     values = {key: child.value for key, child in children.items()}
     lines = {key: node.key_lines.get(key, child.line) for key, child in children.items()}
     if isinstance(node.value, list):
@@ -63,7 +62,7 @@ def _replaced(node: Node, children: Mapping[str | int, Node]) -> Node:
 
 
 def _points(section: Section) -> Mapping[str | int, Node]:
-    """Return the named points of the problem."""
+    """Return the named points of the problem, by name."""
     point_section = section.sub("points")
     if not section.has_key("points"):
         return {}
@@ -82,7 +81,10 @@ def _points(section: Section) -> Mapping[str | int, Node]:
 
 
 def _with_points(part_section: Section, node: Node, points: Mapping[str | int, Node]) -> Node:
-    """Return the node with points instead of names. Raises ProblemError for an unknown name."""
+    """Return a node in which points replace their names.
+
+    Raises ProblemError for an unknown name.
+    """
     keys = [key for key in part_section.path if isinstance(key, str)]
     if keys[-1] in PLACES.get(keys[-2] if len(keys) > 1 else "", ()) and isinstance(
         node.value, str
@@ -98,9 +100,9 @@ def _with_points(part_section: Section, node: Node, points: Mapping[str | int, N
 
 
 def _by_corners(motion_section: Section, entry: Node) -> list[Node]:
-    """Return a motion with corners as one motion per straight part, with rounded corners.
+    """Split a motion with corners into straight motions with rounded corners between them.
 
-    Raises ProblemError.
+    Raises ProblemError if the corners or `blend` are invalid.
     """
     ((name, node),) = entry.children.items()
     corners = node.children.get("through")
@@ -135,14 +137,17 @@ class RepeatModel(Model):
 
 
 class _Motions:
-    """Expansion of a list of motions."""
+    """Expansion of a list of motions. `within` contains the sections that include this one."""
 
     def __init__(self, section: Section, within: tuple[Section, ...]) -> None:
         self.section = section
         self.within = within
 
     def expand(self, list_section: Section, node: Node) -> list[Node]:
-        """Return the motions of the list at a key of the file. Raises ProblemError."""
+        """Return the motions of a list with repetitions and included problems expanded.
+
+        Raises ProblemError if an entry is invalid.
+        """
         expanded: list[Node] = []
         for i, entry in enumerate(node.children.values()):
             motion_section = list_section.sub(i)
@@ -161,6 +166,10 @@ class _Motions:
         return expanded
 
     def _repeated(self, list_section: Section, node: Node) -> list[Node]:
+        """Return the motions of a `repeat` entry as often as it states.
+
+        Raises ProblemError if they are more than LONGEST_MOTION.
+        """
         times = validated(list_section, RepeatModel).times
         once = self.expand(list_section.sub("motion"), node.children["motion"])
         if times * len(once) > LONGEST_MOTION:
@@ -170,7 +179,10 @@ class _Motions:
         return times * once
 
     def _included(self, motion_section: Section) -> list[Node]:
-        """Return the motions of another problem. Messages refer to the line that includes it."""
+        """Return the motions of an included problem.
+
+        Messages refer to the line that includes it.
+        """
         key = motion_section.sub("include")
         if not isinstance(key.value, str):
             raise key.error(

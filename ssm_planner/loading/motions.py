@@ -63,6 +63,8 @@ _FORMS = (
 
 
 class _NamedModel(Model):
+    """Base of the models of points that a file may also state by a name in `points`."""
+
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> JsonObject:
         schema = super().__get_pydantic_json_schema__(core, handler)
@@ -70,9 +72,12 @@ class _NamedModel(Model):
 
 
 class _PointModel(_NamedModel):
+    """Base of the model of points, which are task coordinates, joints, or tip and spin."""
+
     @model_validator(mode="before")
     @classmethod
     def _one_form(cls, data: Any) -> Any:
+        """Reject an empty point and keys of two different forms."""
         if not isinstance(data, dict):
             return data
         if not data:
@@ -96,6 +101,7 @@ class _ScanModel(Model):
     @model_validator(mode="before")
     @classmethod
     def _keys_of_its_pattern(cls, data: Any) -> Any:
+        """Reject keys of other patterns, and require the keys of this pattern."""
         pattern = data.get("pattern") if isinstance(data, dict) else None
         if pattern not in PATTERNS:
             return data
@@ -118,7 +124,10 @@ class _ScanModel(Model):
 
 
 def or_word(reader: Reader, keyword: str, allowed: str) -> Reader:
-    """Return a reader that also accepts one word."""
+    """Return a reader that accepts the word `keyword` in addition to the values of `reader`.
+
+    `allowed` describes the allowed values for messages.
+    """
 
     def read(value: object) -> object:
         try:
@@ -172,9 +181,12 @@ ScanModel = model_of(
 
 
 class _EntryModel(Model):
+    """Base of the model of an entry of the motion list, which must have exactly one key."""
+
     @model_validator(mode="before")
     @classmethod
     def _one_key(cls, data: Any) -> Any:
+        """Reject an entry with no motion or with several motions."""
         if isinstance(data, dict) and len(data) != 1:
             several = f"{len(data)} motions in one entry ({', '.join(map(str, data))})"
             reason = several if data else "the entry has no motion"
@@ -185,13 +197,20 @@ class _EntryModel(Model):
 def _motion_to(
     to: Any, extra_keys: Mapping[str, Any] | None = None, without: tuple[str, ...] = ()
 ) -> Any:
-    """Return the type of a mapping with the key `to`, duration and blend."""
+    """Return the type of a mapping with the keys `to`, `duration` and `blend`.
+
+    `to` is the type of the end point. `extra_keys` are added, and the keys in `without` are left
+    out.
+    """
     keys = {"to": required(to, "End point."), **(extra_keys or {})}
     return nested(model_of(Straight, keys, without=(*TASK, "name", *without)))
 
 
 def _through(model: Any, description: str) -> Keywords:
-    """Return the optional key of the points between the start and the end."""
+    """Return the key `through`, which contains the optional points between start and end.
+
+    `model` is the model of each point, and `description` documents the key.
+    """
     points = Annotated[tuple[Annotated[Any, Part(model)], ...], Field(max_length=MOST_POINTS)]
     return {"through": (points, Field((), description=description))}
 
@@ -231,6 +250,7 @@ class MotionKey:
 
 
 def _straight(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the straight motion that a value describes."""
     name = str(section.path[-1])
     coordinate = _OF_ONE_COORDINATE.get(name)
     to = {coordinate: model.to} if coordinate else set_coordinates(model.to)
@@ -239,6 +259,7 @@ def _straight(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _free(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the free motion that a value describes."""
     yield Free(
         point_from(section.sub("to"), model.to),
         _points_between(section, model),
@@ -249,19 +270,21 @@ def _free(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _spline(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the spline in joint space that a value describes."""
     end = point_from(section.sub("to"), model.to)
     between = _points_between(section, model)
     yield Follow(end, between, "spline", line=section.line(), duration=model.duration)
 
 
 def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
+    """Return the points between the start and the end of a motion."""
     return tuple(
         point_from(section.sub("through", k), point) for k, point in enumerate(model.through)
     )
 
 
 def _curve(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the line or the arc of the tip that a value describes."""
+    """Yield the motion along a line or an arc of the tip that a value describes."""
     name: Any = section.path[-1]
     middle = () if name == "line" else (point_from(section.sub("through"), model.through),)
     yield Follow(
@@ -277,6 +300,7 @@ def _curve(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _retina(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the motion along the retina that a value describes."""
     if model.to.depth is not None:
         reason = "do not give depth: distance already determines it"
         raise section.error(reason, "to", "depth", allowed="roll, tilt, spin")
@@ -293,14 +317,17 @@ def _retina(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _path(section: Section, file: str) -> Iterator[Motion]:
+    """Yield the motion along the path in a table, whose file name is the value."""
     yield path_from(section, "path", section.line())
 
 
 def _dwell(section: Section, duration: float) -> Iterator[Motion]:
+    """Yield the pause that a value describes, which is its duration in s."""
     yield Dwell(duration, "dwell", section.line())
 
 
 def _scan(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the scan of the retina that a value describes."""
     low, middle, high = model.diameters
     if not 0 < low < middle < high:
         reason = "rings must be concentric"
@@ -380,14 +407,14 @@ _KEYS = (
 MOTIONS: Registry[MotionKey] = Registry("ssm_planner.motions", "motion", *_KEYS)
 """All keys that describe motions."""
 BUILT_IN = tuple(key.name for key in _KEYS)
-"""Keys of this package."""
+"""Keys that this package defines. Other packages can register further keys."""
 _EXPANDED = {
     "repeat": optional(nested(RepeatModel), "Motions to repeat."),
     "include": optional(
         Text, "Problem file whose motions are inserted. It has separate names of points."
     ),
 }
-"""Keys that `missions` replaces by the motions that they mean."""
+"""Keys that `missions` replaces by motions."""
 
 
 def motion_list(names: tuple[str, ...]) -> Any:
@@ -404,9 +431,10 @@ def motions_from(section: Section, value: Any) -> tuple[Motion, ...]:
 
 
 def key_locations(field: str, place: Place, value: Any) -> dict[str, Place]:
-    """Return where the file states the parts of a motion, by their names in messages.
+    """Return the locations of the parts of a motion in the file, by their names in messages.
 
-    `field` is the name of the motion, such as motion[2]. `place` leads to the value of its key.
+    `field` is the name of the motion, such as motion[2]. `place` contains the keys and list
+    positions that lead to the value of the motion's key.
     """
     name = place[-1]
     keys = ("blend", "duration", "constant_speed", "distance")
@@ -432,12 +460,12 @@ def key_locations(field: str, place: Place, value: Any) -> dict[str, Place]:
 
 
 def set_coordinates(model: Any) -> dict[str, float]:
-    """Return the stated task coordinates or rates."""
+    """Return the task coordinates or rates that a model states, by name."""
     return {name: value for name in TASK if (value := getattr(model, name)) not in (None, FREE)}
 
 
 def point_from(section: Section, model: Any) -> Point:
-    """Return the point that a section describes. Raises ProblemError."""
+    """Build the point that a section describes. Raises ProblemError if a value is invalid."""
     line = section.line()
     with located(section, {"values": ("joints",), "position": ("tip",)}):
         if model.joints is not None:

@@ -23,7 +23,7 @@ from ssm_planner.units import rpm
 
 
 def _check(quantity_kind: str, description: str) -> Any:
-    """Return the type of a value that serves only to check other values."""
+    """Return the type of a value that only serves to check other values."""
     hint = Annotated[Figure, sourced_field(quantity(quantity_kind, Bound(above=0.0)))]
     return hint | None, Field(None, description=description)
 
@@ -69,6 +69,7 @@ The ratio is 1 in a consistent datasheet.
 REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance and torque constant, K."""
 WINDING_TEMPERATURE = (330.0, 530.0)
+"""Range of plausible temperature limits of a winding, K."""
 TORQUE_AGREEMENT = 0.35
 """Tolerance between the nominal torque and the torque constant times the nominal current.
 
@@ -181,6 +182,11 @@ def _check_constants(section: Section, values: Mapping[str, float]) -> None:
 def _contradicts(
     section: Section, name: str, formula: str, torque: float, share: float
 ) -> NoReturn:
+    """Raise ProblemError for a value that contradicts the torque constant.
+
+    `torque` is the torque in N·m that follows from `formula`, and `share` is the relative
+    tolerance.
+    """
     reason = (
         f"contradicts torque_constant × {formula} = {torque * 1e3:.4g} mN*m by more than "
         f"{100 * share:g} %"
@@ -189,9 +195,9 @@ def _contradicts(
 
 
 def _check_heat(section: Section, values: Mapping[str, float]) -> None:
-    """Raise ProblemError if the winding temperature is implausible.
+    """Raise ProblemError if the largest winding temperature is implausible.
 
-    The temperature at nominal current is checked as well.
+    The temperature that follows from the nominal current is checked as well.
     """
     limit = values.get("max_winding_temperature")
     if limit is None:

@@ -1,5 +1,7 @@
-"""Reader of path tables with joints, task coordinates, or tip and spin, and units in the
-headings.
+"""Read tables of path points.
+
+A table contains joint positions, task coordinates, or tip positions and spin. Its headings state
+the units.
 """
 
 from __future__ import annotations
@@ -35,11 +37,16 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
     Parameters
     ----------
     section : Section
-        Section that names the table. The file name is relative to its file.
+        Section that contains the file name of the table, which is relative to the section's file.
     name : str
         Name of the motion.
     line : int or None
         Line of the motion for messages.
+
+    Returns
+    -------
+    Follow
+        Motion through the points of the table.
 
     Raises
     ------
@@ -69,9 +76,10 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
 
 
 def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
-    """Return the index of the column and the factor to SI units for every coordinate.
+    """Return the index of the column and the factor to SI units for each coordinate.
 
-    The coordinates are those of one form (joints, task coordinates, or tip and spin), in its order.
+    The coordinates are joints, task coordinates, or tip and spin. They have the order of their
+    form. Raises ProblemError if the headings do not describe exactly one form.
     """
 
     def refused(reason: str, key: str | None = None, allowed: str = FORMS) -> ProblemError:
@@ -115,7 +123,11 @@ def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int,
 def _numbers(
     cells: list[str], columns: Mapping[str, tuple[int, float]], location: tuple[Path, int]
 ) -> Mapping[str, float]:
-    """Convert one row to values in SI units."""
+    """Convert the cells of a row to values in SI units, by coordinate.
+
+    `location` is the file and the line of the row for messages. Raises ProblemError if a cell is
+    not a finite number.
+    """
     values: dict[str, float] = {}
     for name, (column, factor) in columns.items():
         cell = cells[column]
@@ -135,6 +147,7 @@ def _numbers(
 
 
 def _point(values: Mapping[str, float], line: int) -> Point:
+    """Return the point that has these coordinates in SI units."""
     if "q1" in values:
         return Joints((values["q1"], values["q2"], values["q3"], values["q4"]), line)
     if "x" in values:
@@ -144,7 +157,7 @@ def _point(values: Mapping[str, float], line: int) -> Point:
 
 @contextmanager
 def in_tables(motion: tuple[Motion, ...]) -> Iterator[None]:
-    """Add file, line and column to errors at points from tables."""
+    """Add the file, line and column of a table to errors at its points."""
     try:
         yield
     except ProblemError as error:

@@ -1,4 +1,4 @@
-"""Reader of problem files, which maps the fields of a Problem to their keys in the file."""
+"""Read problem files, and relate the fields of a Problem to the keys of its file."""
 
 from __future__ import annotations
 
@@ -68,16 +68,16 @@ from ssm_planner.units import KINDS
 ONCE = "once"
 """Duty of a motion that does not repeat."""
 SQUARE = math.radians(0.5)
-"""Largest deviation of the lens axes from a right angle. The first axis is then corrected."""
+"""Largest deviation of the lens axes from a right angle, rad. Smaller deviations are corrected."""
 
 
 def _rate(name: str, bound: Bound = UNBOUND) -> Any:
-    """Return the type of the rate of a task coordinate."""
+    """Return the type of the rate of a task coordinate, such as "tilt"."""
     return Annotated[Any, quantity("velocity" if name == "depth" else "angular_velocity", bound)]
 
 
 def _bound_field(limit_type: type[ToolLimit]) -> Any:
-    """Return the largest value of a limit on the tool, in its unit."""
+    """Return the type of the largest value of a limit on the tool. It must be positive."""
     (kind_name, *_) = (
         name for name, candidate in KINDS.items() if candidate.unit == limit_type.unit
     )
@@ -127,6 +127,7 @@ _NAMED = Annotated[
 
 
 def _overrides(slides: bool = False) -> Any:
+    """Return the model of joint limits that replace those of the robot."""
     names = ("velocity", "acceleration", "jerk")
     keys = {
         name: optional(reading(Joint, name, slides), "Value instead of the robot's.")
@@ -170,7 +171,11 @@ def problem_model(motion_keys: tuple[str, ...]) -> Any:
 
 
 def _motion_keys(section: Section) -> tuple[str, ...]:
-    """Return the keys of this package's motions, or all keys if the file has another one."""
+    """Return the keys of motions that the model of this file must have.
+
+    The model has only the keys of this package unless the file contains a registered key of another
+    package.
+    """
     entries = section.value.get("motion")
     mappings = [entry for entry in entries if isinstance(entry, dict)] if entries else []
     names = {name for entry in mappings for name in entry}
@@ -178,7 +183,10 @@ def _motion_keys(section: Section) -> tuple[str, ...]:
 
 
 def problem_from(section: Section) -> Problem:
-    """Return the problem that a section describes, with its robot. Raises ProblemError."""
+    """Build the problem that a section describes, with its robot.
+
+    Raises ProblemError if a value is invalid.
+    """
     section = written_out(section)
     if "geometry" in section.value:
         raise section.error(
@@ -232,7 +240,10 @@ def problem_from(section: Section) -> Problem:
 
 
 def _robot(section: Section, model: Any) -> Robot:
-    """Return the robot with the changes that the problem states."""
+    """Return the robot of a problem with the joint limits, mounting and payload of the problem.
+
+    Raises ProblemError if a value is invalid.
+    """
     robot = robot_from(follow(section, "robot"))
     if model.speed is not None and not 0 < model.speed <= 1:
         raise section.error(
@@ -265,7 +276,7 @@ def _robot(section: Section, model: Any) -> Robot:
 
 
 def _speeds(model: Any) -> Iterable[Limit]:
-    """Return the limits on the rates of task coordinates and of the tool."""
+    """Yield the limits on the rates of task coordinates and on the tool."""
     for name in TASK:
         if (bound := getattr(model, TaskRate.field_of(name))) is not None:
             yield TaskRate(name, bound)
@@ -275,6 +286,7 @@ def _speeds(model: Any) -> Iterable[Limit]:
 
 
 def _eye(section: Section, model: Any) -> Eye:
+    """Build the eye that a section describes. Raises ProblemError if a value is invalid."""
     lens = None
     if model.lens is not None:
         lens_section = section.sub("lens")
@@ -285,9 +297,13 @@ def _eye(section: Section, model: Any) -> Eye:
 
 
 def _frame(section: Section, model: Any) -> Array:
-    """Return the directions of the semi-axes as columns, right-handed, (3, 3)."""
+    """Return a rotation matrix (3, 3) whose columns are the directions of the semi-axes.
+
+    Raises ProblemError if the directions in the file are not perpendicular.
+    """
 
     def direction(name: str) -> Array:
+        """Return the unit vector (3,) that the file states under a key."""
         vector = np.array(getattr(model, name))
         length = float(np.linalg.norm(vector))
         if not 1e-9 < length < np.inf:

@@ -62,6 +62,10 @@ FOLLOWED = ("alpha", "home_tilt", "home_roll")
 
 
 def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
+    """Read a chain of rotations, such as [x 90 deg, y alpha].
+
+    Each entry has an axis, and an angle in rad or the name of an angle of the geometry.
+    """
     allowed = (
         "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 "
         "deg] or [y alpha]"
@@ -155,6 +159,8 @@ class InertiaModel(Model):
 
 
 class _Solid(Model):
+    """Base of the models of all parts of a body."""
+
     frame: Literal["own", "next"] = "own"
     """Frame of the coordinates: the body's own, or that of the next body at q = 0.
 
@@ -163,6 +169,8 @@ class _Solid(Model):
 
 
 class _Weighed(_Solid):
+    """Base of the models of parts that state their mass instead of a density."""
+
     at: _Place
     """Position of the centre."""
     mass: Annotated[float | str, _MASS_OF]
@@ -219,6 +227,8 @@ class PointModel(_Weighed):
 
 
 class _BodyModel(Model):
+    """Keys of a body that are not fields of Body."""
+
     parts: (
         list[
             Annotated[
@@ -230,7 +240,7 @@ class _BodyModel(Model):
     """Parts of the body. They replace mass, com and inertia."""
     com: _Place = (0.0, 0.0, 0.0)
     inertia: InertiaModel | None = None
-    """Inertia about the origin of the body frame. A body without mass has none."""
+    """Inertia about the origin of the body frame. A body without mass does not need it."""
     products_of_inertia: Literal["cad", "tensor"] | None = None
     """Sign of the products: cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)."""
     frame: Rotations
@@ -248,6 +258,7 @@ _ACTUATION: Keywords = {
 
 
 def _joint_model(slides: bool = False) -> Any:
+    """Return the model of a joint that is revolute or, if `slides` is true, prismatic."""
     return model_of(Joint, _ACTUATION, slides=slides, without=("name", "kind"))
 
 
@@ -309,12 +320,13 @@ def robot_from(section: Section) -> Robot:
 
 
 def ranges_from(model: Any) -> tuple[TaskRange, ...]:
-    """Return the ranges of task coordinates that a file states."""
+    """Return the ranges of task coordinates that a model states."""
     ranges = ((name, getattr(model, name)) for name in TASK)
     return tuple(TaskRange(name, *ends) for name, ends in ranges if ends is not None)
 
 
 def _joint(section: Section, name: str, model: Any) -> Joint:
+    """Build a joint with its drive and motors. Raises ProblemError if a value is invalid."""
     drive = None if model.drive is None else drive_from(follow(section, "drive"))
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
     indices = range(len(model.alternatives))
@@ -332,7 +344,7 @@ def _frame(
 ) -> Array:
     """Return the rotation matrix (3, 3) of a chain of rotations.
 
-    The chain may contain names of the geometry's angles. Raises ProblemError if the file does not
+    Entries of the chain may name angles of the geometry. Raises ProblemError if the file does not
     state such an angle.
     """
     angles = []
@@ -452,30 +464,33 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
 
 @record
 class _Setting:
-    """The index of a body in the chain, with data of the complete chain.
-
-    These are the rotations (3, 3) from all bodies to the base at q = 0, the axes and the joints.
-    """
+    """Position of a body in the chain, with the data of the robot that its parts may need."""
 
     place: int
+    """Index of the body."""
     frames: Sequence[Array]
+    """Rotations (3, 3) from all bodies to the base at q = 0."""
     geometry: Geometry
     joints: Sequence[Joint]
 
     @property
     def frame(self) -> Array:
+        """Rotation (3, 3) from the body to the base at q = 0."""
         return self.frames[self.place]
 
     def axis(self, beyond: int) -> Array:
-        """Return the axis of a joint in the frame of the body, (3,).
+        """Return the unit vector (3,) of a joint axis in the frame of the body.
 
-        If `beyond` is 0, it is the joint that moves the body. Otherwise, it is the joint that
-        follows after this number of joints.
+        The joint is the one that moves the body if `beyond` is 0, and the next joint if it is 1.
         """
         return self.frame.T @ self.geometry.axes[self.place + beyond]
 
 
 def _body(section: Section, model: Any, setting: _Setting) -> Body:
+    """Build a body from its mass, centre and inertia, or from its parts.
+
+    Raises ProblemError if a value is invalid.
+    """
     if model.parts is not None:
         return _made_of_parts(section, model, setting)
     if model.mass is None:
@@ -493,6 +508,7 @@ def _body(section: Section, model: Any, setting: _Setting) -> Body:
 
 
 def _plausible(section: Section, body: Body) -> Body:
+    """Return a body. Raises ProblemError if its radius of gyration is implausibly large."""
     gyration = (
         float(np.sqrt(principal_moments(body.mass, body.com, body.inertia)[2] / body.mass))
         if body.mass > 0
@@ -510,6 +526,7 @@ def _plausible(section: Section, body: Body) -> Body:
 
 
 def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
+    """Build a body as the sum of its parts. Raises ProblemError if a value is invalid."""
     for key in ("mass", "com", "inertia", "products_of_inertia"):
         if section.has_key(key):
             raise section.error(
@@ -528,7 +545,7 @@ def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
 
 
 def _solid(section: Section, model: Any, setting: _Setting) -> shapes.Moments:
-    """Return the mass moments of a part in the frame of the body."""
+    """Return mass, centre and inertia of a part in the frame of the body."""
     is_last = setting.place == len(setting.frames) - 1
     if isinstance(model, ArcModel):
         if setting.place > 1:
@@ -565,6 +582,10 @@ def _solid(section: Section, model: Any, setting: _Setting) -> shapes.Moments:
 
 
 def _mass_of(section: Section, model: Any, joints: Sequence[Joint]) -> float:
+    """Return the mass of a part in kg, which may be the mass of a joint's motor.
+
+    Raises ProblemError if the motor or its mass is missing.
+    """
     if not isinstance(model.mass, str):
         if model.mass < 0:
             raise section.error("a mass cannot be negative", "mass", allowed="0 kg or more")
@@ -583,7 +604,8 @@ def _mass_of(section: Section, model: Any, joints: Sequence[Joint]) -> float:
 def _inertia(section: Section, model: Any) -> Array:
     """Return the inertia tensor (3, 3) about the origin of the frame, kg·m².
 
-    Its products of inertia are −∫xy dm, whereas the file may state them with the opposite sign.
+    The products of inertia in the tensor are −∫xy dm. The file may state them with the opposite
+    sign.
     """
     inertia = model.inertia
     convention = model.products_of_inertia
@@ -603,7 +625,11 @@ def _inertia(section: Section, model: Any) -> Array:
 
 
 def _sign_hint(model: Any, tensor: Array) -> str:
-    """Return a suggestion for an impossible inertia tensor."""
+    """Return the end of the message about a tensor that no body can have.
+
+    It states whether the tensor is possible with the opposite sign of the products of inertia. It is
+    "" without products of inertia in the file.
+    """
     convention = model.products_of_inertia
     if convention is None:
         return ""

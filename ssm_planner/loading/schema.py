@@ -1,8 +1,9 @@
 """Build strict pydantic models of files from the classes of the values that the files describe.
 
-If a field of a value is a key of a file, its type states the kind of quantity (`value.Quantity`),
-the bounds and the default. The function `model_of` reads them. Keys of another form are declared
-next to their readers. The faults of a file become one ProblemError.
+A field of a value that is also a key of a file states its kind of quantity (`value.Quantity`), its
+bounds and its default in its annotation. The function `model_of` reads these annotations. Keys that
+have another form in the file are declared in the modules that read them. All faults of a file are
+collected in one ProblemError.
 """
 
 from __future__ import annotations
@@ -44,7 +45,10 @@ SHOWN = 10
 
 
 class Figure(NamedTuple):
-    """Number with its source."""
+    """Number in SI units with its source.
+
+    It is a placeholder if the true value is unknown.
+    """
 
     value: float
     source: str | None = None
@@ -52,19 +56,20 @@ class Figure(NamedTuple):
 
 
 class Model(BaseModel):
-    """Base class of all models, which are immutable. An unknown key raises an error.
+    """Base class of all models, which are immutable. An unknown key is an error.
 
-    The error suggests the most similar known key.
+    The message suggests the most similar key.
     """
 
     # models are built on first use because one command needs few of them
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
     of: ClassVar[tuple[Any, ...]] = ()
-    """Values that the model describes. If several describe a key, the last one applies."""
+    """Classes whose fields document the keys. If several document a key, the last one applies."""
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
+        """Reject data that are not a mapping, and unknown keys."""
         if not isinstance(data, dict):
             raise wrong(
                 f"{units.describe(data)} instead of a mapping",
@@ -82,7 +87,7 @@ class Model(BaseModel):
         of_value = {
             name: text for value_type in cls.of for name, text in descriptions(value_type).items()
         }
-        # files have no shapes and no None, and each of their values states its own unit
+        # Descriptions of files omit shapes, None and SI units, because values state their units.
         return {
             name: UNIT_IN_MEMORY.sub("", re.sub(r",? ?\(3,\)", "", text)).replace(
                 "None:", "left out:"
@@ -104,11 +109,11 @@ class Model(BaseModel):
         return schema
 
     def sourced_figures(self) -> dict[str, Figure]:
-        """Return the fields that contain a figure."""
+        """Return the fields that contain a figure, by key."""
         return {name: value for name, value in self if isinstance(value, Figure)}
 
     def numbers(self) -> dict[str, float]:
-        """Return the values of the figures."""
+        """Return the values of all figures in SI units, by key."""
         return {name: item.value for name, item in self.sourced_figures().items()}
 
 
@@ -140,12 +145,12 @@ def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> Py
 
 @record
 class Field:
-    """Metadata of an annotated type: the reader, the JSON schema and the description of a value."""
+    """Metadata of an annotated type: the reader, the description and the JSON schema of a value."""
 
     read: Callable[[Any], Any]
     json_schema: JsonObject
     kinds: tuple[str, ...] = ()
-    """Keys of units.KINDS."""
+    """Kinds of quantities of the components, which are keys of units.KINDS."""
     allowed: str = ""
     """Allowed values in addition to the unit."""
 
@@ -159,7 +164,7 @@ class Field:
         )
 
     def format_default(self, value: Any) -> str:
-        """Return a default as a file would state it."""
+        """Return a default in SI units as text with a unit that files accept."""
         if not self.unit or not isinstance(value, float):
             return str(value)
         return f"{value / units.quantity(f'1 {self.unit}', self.kinds[0]):.6g} {self.unit}"
@@ -182,7 +187,7 @@ class Part:
 
 
 def nested(model: Any) -> Any:
-    """Return the type of a nested mapping whose model is built at run time."""
+    """Return the type of a nested mapping, whose model is built at run time."""
     return Annotated[Any, Part(model)]
 
 
@@ -212,7 +217,7 @@ def positive(unit_kind: str) -> Any:
 
 
 def interval(unit_kind: str) -> Field:
-    """Return the type of `[lower, upper]`."""
+    """Return the type of an interval `[lower, upper]` of one kind of quantity."""
     schema = {"type": "array", "items": _json_schema(unit_kind), "minItems": 2, "maxItems": 2}
     return Field(
         lambda value: units.interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"
@@ -277,7 +282,7 @@ def sourced_field(field: Field) -> Field:
 
 
 def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) -> Any:
-    """Return the type that reads a field of a value, or None if its annotation defines no type.
+    """Return the type that reads a field of a value, or None if it cannot be derived.
 
     Parameters
     ----------
@@ -316,7 +321,7 @@ def model_of(
 ) -> Any:
     """Build the model of a value from its class.
 
-    The kinds, bounds and defaults of the keys are those of the fields.
+    The fields of the class give the kinds, bounds and defaults of the keys.
 
     Parameters
     ----------
@@ -332,6 +337,11 @@ def model_of(
         Fields that are not keys.
     base : type
         Base class of the model.
+
+    Returns
+    -------
+    type
+        Subclass of `base` with a field for each key.
     """
     value_fields = {field.name: field for field in dataclasses.fields(cls)}
     model_fields = dict(extra_keys or {})
@@ -358,8 +368,8 @@ def model_from(
 ) -> Any:
     """Build a model from keys, each as a pair of type and default.
 
-    `of` contains the classes whose fields document the keys. If several classes document a key, the
-    last one applies.
+    The fields of the classes `value_types` document the keys. If several classes document a key,
+    the last one applies.
     """
     created: Any = create_model
     model = created("KeysModel", __base__=base, **fields)
@@ -378,10 +388,10 @@ def optional(hint: Any, description: str = "") -> Any:
 
 
 def by_joint(turning: Any, sliding: Any, every: bool = False) -> Any:
-    """Return the model of a mapping from joints to values.
+    """Return the model of a mapping from joint names to values.
 
-    Revolute joints have the type `turning`, and the prismatic joint has the type `sliding`. If
-    `every` is true, the mapping must contain every joint.
+    The values have the type `turning` for revolute joints, and the type `sliding` for the prismatic
+    joint. If `every` is true, the mapping must contain all joints.
     """
     fields: Keywords = {}
     for i, name in enumerate(JOINTS, 1):
@@ -391,6 +401,7 @@ def by_joint(turning: Any, sliding: Any, every: bool = False) -> Any:
 
 
 def _text(value: object) -> str:
+    """Read a text that is not empty."""
     if not isinstance(value, str) or not value.strip():
         raise wrong(f"{units.describe(value)} instead of text", "a text of at least one character")
     return value
@@ -400,18 +411,21 @@ _TRUTH = {True: True, False: False, "yes": True, "no": False, "on": True, "off":
 
 
 def _truth(value: object, key: str | None = None) -> bool:
+    """Read true or false, for which yes, no, on and off are accepted as well."""
     if not isinstance(value, (bool, str)) or value not in _TRUTH:
         raise wrong(f"{units.describe(value)} instead of true or false", "true or false", key)
     return _TRUTH[value]
 
 
 def _axis(value: object) -> tuple[float, ...]:
+    """Read a list of three numbers."""
     if not isinstance(value, list) or len(value) != 3:
         raise wrong("invalid axis", "three numbers such as [1, 0, 0]")
     return tuple(units.number(item) for item in value)
 
 
 def _reference(value: object) -> Any:
+    """Accept a file name or the content of the file as a mapping."""
     if isinstance(value, dict) or (isinstance(value, str) and value.strip()):
         return value
     raise wrong(
@@ -438,6 +452,11 @@ SOURCE: Any = optional(Text, "Source of the figures.")
 
 
 def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[Any], Any]:
+    """Return a reader that raises pydantic's error instead of BadQuantity.
+
+    `key` is the key of the wrong entry within the value, for messages.
+    """
+
     def read(value: Any) -> Any:
         try:
             return reader(value)
@@ -448,6 +467,7 @@ def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[
 
 
 def _json_schema(unit_kind: str) -> JsonObject:
+    """Return the JSON schema of a quantity: a number, or a text with an example of its unit."""
     if unit_kind == "number":
         return {"type": "number"}
     return {
@@ -466,7 +486,7 @@ class Key(NamedTuple):
     """Unit in a form that files accept."""
     allowed: str
     default: str
-    """Default, "" if there is none, or "required"."""
+    """Default, "required", or "" for an optional key without a default."""
     description: str
 
 
@@ -499,7 +519,7 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
 
 
 def field_of(info: Any) -> Field:
-    """Return the reader of a key from pydantic's description of the key."""
+    """Return the metadata of a key from pydantic's description of the key."""
     hints = _nested_hints((info.annotation, *info.metadata))
     return next((hint for hint in hints if isinstance(hint, Field)), Field(str, {}))
 
@@ -538,7 +558,7 @@ def located(
 ) -> Iterator[None]:
     """Add file and line to errors that values raise within a `with` block.
 
-    `places` contains the key of each field whose name differs from its key in the file.
+    `locations` contains the keys in the file of fields whose names differ from their keys.
     """
     try:
         yield
@@ -556,6 +576,7 @@ def located(
 
 
 def _fault(section: Section, details: Any) -> ProblemError:
+    """Convert one of pydantic's errors to a ProblemError with the file, the line and the key."""
     context = details.get("ctx", {})
     path: tuple[str | int, ...] = ()
     for entry in details["loc"]:  # the parts of a pydantic location that are keys of the file

@@ -17,15 +17,15 @@ DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?(\s*[^\d\s]\S*)?")
 
 
 def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield line and cells of each row of a table, first those of the headings.
+    """Yield the line and the cells of each row of a table. The headings are the first row.
 
     The separator is the one that occurs most often in the headings. Rows of empty cells and lines
-    that begin with # are skipped. Cells may be quoted. Spaces at their ends are removed.
+    that begin with # are skipped. Cells may be quoted. Spaces at the ends of a cell are removed.
 
     Raises
     ------
     ProblemError
-        If the file is not a table, if a row has another number of cells than the headings, or if a
+        If the file is not a table, if a row does not have as many cells as the headings, or if a
         cell is a number with a decimal comma.
     """
     text = text_of(file)
@@ -51,7 +51,7 @@ def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _check_row(cells: list[str], headings: list[str], separator: str) -> None:
-    """Raise ProblemError for a wrong number of cells, or a decimal comma."""
+    """Raise ProblemError for a wrong number of cells or for a decimal comma."""
     words = f"a decimal point, because {SEPARATORS[separator]} separate the columns"
     if len(cells) != len(headings):
         allowed = f"{len(headings)} as in the headings; numbers have {words}"

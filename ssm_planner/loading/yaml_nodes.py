@@ -38,7 +38,10 @@ _STRING_TAGS = (
 
 @frozen
 class Node:
-    """A value of a file, with its line, the nodes below it, and the lines of their keys."""
+    """Value of a file, with its line, its children by key, and the lines of their keys.
+
+    `size` is the number of values in the tree after expansion of aliases.
+    """
 
     value: Any
     line: int | None
@@ -108,6 +111,10 @@ class _Builder:
         self.anchors: dict[str, Node] = {}
 
     def document(self, trailing: bool) -> Node:
+        """Build the tree of the only document. Raises ProblemError if there are several or none.
+
+        Empty documents at the end are allowed if `trailing` is true.
+        """
         next(self.events)  # start of the stream
         event = next(self.events)
         if isinstance(event, yaml.StreamEndEvent):
@@ -124,6 +131,7 @@ class _Builder:
         return root
 
     def node(self, event: Any, depth: int) -> Node:
+        """Build the node that starts with an event, at this depth below the root."""
         if depth > DEEPEST:
             raise self.error("nested too deeply", event, f"at most {DEEPEST} levels")
         if isinstance(event, yaml.AliasEvent):
@@ -147,6 +155,7 @@ class _Builder:
         return node
 
     def sequence(self, start: Any, depth: int) -> Node:
+        """Build the node of a list. `start` is the event at its beginning."""
         values: list[Any] = []
         size = 1
         children: dict[str | int, Node] = {}
@@ -161,6 +170,7 @@ class _Builder:
         )
 
     def mapping(self, start: Any, depth: int) -> Node:
+        """Build the node of a mapping. `start` is the event at its beginning."""
         children: dict[str | int, Node] = {}
         key_lines: dict[str | int, int] = {}
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
@@ -182,6 +192,7 @@ class _Builder:
         return Node(values, _line(start), size, *((children, key_lines) if self.tree else ()))
 
     def error(self, reason: str, event: Any, allowed: str | None = None) -> ProblemError:
+        """Return a ProblemError at the line of an event."""
         return ProblemError(reason, file=self.file, line=_line(event), allowed=allowed)
 
 
@@ -203,12 +214,13 @@ def _scalar(event: Any) -> object:
 
 
 def _line(event: Any) -> int:
+    """Return the line of an event, counted from 1."""
     return int(event.start_mark.line) + 1
 
 
 @frozen
 class Section:
-    """A part of a file, at a path of keys and list positions."""
+    """Part of a file, which is found by a path of keys and list positions."""
 
     file: Path | None
     """File, or None for data from Python."""
@@ -227,6 +239,7 @@ class Section:
 
     @property
     def value(self) -> Any:
+        """Value of this part as YAML gives it, without conversion."""
         return self._locate(())[1].value
 
     def sub(self, *path: str | int) -> Section:
@@ -260,6 +273,10 @@ class Section:
         )
 
     def _locate(self, path: tuple[str | int, ...]) -> tuple[int | None, Node, bool]:
+        """Return the line, the node and whether it exists at a path below this section.
+
+        If the path does not exist, line and node are those of its deepest existing part.
+        """
         node = self.root
         line = self.root.line
         for key in (*self.path, *path):
@@ -282,7 +299,7 @@ def key_text(path: tuple[str | int, ...]) -> str:
 
 
 def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
-    """Convert data from Python to a tree in which all values have the same line, or none.
+    """Convert data from Python to a tree. All its values have the line `line`.
 
     Raises ProblemError if the data are nested too deeply.
     """
@@ -307,7 +324,7 @@ def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
 def _original_text(value: object) -> str | None:
     """Return a value as the user wrote it, or None for a mapping.
 
-    For a mapping with a value and its source, the result is this value.
+    If a mapping contains a value with its source, the text of the value is returned.
     """
     if isinstance(value, dict):
         return _original_text(value["value"]) if "value" in value else None

@@ -43,8 +43,8 @@ def departures_section(
 ) -> Section:
     """Return the section about the departures.
 
-    They concern products of inertia, Stribeck's exponent, the velocity product, the torque at
-    standstill, and the bounds of the identification.
+    The departures concern products of inertia, Stribeck's exponent, the velocity product, the
+    torque at standstill, and the bounds of the identification.
     """
     solved = [run for run in runs if run.loads]
     single = {f"payload curves, {RUNS[name]}": run for name, run in inputs.motorisations.items()}
@@ -77,9 +77,10 @@ def departures_section(
 
 
 def _change_of_motion(run: SpeedRun) -> tuple[str, dict[str, float], dict[str, float]]:
-    """Return (motion, largest change of motor torque by the flipped sign, peak torque) of a run.
+    """Return how much the torques of a run change if the products of inertia are negated.
 
-    Torques are in N·m by driven joint.
+    The results are the name of the motion, the largest change of the motor torque and the peak
+    torque. Torques are in N·m by driven joint.
     """
     assert run.plan.trajectory is not None
     flipped_loads = joint_loads(run.plan.trajectory, flipped(run.plan.problem.robot))
@@ -90,7 +91,7 @@ def _change_of_motion(run: SpeedRun) -> tuple[str, dict[str, float], dict[str, f
 def _change_of_payload(
     label: str, run: Motorisation
 ) -> tuple[str, dict[str, float], dict[str, float]]:
-    """Return the values of `_change_of_motion` for a payload curve."""
+    """Return the results of `_change_of_motion` for a payload curve."""
     loads = DutyCycle.of_motorisation(run).loads()
     flipped_loads = DutyCycle.of_motorisation(replace(run, robot=flipped(run.robot))).loads()
     return (
@@ -101,7 +102,7 @@ def _change_of_payload(
 
 
 def _largest_starts(run: SpeedRun) -> list[float | None]:
-    """Return the largest |motor torque| at a start of each driven joint, N·m.
+    """Return the largest |motor torque| with which each driven joint starts, N·m.
 
     The value of a joint that never starts is None.
     """
@@ -125,7 +126,7 @@ def _stribeck_figure() -> Figure:
 
 @frozen
 class Outside:
-    """A published parameter that the package's own identification cannot return; SI."""
+    """Published parameter in SI units that the package's own identification cannot return."""
 
     rig: str
     parameter: str
@@ -134,7 +135,7 @@ class Outside:
 
 
 def outside_bounds(name: str, drive: Drive) -> tuple[Outside, ...]:
-    """Return the published parameters of a rig outside the package's bounds."""
+    """Return the published parameters of a rig that are outside the bounds of the package."""
     published = {} if drive.rig is None else drive.rig.published
     return tuple(
         Outside(drive.name, parameter, published[parameter], bounds)
@@ -145,22 +146,22 @@ def outside_bounds(name: str, drive: Drive) -> tuple[Outside, ...]:
 
 @record
 class BodyMoments:
-    """Principal moments about the centre of mass, ascending, kg·m², (3,) each."""
+    """Principal moments of a body about its centre of mass in ascending order, kg·m², (3,) each."""
 
     name: str
     as_tensor: Array
-    """Moments if the published products are tensor entries, as in the toolbox."""
+    """Moments if the published products are entries of the tensor, as the toolbox assumes."""
     as_cad: Array
     """Moments if the products have the sign of CAD programs, as in the robot file."""
 
     @property
     def possible(self) -> tuple[bool, bool]:
-        """Return for both readings whether a body can have these moments."""
+        """Whether a body can have the moments `as_tensor`, and whether it can have `as_cad`."""
         return possible(self.as_tensor), possible(self.as_cad)
 
 
 def flipped(robot: Robot) -> Robot:
-    """Return the robot with negated products of inertia, as the package reads its figures."""
+    """Return the robot with negated products of inertia, as the package interprets them."""
     body1, body2, body3, body4 = (_flipped(body) for body in robot.bodies)
     return replace(robot, bodies=(body1, body2, body3, body4))
 
@@ -186,9 +187,9 @@ def joint_inertia(robot: Robot) -> Array:
 def largest_change(
     first_loads: Sequence[JointLoad], second_loads: Sequence[JointLoad]
 ) -> dict[str, float]:
-    """Return the largest change of motor torque between loads at the same instants, N·m, by joint.
+    """Return the largest change of motor torque between two sets of loads, N·m, by joint.
 
-    Joints without a load have 0.
+    Both sets have the same instants. Joints without a load have 0.
     """
     pairs = zip(first_loads, second_loads, strict=True)
     return _largest_magnitudes((a.joint, b.torque() - a.torque()) for a, b in pairs)
@@ -197,7 +198,7 @@ def largest_change(
 def _largest_magnitudes(values: Iterable[tuple[str, Array]]) -> dict[str, float]:
     """Return the largest magnitude of the values (n,) of each driven joint.
 
-    values: pairs of joint and values; a joint may occur several times.
+    `values` contains pairs of a joint and its values. A joint may occur several times.
     """
     largest = dict.fromkeys(DRIVEN, 0.0)
     for joint, value in values:
@@ -217,16 +218,20 @@ STRIBECK_SPEEDS = (0.25, 0.5, 1.0, 2.0)
 
 @record
 class StribeckForms:
-    """Both Stribeck forms for one rig. Each pair: the package's form, the Gaussian form."""
+    """Both Stribeck forms for one rig.
+
+    Each pair contains the package's form and the Gaussian form.
+    """
 
     title: str
     mu: tuple[tuple[float, float], ...]
     """Friction coefficients at STRIBECK_SPEEDS."""
     largest: tuple[float, float, float]
-    """|w|/w_s with the largest difference of the coefficients, and both coefficients."""
+    """Ratio |w|/w_s at which the coefficients differ most, and both coefficients."""
     published_nrmsd: tuple[float, float]
     """NRMSD of the map with the published parameters."""
     fitted_nrmsd: tuple[float, float]
+    """NRMSD of the map with fitted parameters."""
     fitted_speed: tuple[float, float]
     """Fitted Stribeck speeds w_s, rad/s."""
     criterion: tuple[float, float]
@@ -234,7 +239,7 @@ class StribeckForms:
 
 
 def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
-    """Compare both forms on one rig. Returns None if its authors omit the Stribeck speed."""
+    """Compare both forms on one rig. Return None if its authors do not state the Stribeck speed."""
     exponential, gaussian = (published_drive(drive, law) for law in STRIBECK_LAWS)
     speed = friction_of(exponential).stribeck_speed
     if not speed:
@@ -270,7 +275,7 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
 
 @frozen
 class VelocitySign:
-    """Influence of the sign of the velocity product over one motion, by driven joint."""
+    """Effect of the sign of the velocity product on one motion, by driven joint."""
 
     effort: dict[str, float]
     """Largest |C q̇|, N·m or N."""
@@ -286,7 +291,7 @@ def subtracted(load: JointLoad) -> JointLoad:
 
 
 def velocity_sign(loads: Sequence[JointLoad]) -> VelocitySign:
-    """Compute the influence of the sign of the velocity product over a motion."""
+    """Compute the effect of the sign of the velocity product on a motion."""
     return VelocitySign(
         _largest_magnitudes((load.joint, load.velocity) for load in loads),
         _largest_magnitudes((load.joint, load.gravity) for load in loads),

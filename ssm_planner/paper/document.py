@@ -30,24 +30,24 @@ FILE = "README.md"
 
 @record
 class Document:
-    """The sections, and the results as values."""
+    """Sections of the document, with the results as values."""
 
     sections: tuple[Section, ...]
     runs: tuple[SpeedRun, ...]
     rigs: tuple[RigResult, ...]
 
     @property
-    def passed(self) -> bool:
-        """Return whether every motion was planned and passed the independent check."""
+    def is_certified(self) -> bool:
+        """True if every motion was planned and passed the independent check."""
         return all(run.plan.passed for run in self.runs)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Return descriptions of the parts that are missing because their data are missing."""
+        """Descriptions of the parts that are missing because their data are missing."""
         return tuple(f"{rig.title}: {rig.left_out}" for rig in self.rigs if rig.left_out)
 
     def markdown(self) -> str:
-        """Return the text, which depends on the inputs only, not on time or folders."""
+        """Text of the document. It depends on the inputs, but not on time or folders."""
         return render("document", sections=self.sections)
 
 
@@ -91,17 +91,19 @@ def reproduce(
     problems : str or Path
         The project's folder of problem files.
     recordings : str or Path
-        Folder of the recordings of the three rigs. Missing recordings leave out their rows.
+        Folder of the recordings of the three rigs. Rows without their recordings are left out.
     progress : callable
         Called with each step.
 
     Returns
     -------
     Reproduction
+        Written files, and whether the motions passed their check.
 
     Raises
     ------
     ProblemError, RecordingError or ExportError
+        If a file of the project is invalid, or if a result cannot be written.
 
     Examples
     --------
@@ -111,11 +113,11 @@ def reproduce(
     progress(Step("reading the problem files"))
     document = compute(read_inputs(Path(problems), Path(recordings)), progress)
     files = write(document, Path(folder), progress)
-    return Reproduction(files, document.passed, document.left_out)
+    return Reproduction(files, document.is_certified, document.left_out)
 
 
 def compute(inputs: Inputs, progress: Progress = silent) -> Document:
-    """Compute every section. Raises RecordingError if the table of the rigs cannot be read."""
+    """Compute all sections. Raises RecordingError if the table of the rigs cannot be read."""
     number = itertools.count()
     steps = 4 + len(RIGS) + len(TABLE_III)
 
@@ -145,9 +147,9 @@ def compute(inputs: Inputs, progress: Progress = silent) -> Document:
 
 
 def write(document: Document, folder: Path, progress: Progress = silent) -> Files:
-    """Write README.md and every picture as PNG and PDF, all or nothing; return the paths by name.
+    """Write README.md and every picture as PNG and PDF, and return the paths by name.
 
-    Raises ExportError.
+    Either all files are written or none. Raises ExportError.
     """
     with publishing(folder) as temporary:
         for k, section in enumerate(document.sections):

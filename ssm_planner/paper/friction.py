@@ -1,7 +1,7 @@
-"""Compare friction with the paper: Table II as torque–velocity maps, and the three rigs.
+"""Compare friction with the paper: the torque–velocity maps of Table II, and the three rigs.
 
-For the rigs, the section shows parameters identified from the shipped figures beside the authors',
-and predicted beside measured torque.
+For the rigs, the section compares parameters identified from the shipped figures with those of the
+authors, and predicted with measured torque.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ MAP_SPEEDS = {
     "tilt": published.ROTARY_SPEED,
     "insertion": published.LINEAR_SPEED,
 }
-"""Top joint speed of a map, as the application requires, rad/s and m/s."""
+"""Largest joint speed of each map, which the application requires, rad/s and m/s."""
 POINTS = 121
 LOADS = 81
 """Number of samples in the range of gravity loads."""
@@ -72,17 +72,20 @@ CURVES = ("under the arm's weight", "Table II, no load", "package, no load", "br
 
 @record
 class FrictionMap:
-    """Torque–velocity map of one joint: motor speeds (n,) above 0, rad/s; torques, N·m."""
+    """Torque–velocity map of one joint.
+
+    The motor speeds (n,) are positive, in rad/s. The torques (n,) are in N·m.
+    """
 
     joint: str
     drive: Drive
     w: Array
     unloaded: tuple[Array, Array]
-    """Torque without load, forwards and backwards (at −w)."""
+    """Torque without load in forward motion (at w) and in backward motion (at −w)."""
     package: tuple[Array, Array]
     """Torque without load, with the package's parameters."""
     loaded: tuple[tuple[Array, Array], tuple[Array, Array]]
-    """Smallest and largest torque under the arm's weight, forwards and backwards."""
+    """Smallest and largest torque under the arm's weight, for both directions."""
     gravity: tuple[float, float]
     """Range of the effort of gravity, N·m or N."""
     start: float
@@ -90,26 +93,29 @@ class FrictionMap:
 
     @property
     def mesh(self) -> float:
-        """Return the torque of the mesh without load at the top speed, N·m."""
+        """Torque of the mesh without load at the largest speed, N·m."""
         row = TABLE_II[self.joint]
         return float(self.unloaded[0][-1] - row.b_c - row.b_v * self.w[-1])
 
     @property
     def max_friction(self) -> float:
-        """Return the largest |torque| under the arm's weight in both directions, N·m."""
+        """Largest |torque| under the arm's weight in both directions, N·m."""
         forwards, backwards = self.loaded
         return float(max(forwards[1].max(), -backwards[0].min()))
 
 
 def driven(robot: Robot, joint: str) -> Drive:
-    """Return the drive of a driven joint."""
+    """Return the drive of a joint that has one."""
     drive = robot.joints[JOINTS.index(joint)].drive
     assert drive is not None, joint
     return drive
 
 
 def with_friction(drive: Drive, row: FrictionRow) -> Drive:
-    """Return the drive with Coulomb friction of a published row; its output side stays."""
+    """Return the drive with the Coulomb friction of a published row.
+
+    The friction on the output side does not change.
+    """
     current = drive.friction or Friction(row.mu, row.mu_static, row.b_c, row.b_v)
     return replace(
         drive,
@@ -212,7 +218,10 @@ def _torques(m: FrictionMap) -> dict[str, str]:
 
 
 def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str, ...]:
-    """Return a table row: symbol, printed values, ours, differences, the package's values."""
+    """Return a row of the table: symbol, printed values, our values, differences, package values.
+
+    `scale` converts SI values to the unit of the symbol.
+    """
     paper, package = (
         [getattr(rows[joint], name) for joint in DRIVEN] for rows in (TABLE_II, PACKAGE_FRICTION)
     )
@@ -223,7 +232,7 @@ def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str,
 
 
 def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
-    """Draw the maps."""
+    """Draw the torque–velocity maps of all joints."""
     figure = new_figure(9.6, 3.6)
     panels = figure.subplots(1, len(maps))
     for axes, m in zip(panels, maps, strict=True):
@@ -244,7 +253,10 @@ def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
 
 
 def with_rows(robot: Robot, rows: Mapping[str, FrictionRow]) -> Robot:
-    """Return the robot with published friction in its drives, by joint name."""
+    """Return the robot with published friction in its drives.
+
+    `rows` contains the friction by joint.
+    """
 
     def with_published(joint: Joint) -> Joint:
         row = rows.get(joint.name)
@@ -262,7 +274,7 @@ LAWS = ("coulomb", "stribeck_exponential")
 
 @record
 class Tested:
-    """NRMSD of one recording of a moving rig, with the authors' parameters and with ours."""
+    """NRMSD of one recording of a moving rig with the parameters of the authors and with ours."""
 
     recording: str
     published: float
@@ -274,8 +286,8 @@ class Tested:
 class RigResult:
     """Results for one rig.
 
-    name: stem of the drive file. published: the drive with the authors' parameters and Stribeck
-    form.
+    `name` is the stem of the drive file. `published` is the drive with the parameters and the
+    Stribeck form of the authors.
     """
 
     name: str
@@ -288,19 +300,19 @@ class RigResult:
     """Law with the smaller error on recordings outside the fit."""
     tested: tuple[Tested, ...] = ()
     left_out: str = ""
-    """Reason for missing predictions; empty if there are some."""
+    """Reason for missing predictions. Empty if there are predictions."""
 
     @property
     def title(self) -> str:
-        """Return the drive's name, such as `rig 3, worm gear`."""
+        """Name of the drive, such as `rig 3, worm gear`."""
         return self.published.name
 
     def map_nrmsd(self, drive: Drive) -> float:
-        """Return the NRMSD of a drive on the map."""
+        """Return the NRMSD of the map that a drive predicts."""
         return nrmsd(map_torque(drive, self.data.w, _rig(drive).load), self.data.tau)
 
     def parameters(self) -> Iterator[list[str]]:
-        """Generate rows: symbol, published value, and for each law estimate and difference."""
+        """Yield rows: symbol, published value, and for each law the estimate and difference."""
         for name, (symbol, scale) in SHOWN.items():
             value = self.rig.published.get(name)
             estimates = (
@@ -309,7 +321,7 @@ class RigResult:
             yield [symbol, NOTHING if value is None else number(scale * value), *estimates]
 
     def reasons(self) -> list[str]:
-        """Return properties of the fits that explain differences of the parameters."""
+        """Return properties of the fits that explain why parameters differ."""
         return [reason for law, fit in self.fits.items() for reason in _reasons(fit, NAMES[law])]
 
 
@@ -331,9 +343,10 @@ def published_drive(drive: Drive, law: FrictionLawName = "stribeck_exponential")
 
 
 def rig_result(inputs: Inputs, name: str) -> RigResult:
-    """Identify one rig from the table of figures; predict its start–stop recordings, if any.
+    """Identify one rig from the table of figures, and predict its start–stop recordings.
 
-    Raises RecordingError if the table cannot be read.
+    Predictions are left out if the recordings are missing. Raises RecordingError if the table
+    cannot be read.
     """
     drive = inputs.rigs[name]
     rig = _rig(drive)
@@ -358,7 +371,7 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
 
 
 def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
-    """Predict all recordings in a folder. Raises RecordingError."""
+    """Predict all recordings in a folder. Raises RecordingError if a recording is invalid."""
     rig = result.rig
     fit = result.fits[result.chosen]
     recordings = read_recordings(
@@ -378,12 +391,12 @@ def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
 
 
 def _plain(error: RecordingError, folder: Path) -> str:
-    """Return an error message without local folders, on which the document must not depend."""
+    """Return an error message without the path of the folder, which may differ."""
     return str(error).replace(f"{folder}/", "").replace(str(folder), folder.name).replace("|", "/")
 
 
 def _rig(drive: Drive) -> Rig:
-    """Return the rig data of a drive file."""
+    """Return the rig of a drive. The drive must have one."""
     assert drive.rig is not None, drive.name
     return drive.rig
 
@@ -426,7 +439,7 @@ def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> 
 
 
 def _reasons(fit: MapFit, law: str) -> list[str]:
-    """Return properties of one fit that explain differences of the parameters."""
+    """Return properties of one fit that explain why its parameters differ."""
     reasons = []
     if fit.inseparable:
         groups = " and ".join(

@@ -1,4 +1,4 @@
-"""Compute motor torques of whole motions: Table III (tilt and insertion) and the payload curves."""
+"""Compute motor torques of complete motions, for Table III and for the payload curves."""
 
 from __future__ import annotations
 
@@ -61,7 +61,10 @@ if TYPE_CHECKING:
 
 @record
 class SpeedRun:
-    """One row of Table III after planning. loads: of the driven joints; empty without a plan."""
+    """One row of Table III after planning.
+
+    `loads` contains the loads of the driven joints. It is empty without a plan.
+    """
 
     row: SpeedRow
     plan: Plan
@@ -90,7 +93,7 @@ class SpeedRun:
         return float(np.abs(rates[:, TASK.index("tilt")]).max())
 
     def reaches(self) -> bool:
-        """Return whether a rotary joint and the translation both reach the printed speeds."""
+        """Whether a rotary joint and the translation both reach the printed speeds."""
         trajectory = self.plan.trajectory
         if trajectory is None:
             return False
@@ -136,7 +139,7 @@ def depth_of(problem: Problem) -> float:
 
 
 def _values(problem: Problem, name: str) -> list[float]:
-    """Return the values of a task coordinate in the problem's start and targets."""
+    """Return the values of a task coordinate in the start and the targets of a problem."""
     points = [
         problem.start,
         *(motion.to for motion in problem.motion if isinstance(motion, (Straight, Free))),
@@ -200,14 +203,14 @@ RUNS = {"paper": "the paper's speeds", "package": "the package's speeds"}
 
 @record
 class Payload:
-    """One motorisation run with the friction of Table II and with the package's."""
+    """One motorisation run with the friction of Table II and with the friction of the package."""
 
     run: Motorisation
     identified: Sizing
     package: Sizing
 
     def rows(self) -> Iterator[tuple[str, MotorRequirement, MotorRequirement]]:
-        """Generate the name of every stroke and its requirements with both frictions."""
+        """Yield the name of every stroke, and its requirements with both frictions."""
         for stroke, ours, theirs in zip(
             self.run.strokes, self.identified.joints, self.package.joints, strict=True
         ):
@@ -232,7 +235,7 @@ def payload_section(results: tuple[Payload, ...]) -> Section:
 
 
 def _label(stroke: Stroke) -> str:
-    """Return the name of a stroke, such as `joint 1, 65°/s, 200°/s²`."""
+    """Return the label of a stroke, such as `joint 1, 65°/s, 200°/s²`."""
     scale, unit = (1e3, " mm") if stroke.joint == "insertion" else (180.0 / math.pi, "°")
     speed, bend = (f"{scale * value:.4g}{unit}" for value in (stroke.velocity, stroke.acceleration))
     return f"joint {NUMBER[stroke.joint]}, {speed}/s, {bend}/s²"

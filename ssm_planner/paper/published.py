@@ -1,4 +1,4 @@
-"""Collect the published figures of paper and software package (SI), and the project's files.
+"""Define the published figures of paper and software package in SI units, and read the inputs.
 
 The drive files contain the published parameters of the rigs.
 """
@@ -22,24 +22,24 @@ NUMBER = {"roll": 1, "tilt": 2, "spin": 3, "insertion": 4}
 
 ALPHA = math.radians(30.0)
 BETA = math.radians(110.0)
-"""§IV-B; β ≈ 110°, from the tool's first position."""
+"""Angle β of §IV-B. It is about 110° and follows from the first position of the tool."""
 FIRST_TILT = math.radians(-113.0)
-"""§IV-B: the tool 23° beyond the perpendicular to the plane of ω1 and ω2, as a signed tilt."""
+"""First signed tilt (§IV-B). The tool is 23° beyond the normal of the plane of ω1 and ω2."""
 REQUIRED_TILT = math.radians(50.0)
-"""§IV-A."""
+"""Required range of the tilt (§IV-A)."""
 REQUIRED_ROLL = math.radians(60.0)
 REQUIRED_SPIN = math.radians(360.0)
 REQUIRED_TRAVEL = 0.030
 TILT_AGREEMENT = 0.985
-"""§V-A."""
+"""Agreement of measured and theoretical tilt range (§V-A)."""
 TABLE_I_MEASURED = (math.radians(-138.6), math.radians(-79.5))
-"""The tilt interval measured on the prototype (paper, Table I)."""
+"""Tilt range measured on the prototype (paper, Table I)."""
 TABLE_I = (math.radians(-140.0), math.radians(-80.0))
-"""The theoretical interval as the paper prints it, with β rounded to 110°."""
+"""Theoretical tilt range as the paper prints it, with β rounded to 110°."""
 
 ROTARY_SPEED = math.radians(65.0)
 ROTARY_ACCELERATION = math.radians(200.0)
-"""§IV-C, approximate values."""
+"""Approximate joint acceleration (§IV-C)."""
 LINEAR_SPEED = 0.020
 LINEAR_ACCELERATION = 0.100
 
@@ -48,8 +48,8 @@ LINEAR_ACCELERATION = 0.100
 class FrictionRow:
     """Friction of one joint.
 
-    Mesh coefficients, Coulomb torque of the bearings in N·m, and their viscous coefficient in
-    N·m·s/rad.
+    The row contains the coefficients of the mesh, the Coulomb torque of the bearings in N·m, and
+    their viscous coefficient in N·m·s/rad.
     """
 
     mu: float
@@ -75,7 +75,7 @@ PACKAGE_FRICTION: Mapping[str, FrictionRow] = {
 
 @frozen
 class SpeedRow:
-    """One row of Table III: printed speeds, rad/s and m/s, and NRMSD by joint."""
+    """One row of Table III: printed speeds in rad/s and m/s, and NRMSD by joint."""
 
     tilt: float
     insertion: float
@@ -83,12 +83,12 @@ class SpeedRow:
 
     @property
     def label(self) -> str:
-        """Return the speeds in words."""
+        """Both speeds as text."""
         return f"{math.degrees(self.tilt):.0f}°/s, {1e3 * self.insertion:.0f} mm/s"
 
 
 def _row(tilt: float, insertion: float, *nrmsd: float) -> SpeedRow:
-    """Return a row from a tilt speed in °/s, an insertion speed in mm/s, and NRMSDs."""
+    """Return a row with a tilt speed in °/s, an insertion speed in mm/s, and NRMSDs by joint."""
     return SpeedRow(math.radians(tilt), 1e-3 * insertion, dict(zip(DRIVEN, nrmsd, strict=True)))
 
 
@@ -109,7 +109,7 @@ RIGS: Mapping[str, str] = {
 
 @record
 class Inputs:
-    """Problem of Table III with its robot, the eye, motorisation runs and rigs by name."""
+    """Inputs of the document: problem of Table III, eye, motorisation runs and rigs by name."""
 
     folder: Path
     problem: Problem
@@ -120,12 +120,15 @@ class Inputs:
 
     @property
     def robot(self) -> Robot:
-        """Return the robot of the problem."""
+        """Robot of the problem."""
         return self.problem.robot
 
 
 def read_inputs(problems: Path, recordings: Path) -> Inputs:
-    """Read the shipped files below `problems`; `recordings` may be missing. Raises ProblemError."""
+    """Read the shipped files below the folder `problems`. Raises ProblemError if a file is invalid.
+
+    The folder `recordings` may be missing.
+    """
     if not problems.is_dir():
         raise ProblemError(
             "no such folder: the document is computed from the project's problem files",
@@ -154,10 +157,7 @@ def read_inputs(problems: Path, recordings: Path) -> Inputs:
 
 
 def _check(problem: Problem) -> None:
-    """Check that joints 1, 2 and 4 have drives and that a tilt range exists.
-
-    Raises ProblemError.
-    """
+    """Raise ProblemError unless joints 1, 2 and 4 have drives and the robot has a tilt range."""
     robot = problem.robot
     for joint in robot.joints:
         if joint.name in DRIVEN and joint.drive is None:
@@ -177,7 +177,7 @@ def _check(problem: Problem) -> None:
 
 
 BOUNDS: dict[str, dict[str, Range]] = {name: {} for name in RIGS}
-"""Lower and upper bound by rig and parameter, SI (sd_1dof.m of the package)."""
+"""Lower and upper bound in SI units, by rig and parameter (sd_1dof.m of the package)."""
 with Path(__file__).with_name("bounds.csv").open(encoding="utf-8") as _table:
     for _rig, _parameter, *_ends in list(csv.reader(_table))[1:]:
         BOUNDS[_rig][_parameter] = float(_ends[0]), float(_ends[1])

@@ -1,4 +1,4 @@
-"""Render a section of the document from its template in paper/templates, values and figures."""
+"""Render a section of the document from its template in paper/templates."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ WIDTH = 120
 
 @record
 class Section:
-    """A section of the document.
+    """Section of the document.
 
-    name: of the template. figures: by file name without its ending; the template shows them by
-    `picture`.
+    `name` is the name of the template, and `values` are its variables. `figures` contains the
+    figures by file name without suffix. The template shows a figure by `picture`.
     """
 
     name: str
@@ -37,9 +37,9 @@ class Section:
 
     @cached_property
     def text(self) -> str:
-        """Return the Markdown, starting with the heading.
+        """Markdown of the section, which starts with the heading.
 
-        Paragraphs are wrapped to WIDTH; tables and pictures stay unchanged.
+        Paragraphs are wrapped to WIDTH. Tables and pictures are not changed.
         """
         blocks = render(self.name, **self.values).rstrip().split("\n\n")
         return (
@@ -51,22 +51,22 @@ class Section:
 
     @property
     def title(self) -> str:
-        """Return the heading without its marks."""
+        """Heading without its marks."""
         return self.text.splitlines()[0].removeprefix("## ")
 
     @property
     def anchor(self) -> str:
-        """Return the anchor that GitHub derives from the heading."""
+        """Anchor that GitHub derives from the heading."""
         return re.sub(r"[^\w -]", "", self.title.lower()).replace(" ", "-")
 
 
 def render(name: str, **values: Any) -> str:
-    """Fill in a template; leave one empty line between blocks."""
+    """Fill in a template, with one empty line between blocks."""
     return re.sub(r"\n{2,}", "\n\n", render_template(_templates(), f"{name}.md", **values).lstrip())
 
 
 def wrapped(paragraph: str) -> str:
-    """Wrap a paragraph to WIDTH without breaking commands."""
+    """Wrap a paragraph to WIDTH. Commands are not broken."""
     joined = re.sub(
         "`[^`]*`", lambda code: code.group().replace(" ", "\0"), " ".join(paragraph.split())
     )

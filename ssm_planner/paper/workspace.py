@@ -1,4 +1,4 @@
-"""Compare the workspace with the paper: Table I, reachable set, choice of α and β (§IV)."""
+"""Compare the workspace with the paper: Table I, reachable set, and the choice of α and β (§IV)."""
 
 from __future__ import annotations
 
@@ -41,22 +41,22 @@ if TYPE_CHECKING:
 
 @frozen
 class TiltRow:
-    """One row of the table; rad."""
+    """One row of the table of tilts, rad."""
 
     name: str
     theoretical: float
     measured: float
     paper: float
-    """Theoretical value in the paper."""
+    """Theoretical value that the paper states."""
 
     @property
     def agreement(self) -> float:
-        """Return 1 − |theoretical − measured| / |theoretical|."""
+        """Agreement of theory and measurement: 1 − |theoretical − measured| / |theoretical|."""
         return 1.0 - abs(self.theoretical - self.measured) / abs(self.theoretical)
 
 
 def tilt_table(mechanism: Mechanism) -> tuple[TiltRow, TiltRow, TiltRow]:
-    """Return extent, lower end and upper end of a mechanism's tilt range as rows, rad."""
+    """Return the rows of Table I: width, lower end and upper end of the tilt range."""
     low, high = tilt_interval(mechanism)
     measured = TABLE_I_MEASURED
     return (
@@ -67,7 +67,7 @@ def tilt_table(mechanism: Mechanism) -> tuple[TiltRow, TiltRow, TiltRow]:
 
 
 def tilt_disks(mechanism: Mechanism) -> Figure:
-    """Draw both reachable sectors, 2α each, symmetric about ω₁, and the measured limits."""
+    """Draw both reachable sectors of the width 2α, symmetric about ω₁, and the measured limits."""
     figure = new_figure(5.2, 4.4)
     axes = figure.subplots()
     interval = tilt_interval(mechanism)
@@ -93,12 +93,12 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
 
 
 def _sector(axes: Axes, interval: Range, sign: float, **style: Any) -> None:
-    """Draw the sector of the tilts in an interval, rad, multiplied by a sign."""
+    """Draw a sector of tilts. The tilts are those of an interval, rad, multiplied by a sign."""
     from matplotlib.patches import Wedge
 
     ends = sorted(sign * math.degrees(end) for end in interval)
     axes.add_patch(Wedge((0.0, 0.0), 1.0, *ends, edgecolor="0.3", linewidth=0.8, **style))
-    # away from the line of the home position
+    # The label must not cover the line of the home position.
     angle = sign * (0.28 * interval[0] + 0.72 * interval[1])
     x, y = 0.75 * math.cos(angle), 0.75 * math.sin(angle)
     axes.text(x, y, "2α", ha="center", va="center", fontsize=SIZE)
@@ -111,7 +111,7 @@ def _ray(axes: Axes, tilt: float, length: float, **style: Any) -> None:
 
 @record
 class TiltRange:
-    """Table I with β as printed, and with the β that follows from the tool's first position."""
+    """Table I with the printed β, and with the β of the first tool position."""
 
     printed: tuple[TiltRow, TiltRow, TiltRow]
     exact: tuple[TiltRow, TiltRow, TiltRow]
@@ -119,7 +119,7 @@ class TiltRange:
 
 
 def tilt_range(robot: Robot) -> TiltRange:
-    """Compute both versions of Table I; rad."""
+    """Compute both versions of Table I, rad."""
     mechanism = Mechanism.from_robot(robot)
     rounded = Mechanism.from_angles(published.ALPHA, published.BETA, published.FIRST_TILT)
     return TiltRange(tilt_table(rounded), tilt_table(mechanism), mechanism.beta)
@@ -138,20 +138,24 @@ def workspace_section(robot: Robot) -> Section:
 
 @record
 class DesignChoice:
-    """The (α, β) with the smallest α that reach a tilt range; rad."""
+    """The angles (α, β) with the smallest α that reach a tilt range, rad."""
 
     region: DesignRegion
     """Region for the printed tilt range."""
     least: tuple[float, float]
-    """(α, β) for the required tilt in the middle of the printed range."""
+    """Angles (α, β) with the required tilt range in the middle of the printed range."""
     spare: float
-    """Additional tilt at both ends of the required range, with the published α and β."""
+    """Additional tilt at both ends of the required range with the published α and β."""
     speed: tuple[float, float]
-    """Speed of joint 2 per tilt speed: at the worse end of the required tilt, and in its middle."""
+    """Ratio of the speed of joint 2 to the tilt speed.
+
+    The first value applies at the less favourable end of the required range, the second in its
+    middle.
+    """
 
 
 def design_choice() -> DesignChoice:
-    """Compute the axes from the required ranges."""
+    """Compute the angles of the axes from the required ranges."""
     middle = (TABLE_I[0] + TABLE_I[1]) / 2
     required = (middle - published.REQUIRED_TILT / 2, middle + published.REQUIRED_TILT / 2)
     mechanism = Mechanism.from_angles(published.ALPHA, published.BETA)
@@ -214,10 +218,10 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
 def _eye_section(
     axes: Axes, eye: Eye, i: int, directions: Array, labels: tuple[str, str, str]
 ) -> None:
-    """Draw the eye and a range of directions in the plane of component i and the height.
+    """Draw the eye and a range of directions in the plane of component `i` and the height.
 
-    directions: unit vectors from the port to the retina, (n, 3). labels: titles of the horizontal
-    axis, of the vertical axis and of the section.
+    `directions` (n, 3) are unit vectors from the port to the retina. `labels` are the titles of the
+    horizontal axis, of the vertical axis and of the section.
     """
     from matplotlib.patches import Circle, Ellipse, Polygon
 
@@ -242,7 +246,7 @@ def _eye_section(
 
 
 def _mm(vector: Array, i: int) -> tuple[float, float]:
-    """Return component i and the height of a vector (3,), m, in mm."""
+    """Return component `i` and the height of a vector (3,) in m, converted to mm."""
     return 1e3 * float(vector[i]), 1e3 * float(vector[2])
 
 

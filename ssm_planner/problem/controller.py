@@ -111,7 +111,7 @@ class Controller(Value):
     It is 0.9 in an EPOS4 (hardware reference, 50/5).
     """
     counts_per_turn: Annotated[int, Bound(above=0), Quantity("number")] | None = None
-    """Increments per motor turn if a motor file has no encoder.
+    """Increments per motor turn if a motor file omits the encoder.
 
     The default is 4096, as on the authors' rigs.
     """
@@ -129,6 +129,7 @@ class Controller(Value):
     file: str | None = uncompared()
 
     def _check(self) -> None:
+        """Raise ProblemError if the supply share or the loop period is implausible."""
         if self.output_share > 1:
             raise self._wrong(
                 "output_share", "more than the supply provides", "above 0 and up to 1"

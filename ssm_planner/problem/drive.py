@@ -154,6 +154,7 @@ class Friction(Value):
     """Source of the parameters."""
 
     def _check(self) -> None:
+        """Raise ProblemError if fields contradict each other or the law lacks a parameter."""
         if self.mu_static < self.mu:
             raise self._wrong("mu_static", "smaller than mu", f"at least mu = {self.mu:g}")
         if self.mu_lowest is not None and self.mu_lowest > self.mu:
@@ -212,6 +213,7 @@ class Ratings(Value):
     """Bearings of the screw, for buckling and critical speed."""
 
     def _check(self) -> None:
+        """Raise ProblemError if two ratings contradict each other or the duty exceeds 100 %."""
         continuous = self.continuous_output
         peak = self.peak_output
         if continuous is not None and peak is not None and peak < continuous:
@@ -320,6 +322,7 @@ class Drive(Value):
         return self.transmission.two_nuts
 
     def _check(self) -> None:
+        """Raise ProblemError for an implausible angle or a field that does not fit the kind."""
         if not self.threaded and self.self_locking:
             raise self._wrong(
                 "self_locking", f"a {self.kind} drive is not self-locking", "False", "True"
@@ -371,8 +374,7 @@ class Drive(Value):
 
         A load drives the motor if φ_f = atan(μ/cos θ_n) ≤ λ. Coefficients at rest are ignored
         because vibration can remove them. A drive that was built in Python can violate this
-        condition, and the
-        planner reports it.
+        condition. The planner reports the violation.
         """
         friction = self.friction
         if friction is None:

@@ -1,4 +1,4 @@
-"""Gear geometry from any sufficient set of dimensions."""
+"""Compute the dimensions of a gear from any sufficient set of them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from ssm_planner.typing import record
 TOLERANCE = 0.005
 """Largest relative difference between redundant dimensions."""
 
-# Each law is a product of powers: Π xᵢ^pᵢ = constant. With all but one factor known, the last
-# follows.
+# Each law is a product of powers: Π xᵢ^pᵢ = constant. If only one xᵢ is unknown, the law gives it.
 _Law = tuple[Mapping[str, int], float]
 _HELIX: _Law = ({"tan_lead_angle": 1, "diameter": 1, "lead": -1}, 1 / math.pi)
 _THREAD: _Law = ({"lead": 1, "starts": -1, "pitch": -1}, 1.0)
@@ -19,15 +18,15 @@ _THREAD: _Law = ({"lead": 1, "starts": -1, "pitch": -1}, 1.0)
 
 @record
 class Family:
-    """Gears whose dimensions follow the same laws."""
+    """Kinds of gears whose dimensions satisfy the same equations."""
 
     laws: tuple[_Law, ...]
     needed: tuple[str, ...]
-    """Dimensions that must follow from the given ones."""
+    """Dimensions that must follow from the stated ones."""
     diameter: str
     """Key of the diameter at which friction acts."""
     advice: str
-    """Sets of dimensions that suffice."""
+    """Description of sufficient sets of dimensions, for messages."""
 
 
 WORM_FAMILY = Family(
@@ -44,14 +43,14 @@ SCREW_FAMILY = Family(
     "the screw; it needs two independent ones of diameter (or effective_diameter), lead (or starts "
     "and pitch), lead_angle",
 )
-# The order is from figures of datasheets to figures that are usually rounded.
+# Figures that datasheets state exactly come before figures that are usually rounded.
 _ORDER = ("ratio", "lead", "starts", "pitch", "diameter", "wheel_diameter", "tan_lead_angle")
 
 
 class BadGeometry(ValueError):
     """Dimensions that do not determine the gear or contradict each other.
 
-    key is the dimension that is probably wrong, or None.
+    The attribute `key` is the dimension that is probably wrong, or None.
     """
 
     def __init__(self, reason: str, key: str | None = None, allowed: str | None = None) -> None:
@@ -61,12 +60,15 @@ class BadGeometry(ValueError):
 
 
 def resolve(family: Family, numbers: Mapping[str, float]) -> dict[str, float]:
-    """Return all dimensions (SI) of a gear, by the file's names, from the given ones.
+    """Compute all dimensions of a gear in SI units from those that a file states.
 
-    worm: ratio, worm_diameter, wheel_diameter, lead, lead_angle, starts, pitch; ratio =
-    π·wheel_diameter/lead. screw: diameter or effective_diameter, lead, lead_angle, starts, pitch;
-    ratio = 2π/lead.
-    Both: tan(lead_angle) = lead/(π·diameter), lead = starts·pitch. Raises BadGeometry.
+    The result has the keys of the file. The keys of a worm are ratio, worm_diameter,
+    wheel_diameter, lead, lead_angle, starts and pitch, with ratio = π · wheel_diameter / lead. The
+    keys of a screw are diameter or effective_diameter, lead, lead_angle, starts and pitch, with
+    ratio = 2π / lead. Both satisfy tan(lead_angle) = lead / (π · diameter) and lead = starts ·
+    pitch.
+
+    Raises BadGeometry if the dimensions do not suffice or contradict each other.
     """
     named_numbers = _internal(numbers)
     dimensions: dict[str, float] = {}
@@ -94,7 +96,7 @@ def resolve(family: Family, numbers: Mapping[str, float]) -> dict[str, float]:
 
 
 def _internal(dimensions: Mapping[str, float]) -> dict[str, tuple[str, float]]:
-    """Return the given dimensions by the names in the laws, each with its key in the file."""
+    """Return the stated dimensions by their names in the laws, each with its key in the file."""
     internal: dict[str, tuple[str, float]] = {}
     for key, value in dimensions.items():
         if key == "lead_angle":
@@ -129,6 +131,7 @@ def _complete(family: Family, dimensions: dict[str, float]) -> None:
 
 
 def _text(name: str, value: float) -> str:
+    """Return a dimension as text in degrees, mm or without a unit."""
     if name == "tan_lead_angle":
         return f"{math.degrees(math.atan(value)):.4g} deg"
     return f"{value:.5g}" if name in ("ratio", "starts") else f"{value * 1e3:.5g} mm"

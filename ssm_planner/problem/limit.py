@@ -34,7 +34,7 @@ P = TypeVar("P")
 
 @frozen
 class Limit(Value, ABC):
-    """One bound on a motion: `low` ≤ value ≤ `high` at every instant, in SI units and radians.
+    """Bound on one quantity of a motion: `low` ≤ value ≤ `high` at every instant, in SI units.
 
     To write a new limit:
 
@@ -42,10 +42,9 @@ class Limit(Value, ABC):
        `SpeedLimit`. The planner, the check, plan.json and the page treat all members of a family
        alike.
     2. Set `name` (results use it), `order` and `unit`, and define `low` and `high`.
-    3. Write the limit into a problem in `on`, and move its bound in `relaxed` and `tightened`.
-       `tightened` must never allow a value that the limit forbids. `relaxed(value)` must allow
-       `value` and all
-       values that the limit allows.
+    3. Define `on`, which stores the limit in a problem, and `relaxed` and `tightened`, which move
+       its bound. `tightened` must never allow a value that the limit forbids. `relaxed(value)` must
+       allow `value` and all values that the limit allows.
     4. Reject invalid fields in `_check` with a ProblemError that states field, value and allowed
        values.
 
@@ -80,12 +79,12 @@ class Limit(Value, ABC):
 
     @property
     def low(self) -> float:
-        """Smallest allowed value, −∞ if the limit has no lower bound."""
+        """Smallest allowed value, −∞ without a lower bound."""
         return -math.inf
 
     @property
     def high(self) -> float:
-        """Largest allowed value, ∞ if the limit has no upper bound."""
+        """Largest allowed value, ∞ without an upper bound."""
         return math.inf
 
     @property
@@ -95,7 +94,7 @@ class Limit(Value, ABC):
 
     @property
     def half_width(self) -> float:
-        """Reference of relative margins: half the width of a range, or 1 for a one-sided limit."""
+        """Reference of relative margins: half the width of a range, and 1 for a one-sided limit."""
         width = self.high - self.low
         return width / 2 if math.isfinite(width) and width > 0 else 1.0
 
@@ -115,8 +114,8 @@ class Limit(Value, ABC):
     def tightened(self, worst: float, bound: float) -> Self | None:
         """Return a stricter limit, or None if a stricter limit does not help.
 
-        The bound moves by somewhat more than the excess of `worst` over `bound`. `bound` is the
-        bound that `worst` was compared with, and may be looser than this limit.
+        The value `worst` violates `bound`, which may be looser than this limit. The new bound is
+        stricter by somewhat more than the excess.
         """
         return None
 
@@ -129,28 +128,28 @@ class Limit(Value, ABC):
         return needed
 
     def trials(self) -> tuple[float, ...]:
-        """Return bounds to try if it is unknown which limit makes the problem infeasible."""
+        """Return bounds to try when it is unknown which limit makes the problem infeasible."""
         return ()
 
     def rounded(self, value: float) -> float:
         """Return a value beyond the bound with the digits that `described` prints.
 
-        It is rounded away from the bound.
+        The value is rounded away from the bound, so that the printed value suffices.
         """
         _, scale = display_unit("" if self.unit == "μ" else self.unit)
         return outwards(scale * value, scale * self.bound(value)) / scale
 
     def described(self, value: float) -> str:
-        """Return a sentence that states the limit moved to `value` and its present bound."""
+        """Return text that states the present bound and the bound `value` that would suffice."""
         return (
             f"{self.words.format(limit=self)} {in_words(value, self.unit)} "
             f"instead of {in_words(self.bound(value), self.unit)}"
         )
 
     def on(self, problem: P) -> P:
-        """Return the problem with this limit instead of its own limit of the same key.
+        """Return the problem in which this limit replaces the limit with the same key.
 
-        Raises ProblemError if the problem cannot hold this limit.
+        Raises ProblemError if the problem cannot have this limit.
         """
         raise ProblemError(f"{self.name} cannot be set")
 
@@ -210,7 +209,10 @@ class Between(Limit):
 
 
 def replaced(value: P, **changes: Any) -> P:
-    """Return dataclasses.replace for a value of a type that is not imported in this module."""
+    """Return dataclasses.replace(value, **changes).
+
+    The type of the value is not imported in this module, so it is not checked statically.
+    """
     instance: Any = value
     return replace(instance, **changes)
 
@@ -228,6 +230,6 @@ def outwards(value: float, bound: float) -> float:
 
 
 def in_words(value: float, unit: str) -> str:
-    """Return a value with the unit that messages use for it."""
+    """Return a value in SI units as text with the unit that messages use for it."""
     name, scale = display_unit("" if unit == "μ" else unit)
     return f"{scale * value:.{DIGITS}g} {name}".rstrip()

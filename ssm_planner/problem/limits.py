@@ -1,4 +1,4 @@
-"""Limits on joints, motors, task coordinates, the tool and its path, with a class for each kind."""
+"""Define a class for each kind of limit, on joints, motors, task coordinates, tool and path."""
 
 from __future__ import annotations
 
@@ -24,16 +24,22 @@ from ssm_planner.units import display_unit
 TASK = ("roll", "tilt", "spin", "depth")
 """Order of the task coordinates in every array."""
 SPARE = 2e-3
-"""Share by which a stop limit is tightened beyond the excess. `enough` leaves twice this share."""
-TO_MOVE = 5e-3
-"""Share of a torque or acceleration beyond the smallest necessary value.
+"""Relative amount by which a stop limit is tightened beyond the excess.
 
-Without it, the motion creeps or is the only feasible one.
+`sufficient_bound` leaves twice this amount.
+"""
+TO_MOVE = 5e-3
+"""Relative amount by which a torque or acceleration exceeds the smallest necessary value.
+
+Without it, the motion would creep, or it would be the only feasible one.
 """
 
 
 def derived_unit(slides: bool, order: int) -> str:
-    """Return the SI unit of a derivative of an angle, or of a length if slides is True."""
+    """Return the SI unit of the time derivative of this order of a joint position.
+
+    The position is a length if `slides` is true, and otherwise an angle.
+    """
     return ("m" if slides else "rad") + ("", "/s", "/s²", "/s³")[order]
 
 
@@ -42,7 +48,7 @@ class JointLimit(Symmetric):
     """Limit |value| ≤ largest of one joint or its motor."""
 
     field: ClassVar[str]
-    """Field of Joint that stores the limit."""
+    """Field of Joint or Motor that stores the limit."""
     of: str
     """Name of the joint."""
     largest: Positive
@@ -107,7 +113,7 @@ class JointJerk(JointLimit):
 
 
 class MotorLimit(JointLimit):
-    """Limit |value| ≤ largest of one joint's motor, stored in its field `field`."""
+    """Limit |value| ≤ largest of one joint's motor."""
 
     words = "largest {limit.name} of joint {limit.of} of"
 
@@ -130,7 +136,10 @@ class MotorSpeed(MotorLimit):
 
 
 READ_IN = {MotorSpeed.name: "rpm"}
-"""Units of limits in messages, by name, if they differ from the default for the SI unit."""
+"""Units of limits in messages, by the name of the limit.
+
+Other limits have the default unit of their SI unit.
+"""
 
 
 @frozen
@@ -174,7 +183,10 @@ class NutContact(Limit):
 
 @frozen
 class SelfLocking(Limit):
-    """Smallest friction coefficient at which the drive holds without motor torque."""
+    """Lowest plausible friction coefficient of a drive.
+
+    At this coefficient, the drive must hold without motor torque.
+    """
 
     name = "self-locking"
     of: str
@@ -313,7 +325,7 @@ class ToolLimit(Symmetric):
 
     @classmethod
     def kinds(cls) -> tuple[type[ToolLimit], ...]:
-        """Return the kinds of limit that a problem may have."""
+        """Return the classes of limits on the tool that a problem can have."""
         return (*SpeedLimit.__subclasses__(), StopTravel)
 
     def trials(self) -> tuple[float, ...]:
@@ -600,7 +612,7 @@ JUMPS = (
     *(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)),
     *ENDS,
 )
-"""Names of the limits on jumps, including those from and to rest.
+"""Names of the limits on jumps, which include jumps from rest and to rest.
 
 Tables omit these limits unless they are violated.
 """
@@ -709,9 +721,10 @@ class Limited:
 
 
 def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limit, ...]:
-    """Return limits of the task as a tuple, in the order in which plan.json states them.
+    """Return the limits of a task as a tuple in the order of plan.json.
 
-    Raises ProblemError if a limit does not belong to the task or occurs twice.
+    `location` is the key of the limits for messages. Raises ProblemError if a limit does not belong
+    to the task or occurs twice.
     """
     unique = tuple(limits)
     for limit in unique:
@@ -731,6 +744,7 @@ def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limi
 
 
 def _coordinate(limit: Limit, name: str) -> None:
+    """Raise ProblemError if a limit has an unknown task coordinate."""
     if name not in TASK:
         raise ProblemError(
             "unknown task coordinate",
@@ -741,6 +755,7 @@ def _coordinate(limit: Limit, name: str) -> None:
 
 
 def _joint(problem: Any, name: str) -> Any:
+    """Return a joint of the problem by name. Raises ProblemError if the name is unknown."""
     for joint in problem.robot.joints:
         if joint.name == name:
             return joint
@@ -753,6 +768,7 @@ def _joint(problem: Any, name: str) -> Any:
 
 
 def _with_joint(problem: P, name: str, **changes: Any) -> P:
+    """Return the problem with changed fields of one joint."""
     current: Any = problem
     changed = replace(_joint(problem, name), **changes)
     joints = tuple(changed if joint.name == name else joint for joint in current.robot.joints)
@@ -760,6 +776,7 @@ def _with_joint(problem: P, name: str, **changes: Any) -> P:
 
 
 def _with_own(problem: P, limit: Limit) -> P:
+    """Return the problem with a limit, which replaces the limit with the same key."""
     current: Any = problem
     if all(item.key != limit.key for item in current.limits):
         return replaced(problem, limits=(*current.limits, limit))
@@ -769,6 +786,7 @@ def _with_own(problem: P, limit: Limit) -> P:
 
 
 def _with_eye(problem: P, **changes: Any) -> P:
+    """Return the problem with changed fields of its eye. Raises ProblemError without an eye."""
     current: Any = problem
     if current.eye is None:
         raise ProblemError("the problem has no eye")

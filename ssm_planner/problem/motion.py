@@ -25,7 +25,7 @@ Line = Annotated[int, Bound(above=0)]
 OF_TIP = ("line", "arc", "retina")
 """Curves that the tip follows in space."""
 ALONE = ("roll", "tilt", "spin", "insert")
-"""Straight motions of one coordinate."""
+"""Names of straight motions that change only one coordinate."""
 SMALLEST_BLEND = 1e-5
 """Smallest blend distance, m.
 
@@ -101,6 +101,7 @@ class Tip(Value):
     line: Line | None = uncompared()
 
     def _check(self) -> None:
+        """Raise ProblemError for a tip at the remote centre, where its direction is unknown."""
         if sum(x * x for x in self.position) < 1e-12:
             reason = "the tip at the remote centre leaves roll and tilt open"
             raise self._wrong(
@@ -143,6 +144,7 @@ class Straight(Value):
     """
 
     def _check(self) -> None:
+        """Raise ProblemError if the end point is empty. Set the default name."""
         _check_blend(self)
         if not self.to.set_coordinates:
             raise self._wrong("to", "the point is empty", "roll, tilt, spin or depth", "None")
@@ -181,6 +183,7 @@ class Free(Value):
     """True if the planner chooses the fastest final spin. The spin of `to` is then ignored."""
 
     def _check(self) -> None:
+        """Raise ProblemError if a point is empty, or if the spin cannot be free."""
         _check_given(self)
         if self.spin_free and isinstance(self.to, Joints):
             raise self._wrong(
@@ -190,7 +193,7 @@ class Free(Value):
 
 @record
 class Follow(Value):
-    """Motion along a prescribed curve from the current point to another one.
+    """Motion along a prescribed curve from the present point to another one.
 
     Examples
     --------
@@ -203,17 +206,16 @@ class Follow(Value):
     kind: ClassVar[str] = "path"
     to: Point
     through: tuple[Point, ...] = ()
-    """Points of the curve in order. An arc has exactly one, and a line has none."""
+    """Points of the curve in order. An arc has exactly one such point. A line has 0."""
     name: str = "path"
     curve: Literal["spline", "samples", "line", "arc", "retina"] = "spline"
-    """Kind of curve.
+    """Name of the curve.
 
-    "spline" is a natural cubic spline in joint space, parametrised by the distance between points
-    in joint velocities. "samples" is the same spline through samples, timed by TOPP-RA, with stops
-    at
-    corners of more than 30°. "line" and "arc" are curves of the tip, with spin proportional to the
-    path length.
-    "retina" is a great circle at a constant distance from the retina.
+    A "spline" is a natural cubic spline in joint space. Its parameter is the distance between
+    points in joint velocities. The curve "samples" is the same spline through samples. TOPP-RA
+    times it, with stops at corners of more than 30°. A "line" and an "arc" are curves of the tip,
+    along which the spin changes in proportion to the path length. The curve "retina" is a great
+    circle at a constant distance from the retina.
     """
     file: str | None = uncompared()
     """Table that contains the points. Their lines refer to it."""
@@ -228,6 +230,7 @@ class Follow(Value):
     """Distance of the tip from the retina, m. `to` then gives the final direction of the tool."""
 
     def _check(self) -> None:
+        """Raise ProblemError if a field does not fit the curve."""
         _check_blend(self)
         if self.constant_speed is not None:
             self._check_constant()
@@ -255,6 +258,7 @@ class Follow(Value):
         _check_given(self)
 
     def _check_constant(self) -> None:
+        """Raise ProblemError if the motion cannot have a constant speed."""
         speed = self.constant_speed
         if self.curve not in OF_TIP:
             reason = f"not allowed for curve {self.curve}"
@@ -272,6 +276,7 @@ class Follow(Value):
 
 
 def _check_blend(motion: Straight | Follow) -> None:
+    """Raise ProblemError if the blend distance of a motion is too small."""
     if motion.blend is not None and motion.blend < SMALLEST_BLEND:
         reason = "the robot would almost stop in such a tight corner"
         raise motion._wrong(
@@ -283,7 +288,7 @@ def _check_blend(motion: Straight | Follow) -> None:
 
 
 def _check_given(motion: Free | Follow) -> None:
-    """Raise ProblemError if a point has no coordinates."""
+    """Raise ProblemError if a point is empty."""
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.set_coordinates:
             key = "to" if i == len(motion.through) else f"through[{i}]"
@@ -350,6 +355,7 @@ class Scan(Value):
     duration: ClassVar[None] = None
 
     def _check(self) -> None:
+        """Raise ProblemError if the direction is incomplete or the pattern is ambiguous."""
         if self.at.tilt is None:
             raise self._wrong("at", "missing: the pattern needs a tilt", "roll, tilt, spin")
         if self.at.depth is not None:
@@ -384,7 +390,10 @@ def key_of(motion: Motion) -> str:
 
 @record
 class Stroke(Value):
-    """Motion of one joint back and forth over centre ± reach, in rad or m and their rates."""
+    """Motion of one joint back and forth over centre ± reach.
+
+    Positions are in rad or m, and their derivatives in rad/s, rad/s², m/s or m/s².
+    """
 
     joint: str
     centre: Annotated[float, Quantity("angle", "length")]
@@ -404,7 +413,7 @@ class Stroke(Value):
 
 @record
 class Motorisation(Value):
-    """Strokes of a robot's joints as separate runs, at most one for each joint.
+    """Strokes of a robot's joints as separate runs, with at most one run for each joint.
 
     The limits of the joints do not apply.
     """
@@ -415,6 +424,7 @@ class Motorisation(Value):
     file: str | None = uncompared()
 
     def _check(self) -> None:
+        """Raise ProblemError for a stroke without a drive, or if a joint has two strokes."""
         drives = {joint.name: joint.drive for joint in self.robot.joints}
         for i, stroke in enumerate(self.strokes):
             field = f"strokes[{i}].joint"

@@ -1,4 +1,4 @@
-"""Datasheet figures of motors, in SI units."""
+"""Define the figures of a motor's datasheet, in SI units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ssm_planner.problem.value import (
 from ssm_planner.typing import record
 
 LARGEST_DRIFT = -0.01
-"""Strongest plausible temperature coefficient of the torque constant, 1/K."""
+"""Largest plausible decrease of the torque constant with temperature, 1/K."""
 
 
 @record
@@ -67,7 +67,7 @@ class Motor(Value):
     """Counts (lines) per turn. Each count has four increments of position."""
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()
-    """Names of the figures that have no source for this motor.
+    """Names of the figures without a source for this motor.
 
     `sources` states the substitute and the reason.
     """
@@ -75,18 +75,19 @@ class Motor(Value):
 
     @property
     def placeholder(self) -> bool:
-        """True if a figure other than that of the encoder is a placeholder.
+        """True if a figure other than `encoder_counts` is a placeholder.
 
-        Verdicts then rest on it.
+        The verdicts on the motor then depend on a placeholder.
         """
         return any(name != "encoder_counts" for name in self.placeholders)
 
     @property
     def encoder_known(self) -> bool:
-        """True if the file gives the encoder and it is not a placeholder."""
+        """True if the file states encoder_counts and the value is not a placeholder."""
         return self.encoder_counts is not None and "encoder_counts" not in self.placeholders
 
     def _check(self) -> None:
+        """Raise ProblemError if figures contradict each other."""
         if self.max_torque < self.nominal_torque:
             raise self._wrong(
                 "max_torque", "smaller than nominal_torque", f"at least {self.nominal_torque:g} N*m"

@@ -1,4 +1,4 @@
-"""Uncertainty of an identified drive: equally likely friction parameters, ripple and noise."""
+"""Define the uncertainty of an identified drive: equally likely friction parameters and ripple."""
 
 from __future__ import annotations
 
@@ -15,14 +15,20 @@ from ssm_planner.typing import Array, JsonObject, Range, record
 CONFIDENCE = 0.95
 PEAK_SPREAD = 0.3
 PEAK_DEGREES = 4
-"""Prior standard deviation of the logarithm of recorded peaks, and its weight in recordings."""
+"""Weight of the prior spread of the logarithm of peaks, in recordings.
+
+PEAK_SPREAD is its prior standard deviation.
+"""
 LOAD_OFFSET = "load_offset"
 """Constant effort on the output in addition to the payload.
 
 It belongs to the rig, not to the drive.
 """
 LAW = "law"
-"""Column with the friction law of each set as an index into LAWS, if several laws are possible."""
+"""Name of the column that contains the friction law of each set as an index into LAWS.
+
+The column exists only if several laws are possible.
+"""
 LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
 FRICTION_NAMES = (
     "mu",
@@ -39,7 +45,7 @@ FRICTION_NAMES = (
 
 
 def interval_of(draws: Array, confidence: float = CONFIDENCE) -> Range:
-    """Return the central interval of equally likely values (sets,)."""
+    """Return the central interval of equally likely values with the shape (sets,)."""
     low, high = np.quantile(draws, [(1 - confidence) / 2, (1 + confidence) / 2])
     return float(low), float(high)
 
@@ -70,6 +76,7 @@ class Ripple(Value):
     """Largest deviation of |torque| above the mean."""
 
     def _check(self) -> None:
+        """Raise ProblemError unless all fields have one value for each recording."""
         for name in ("ripple", "noise", "peak"):
             if not 0 < len(getattr(self, name)) == len(self.torque):
                 raise self._wrong(
@@ -79,10 +86,11 @@ class Ripple(Value):
                 )
 
     def draw(self, rng: np.random.Generator, count: int, known: float = 0.0) -> Array:
-        """Return random deviations of single samples, (count,) in N·m.
+        """Return random deviations of single samples from the mean torque, (count,), N·m.
 
-        Each deviation is the sum of a harmonic with random phase and noise. known is the mean
-        square of the predicted ripple in N²·m², which is subtracted.
+        Each deviation is the sum of noise and of a harmonic with random phase. `known` is the mean
+        square of the part of the ripple that is predicted separately, N²·m². It reduces the
+        harmonic.
         """
         recording = rng.integers(len(self.torque), size=count)
         phase = rng.uniform(0, 2 * np.pi, count)
@@ -91,9 +99,9 @@ class Ripple(Value):
         return repeating + np.array(self.noise)[recording] * rng.standard_normal(count)
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
-        """Return random largest deviations of further recordings, (count,) in N·m.
+        """Return random values of the largest deviation in further recordings, (count,), N·m.
 
-        They are log-normal with uncertain mean and spread.
+        The values are log-normal, and the mean and spread of their logarithm are uncertain.
         """
         logs = np.log(self.peak)
         degrees = len(self.peak) - 1 + PEAK_DEGREES
@@ -104,7 +112,7 @@ class Ripple(Value):
 
 @record
 class Harmonics(Value):
-    """Torque deviation from its mean in one direction as a Fourier series in the motor angle θ.
+    """Deviation of the torque from its mean in one direction, as a series in the motor angle θ.
 
     The series is Σ_k cosine_k cos(order_k θ) + sine_k sin(order_k θ).
 
@@ -129,6 +137,7 @@ class Harmonics(Value):
     """
 
     def _check(self) -> None:
+        """Raise ProblemError unless each order has two coefficients."""
         for name in ("cosine", "sine"):
             if len(getattr(self, name)) != len(self.orders):
                 raise self._wrong(
@@ -141,7 +150,8 @@ class Harmonics(Value):
     ) -> Harmonics:
         """Return the series Re Σ_k coefficients_k exp(i order_k θ).
 
-        orders and coefficients: (orders,).
+        `orders` and `coefficients` have the shape (orders,). The coefficients are complex numbers
+        in N·m.
         """
         sine = tuple((-coefficients.imag).tolist())
         return cls(orders, tuple(coefficients.real.tolist()), sine, phased)
@@ -157,12 +167,12 @@ class Harmonics(Value):
         return np.hypot(self.cosine, self.sine)
 
     def torque(self, angle: Array) -> Array:
-        """Return the torque in N·m at the motor angles (samples,) in rad."""
+        """Return the torque (samples,) in N·m at the motor angles `angle` (samples,) in rad."""
         waves = np.outer(angle, self.orders)
         return np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
 
     def rotated(self, start: float) -> Harmonics:
-        """Return the same series for an angle that is measured from `start` in rad."""
+        """Return the same series as a function of the angle relative to `start`, rad."""
         coefficients = self.coefficients * np.exp(1j * start * np.array(self.orders))
         return Harmonics.from_coefficients(self.orders, coefficients, self.phased)
 
@@ -195,7 +205,7 @@ class Posterior(Value):
     names: tuple[str, ...]
     """Names of the columns: parameters of Friction, `preload` and LOAD_OFFSET.
 
-    LAW is a further column if some sets have another law than the drive.
+    LAW is a further column if some sets have another friction law than the drive.
     """
     draws: Annotated[Array, Shape((-1, -1))]
     """Parameter sets, (sets, parameters)."""
@@ -205,9 +215,9 @@ class Posterior(Value):
     It is t-distributed because of outliers.
     """
     common: NotNegative = 0.0
-    """Share of the scatter's variance that recordings of similar speed have in common.
+    """Share of the scatter's variance that recordings at similar speeds have in common.
 
-    It is the error of the friction law itself.
+    This share is due to the error of the friction law itself.
     """
     speeds: tuple[float, ...] = ()
     """Motor speeds of the recordings without outliers, rad/s."""
@@ -223,6 +233,7 @@ class Posterior(Value):
     """Periodic part of the ripple in negative motion, or None if it is unknown."""
 
     def _check(self) -> None:
+        """Raise ProblemError if names, parameter sets or recordings are inconsistent."""
         allowed_names = (*FRICTION_NAMES, LOAD_OFFSET, LAW)
         for name in self.names:
             if name not in allowed_names:
@@ -272,9 +283,9 @@ class Posterior(Value):
         return interval_of(self.column(name), confidence)
 
     def law_shares(self, law: str) -> dict[str, float]:
-        """Return the share of the sets for each friction law, largest first.
+        """Return the share of the sets that have each friction law, largest share first.
 
-        law is the drive's own law. All sets have it if there is no LAW column.
+        All sets have the drive's law `law` without a LAW column.
         """
         if LAW not in self.names:
             return {law: 1.0}
@@ -294,9 +305,10 @@ class Posterior(Value):
         return self.harmonics_forwards if direction > 0 else self.harmonics_backwards
 
     def values(self, count: int | None = None) -> Mapping[str, Array]:
-        """Return the parameters by name, (count,) each.
+        """Return the values of all parameters by name, with the shape (count,) each.
 
-        The sets are repeated cyclically if count exceeds their number.
+        The sets are repeated cyclically if `count` exceeds their number. The default is one value
+        per set.
         """
         rows = np.arange(len(self.draws) if count is None else count) % len(self.draws)
         return {name: self.draws[rows, i] for i, name in enumerate(self.names)}

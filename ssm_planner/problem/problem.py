@@ -69,13 +69,14 @@ class Lens(Value):
     """
 
     centre: Annotated[Vector, Quantity("length")]
-    """Base frame, m, (3,)."""
+    """Centre in the base frame, m, (3,)."""
     semi_axes: Annotated[Vector, Quantity("length")]
     """Semi-axes along the columns of `frame`, m, (3,)."""
     frame: Matrix
     """Rotation base ← lens, (3, 3)."""
 
     def _check(self) -> None:
+        """Raise ProblemError if a semi-axis is not positive or the frame is not a rotation."""
         for i, length in enumerate(self.semi_axes.tolist()):
             if not length > 0:
                 raise self._wrong(f"semi_axes[{i}]", "not positive", "above 0", length)
@@ -94,13 +95,13 @@ class Eye(Value):
     """
 
     centre: Annotated[Vector, Quantity("length")]
-    """Base frame, m, (3,)."""
+    """Centre in the base frame, m, (3,)."""
     radius: Annotated[Positive, Quantity("length")]
     """Radius of the retina, m."""
     clearance: Annotated[NotNegative, Quantity("length")]
     """Smallest allowed distance of the tip from the retina, m."""
     port: Annotated[Positive, Quantity("length")] = 3e-3
-    """Radius of the incision around the remote centre, m. There is no retina within it."""
+    """Radius of the incision around the remote centre, m. The retina has a hole of this radius."""
     shaft_radius: Annotated[NotNegative, Quantity("length")] = 0.0
     """Distance that the axis of the shaft keeps from the lens, m."""
     lens: Lens | None = None
@@ -115,6 +116,7 @@ class Eye(Value):
         return retina, LensClearance(self.shaft_radius, float(self.lens.semi_axes.min()))
 
     def _check(self) -> None:
+        """Raise ProblemError if clearance, lens or port do not fit the eye."""
         if not self.clearance < self.radius:
             raise self._wrong(
                 "clearance",
@@ -126,6 +128,7 @@ class Eye(Value):
         self._check_port()
 
     def _check_lens(self, lens: Lens) -> None:
+        """Raise ProblemError if the lens is not inside the eye."""
         for i, length in enumerate(lens.semi_axes.tolist()):
             if not length < self.radius:
                 allowed = f"above 0 and below {_mm(self.radius)}"
@@ -168,6 +171,7 @@ class Eye(Value):
 
 
 def _mm(length: float) -> str:
+    """Return a length in m as text in mm."""
     return f"{1e3 * length:.5g} mm"
 
 
@@ -178,6 +182,7 @@ def _text(name: str, value: float) -> str:
 
 
 def _range(name: str, ends: Range) -> str:
+    """Return a range of a task coordinate or joint position as text with units."""
     return f"{_text(name, ends[0])} to {_text(name, ends[1])}"
 
 
@@ -218,10 +223,10 @@ class TaskLimits(Limited, ShortRepr):
     """Motions with lines, rounded corners and constant speeds that the check evaluates."""
 
     def within(self, robot: Robot) -> TaskLimits:
-        """Return these limits with the ranges of a robot.
+        """Return these limits with the ranges of a robot in addition.
 
-        A coordinate with two ranges gets their intersection, or the robot's range if the
-        intersection is empty.
+        If both have a range of a coordinate, the result has their intersection. If the intersection
+        is empty, it has the robot's range.
         """
         limits = list(self.limits)
         for robot_range in robot.limits:
@@ -235,9 +240,9 @@ class TaskLimits(Limited, ShortRepr):
         return replace(self, limits=tuple(limits))
 
     def slower(self, stretch: float) -> TaskLimits:
-        """Return the limits of the motion slowed down by a factor.
+        """Return the limits of the motion that takes `stretch` times as long.
 
-        The rates at both ends and the constant speeds are divided by this factor.
+        The rates at both ends and the constant speeds are divided by `stretch`.
         """
         if stretch == 1:
             return self
@@ -255,7 +260,10 @@ class TaskLimits(Limited, ShortRepr):
 
     @property
     def declared_rates(self) -> dict[str, dict[str, float]]:
-        """Rates at both ends by key of a problem or a manifest. An end at any rate has none."""
+        """Rates of task coordinates at both ends, by the key of a problem or a manifest.
+
+        An end with arbitrary rates is absent.
+        """
         return {"start_rate": dict(self.start_rate or {}), "end_rate": dict(self.end_rate or {})}
 
     @property
@@ -332,12 +340,10 @@ class Problem(Value, Limited):
     planner: Planner = "optimal"
     """Solvers to use.
 
-    "optimal" uses the structured solver and confirms its optimum with Ipopt. If it finds none,
-    Ipopt solves alone. "fast" uses the structured solver, and Ipopt only if it does not converge.
-    "ipopt" uses
-    Ipopt alone. "toppra" times straight motions with TOPP-RA alone, which is several times faster
-    and
-    does not support jerk limits.
+    "optimal" uses the structured solver and confirms its optimum with Ipopt. If it finds no
+    solution, Ipopt solves the problem alone. "fast" uses the structured solver, and Ipopt only if
+    that does not converge. "ipopt" uses Ipopt alone. "toppra" times straight motions with TOPP-RA
+    alone, which is several times faster and does not support jerk limits.
     """
     friction: Positive | None = None
     """Confidence level of the drives' friction at which motor torques must hold, such as 0.95.
@@ -355,19 +361,19 @@ class Problem(Value, Limited):
     )
     """Requested ranges that exceed those of the robot, by name in TASK.
 
-    The constructor fills it in.
+    The constructor computes them.
     """
     file: str | None = uncompared()
     from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]
     """Return the problem that a mapping with the keys of a problem file describes.
 
-    Raises ProblemError with the key.
+    Raises ProblemError, which names the key.
     """
     from_yaml: ClassVar[Callable[[str], Problem]]
     """Return the problem that the text of a problem file describes.
 
-    Raises ProblemError with line and key. `loading/load` adds both functions because they read
-    files.
+    Raises ProblemError, which names the line and the key. The module `loading/load` defines both
+    functions because they read files.
     """
 
     @cached_property
@@ -391,10 +397,14 @@ class Problem(Value, Limited):
         return (*of_joints, *self.task_limits.all_limits)
 
     def limit(self, name: str, joint: str | None) -> Limit | None:
-        """Return the limit with a name, of a joint or of the tool. None if there is none."""
+        """Return the limit with a name, of a joint or of the tool, or None."""
         return next((item for item in self.all_limits if item.key == (name, joint)), None)
 
     def _check(self) -> None:
+        """Narrow the ranges and complete the start.
+
+        Raises ProblemError if fields contradict each other.
+        """
         limits = task_limits(self.limits, "Problem.limits")
         remaining = (limit for limit in limits if not isinstance(limit, TaskRange))
         object.__setattr__(self, "limits", (*self._narrowed(), *remaining))
@@ -419,7 +429,7 @@ class Problem(Value, Limited):
         self._check_for_toppra()
 
     def _narrowed(self) -> list[TaskRange]:
-        """Return the intersections of the ranges of robot, joint 4 and problem."""
+        """Return the intersections of the ranges of the problem, the robot and joint 4."""
         ranges = self.robot.ranges
         for name, (lower, upper) in (("depth", self.robot.travel), *self.ranges.items()):
             low, high = ranges.get(name, (-math.inf, math.inf))
@@ -440,7 +450,7 @@ class Problem(Value, Limited):
         return [TaskRange(name, *ends) for name, ends in ranges.items()]
 
     def _points(self) -> Iterator[tuple[str, Point]]:
-        """Yield all points with their keys."""
+        """Yield the key and the point for all points of the problem."""
         yield "start", self.start
         for i, entry in enumerate(self.motion):
             if isinstance(entry, Straight):
@@ -454,9 +464,9 @@ class Problem(Value, Limited):
                 )
 
     def _check_point(self, key: str, point: Point) -> None:
-        """Raise ProblemError if a given coordinate of a point is outside its limits.
+        """Raise ProblemError if a stated coordinate of a point is outside its limits.
 
-        planning/feasibility checks the coordinates that follow from them.
+        The module `planning/feasibility` checks the coordinates that follow from the stated ones.
         """
         if isinstance(point, Task):
             for name, value in point.set_coordinates.items():
@@ -487,6 +497,10 @@ class Problem(Value, Limited):
         ends: Range | None = None,
         reason: str | None = None,
     ) -> None:
+        """Raise ProblemError if the value of a coordinate is outside its range.
+
+        `ends` is the range, by default that of the task coordinate `name`. `reason` is the message.
+        """
         low, high = ends or self.ranges.get(name, (-math.inf, math.inf))
         if not low - SLACK <= value <= high + SLACK:
             raise self._wrong(
@@ -497,6 +511,7 @@ class Problem(Value, Limited):
             )
 
     def _check_over_retina(self, scan: Scan | Follow, key: str) -> None:
+        """Raise ProblemError if a motion along the retina lacks an eye or is too close to it."""
         eye = self.eye
         if eye is None:
             reason = "a curve along the retina needs an eye"
@@ -556,7 +571,7 @@ class Problem(Value, Limited):
             )
 
     def _check_range(self) -> None:
-        """Raise ProblemError for an invalid payload or friction level.
+        """Raise ProblemError if the payload or the friction level is invalid.
 
         A friction level requires uncertainty data for the drive of every motor.
         """
@@ -630,7 +645,7 @@ class Problem(Value, Limited):
     def _check_for_toppra(self) -> None:
         """Raise ProblemError if TOPP-RA must time a motion that it does not support.
 
-        TOPP-RA supports no durations, no minimal effort and no jerk limits.
+        TOPP-RA does not support durations, minimal effort or jerk limits.
         """
         requests = [f"a jerk limit of joint {name}" for name in self.robot.jerk_limited]
         if self.duration is not None or self.objective == "effort":

@@ -56,13 +56,14 @@ TRIANGLE_SLACK = 1e-6
 POSSIBLE = (
     "positive principal moments about the centre of mass, none above the sum of the other two"
 )
+"""Condition on the moments of inertia of a body, for messages."""
 
 
 @record
 class Geometry(Value):
     """Axes of the mechanism in the base frame at q = 0 (paper, eq. 1).
 
-    Unit vectors of shape (3,).
+    The axes are unit vectors with the shape (3,).
 
     Examples
     --------
@@ -87,6 +88,7 @@ class Geometry(Value):
         return self.omega1, self.omega2, self.omega3, self.omega3
 
     def _check(self) -> None:
+        """Raise ProblemError for axes that are not unit vectors or parallel, or a wrong frame."""
         for name in ("omega1", "omega2", "omega3"):
             unit_vector(getattr(self, name), f"Geometry.{name}")
         for inner, outer in ((1, 2), (2, 3)):
@@ -112,7 +114,7 @@ class Geometry(Value):
 
 @record
 class Body(Value):
-    """Inertial data of one moving body in its own frame at the RCM.
+    """Inertial data of one moving body in its own frame, whose origin is the remote centre.
 
     Examples
     --------
@@ -125,7 +127,7 @@ class Body(Value):
     name: str
     """Name such as that of the CAD part."""
     mass: Annotated[NotNegative, Quantity("mass")]
-    """Mass in kg, or 0 if another body includes it."""
+    """Mass, kg. It is 0 if the mass of another body includes it."""
     com: Annotated[Vector, Quantity("length")]
     """Centre of mass in the body frame, m, (3,)."""
     inertia: Matrix
@@ -137,6 +139,7 @@ class Body(Value):
     """Rotation base ← body at q = 0, (3, 3)."""
 
     def _check(self) -> None:
+        """Raise ProblemError if no body can have this inertia tensor."""
         check_rotation(self, "frame")
         if self.mass == 0:
             if np.any(self.inertia):
@@ -159,7 +162,7 @@ class Body(Value):
 
 @lru_cache(maxsize=1024)
 def _cached_limit(limit_type: Callable[..., Limit], *values: Any) -> Limit:
-    """Return a cached limit, because checks and plans request the same limits repeatedly."""
+    """Return a limit of this type. It is cached because plans and checks request it repeatedly."""
     return limit_type(*values)
 
 
@@ -198,6 +201,7 @@ class Joint(Value):
     """Sign of the motor controller's position relative to the joint."""
 
     def _check(self) -> None:
+        """Raise ProblemError if drive or motor do not fit the joint."""
         check_name(self.name, JOINTS, "Joint.name", "unknown joint")
         drive = self.drive
         motor = self.motor
@@ -312,6 +316,7 @@ class Robot(Value, Limited):
     file: str | None = uncompared()
 
     def _check(self) -> None:
+        """Raise ProblemError for wrong joints, or for a depth range that is out of reach."""
         task_limits(self.limits, "Robot.limits")
         for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
             if joint.name != name:
@@ -346,7 +351,7 @@ class Robot(Value, Limited):
 
     @property
     def loads(self) -> tuple[Robot, ...]:
-        """One robot for each different set of bodies among the robot and its variants."""
+        """One robot for each different set of bodies in the robot and its variants."""
         if not self.corners and not self.lightest:
             return (self,)
         different = {id(robot.bodies): robot for robot in (*self.lightest, *self.corners, self)}
@@ -356,11 +361,11 @@ class Robot(Value, Limited):
         return tuple(by_bodies.values())
 
     def actuations(self, i: int) -> tuple[tuple[int, Drive, tuple[int, ...]], ...]:
-        """Return the cases (index in `loads`, drive, sides) that the motor of joint i must handle.
+        """Return the cases that the motor of joint i must handle, without repetition.
 
-        Each case occurs once. The result is empty for a joint without motor. sides contains +1 if
-        the motor drives and −1 if it brakes. A robot with variants has only the cases of its
-        variants.
+        Each case is a tuple of an index in `loads`, a drive, and the sides: +1 if the motor drives
+        and −1 if it brakes. The result is empty for a joint without motor. For a robot with
+        variants, only the cases of its variants are returned.
         """
         if self.joints[i].motor is None:
             return ()
@@ -392,9 +397,10 @@ class Robot(Value, Limited):
 
 
 def unit_vector(vector: Array, location: str) -> Array:
-    """Return the vector (3,) scaled to length 1.
+    """Return a vector (3,) with the length 1.
 
-    Raises ProblemError if its length differs from 1 by more than 1e-6.
+    Raises ProblemError if the length of `vector` differs from 1 by more than 1e-6. `location` is
+    its key for messages.
     """
     length = float(np.linalg.norm(vector))
     if not abs(length - 1) <= UNIT_TOLERANCE:
@@ -406,9 +412,9 @@ def unit_vector(vector: Array, location: str) -> Array:
 
 
 def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
-    """Return the ascending principal moments about the centre of mass, kg·m², (3,).
+    """Return the principal moments about the centre of mass in ascending order, kg·m², (3,).
 
-    inertia (3, 3) is about the origin.
+    `inertia` (3, 3) is the tensor about the origin, kg·m². `com` (3,) is the centre of mass, m.
     """
     about_com = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
     return np.asarray(np.linalg.eigvalsh(about_com), dtype=float)

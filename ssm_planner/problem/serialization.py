@@ -45,7 +45,7 @@ PRIMITIVE = {type(None), bool, int, float, str}
 
 
 def plain(value: Any) -> Any:
-    """Return dataclasses, arrays and mappings as JSON types.
+    """Convert a value to JSON types. Dataclasses become mappings, and arrays become lists.
 
     Limits become a mapping from the limited quantity to its bound.
     """
@@ -68,7 +68,7 @@ def plain(value: Any) -> Any:
 
 
 def robot_hash(robot: Robot) -> str:
-    """Return the SHA-256 of a robot's resolved values. It does not depend on the names of files."""
+    """Return the SHA-256 of a robot's resolved values, which does not depend on file names."""
     return hashlib.sha256(robot_text(robot).encode()).hexdigest()
 
 
@@ -88,6 +88,7 @@ _last: tuple[Robot, str] | None = None
 
 
 def _without_files(data: Any) -> Any:
+    """Return JSON data without the names of files."""
     if isinstance(data, dict):
         return {key: _without_files(item) for key, item in data.items() if key != "file"}
     return [_without_files(item) for item in data] if isinstance(data, list) else data
@@ -106,7 +107,8 @@ def _names(cls: Any) -> tuple[str, ...]:
 
 
 def _robot(robot: Robot) -> JsonObject:
-    # corners and lightest are of a planner's making
+    # The planner computes `corners` and `lightest`.
+    """Return a robot as plan.json states it."""
     fields = {
         name: plain(getattr(robot, name))
         for name in _names(Robot)
@@ -116,6 +118,7 @@ def _robot(robot: Robot) -> JsonObject:
 
 
 def _problem(problem: Problem) -> JsonObject:
+    """Return a problem as plan.json states it."""
     bounds = {field: bound for field, bound in limits_to_plain(problem).items() if field != "eye"}
     fields = {name: plain(getattr(problem, name)) for name in _names(Problem)} | bounds
     return {EXCESS_KEY if name == "excess_ranges" else name: fields[name] for name in fields}
@@ -133,7 +136,7 @@ def _point(point: Point) -> JsonObject:
 
 
 def _motion(motion: Motion) -> JsonObject:
-    """Return an entry of the motion list as plan.json states it, whatever its kind."""
+    """Return an entry of the motion list as plan.json states it."""
     target = getattr(motion, "to", getattr(motion, "at", None))
     scan = None
     if isinstance(motion, Scan):
@@ -160,11 +163,12 @@ _OF_KIND: dict[str, tuple[str, ...]] = {
 }
 """Keys that only motions of one kind have."""
 _ALWAYS = ("curve", "file")
-"""Those that are present even if they have no value."""
+"""Those of these keys that plan.json contains even if their value is None."""
 _KINDS = {kind.kind: kind for kind in (Straight, Free, Follow, Dwell, Scan)}
 
 
 def _point_from(data: Any, location: str) -> Point:
+    """Build a point from its form in plan.json. Raises ProblemError if the data are invalid."""
     check_mapping(data, ("task", "joints", "tip", "spin", "line"), location)
     line = {"line": data.get("line")}
     if data.get("joints") is not None:
@@ -179,6 +183,7 @@ def _point_from(data: Any, location: str) -> Point:
 
 
 def _motion_from(data: Any, location: str) -> Motion:
+    """Build a motion from its form in plan.json. Raises ProblemError if the data are invalid."""
     kind = str(data.get("kind")) if isinstance(data, Mapping) else ""
     own_keys = ("name", "line", *_OF_KIND.get(kind, ()))
     check_mapping(data, ("kind", "target", "duration", "through", "scan", *own_keys), location)
@@ -208,8 +213,8 @@ def _motion_from(data: Any, location: str) -> Motion:
 def limits_to_plain(value: Problem | TaskLimits) -> JsonObject:
     """Return the limits of the task as plan.json states them.
 
-    The result has ranges and rates by task coordinate, limits of the tool by `ToolLimit.field`, and
-    the eye.
+    The result contains ranges and rates by task coordinate, limits on the tool by
+    `ToolLimit.field`, and the eye.
     """
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.of_tool}}
     bounds = {
@@ -242,9 +247,10 @@ def _name_file(file: str | None) -> Iterator[None]:
 
 
 def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Problem:
-    """Return the problem that `plain` converted to JSON types, identical bit for bit.
+    """Build a problem from the JSON types that `plain` returned for it. It is equal bit for bit.
 
-    file is named in messages. Raises ProblemError with the key, its value and the allowed values.
+    `file` is the name of the file for messages. Raises ProblemError with the key, its value and the
+    allowed values.
     """
     task = task_limits_from_plain(data, file)
     resolved = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
@@ -267,9 +273,10 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
 
 
 def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
-    """Return the robot that `plain` converted to JSON types, identical bit for bit.
+    """Build a robot from the JSON types that `plain` returned for it. It is equal bit for bit.
 
-    file is named in messages. Raises ProblemError with the key, its value and the allowed values.
+    `file` is the name of the file for messages. Raises ProblemError with the key, its value and the
+    allowed values.
     """
     with _name_file(file):
         robot = built(
@@ -279,10 +286,10 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
 
 
 def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) -> TaskLimits:
-    """Return the task limits of a problem that `plain` converted to JSON types.
+    """Build the limits of a task from the JSON types of its problem.
 
-    A limit without a key is absent from the result. file is named in messages. Raises ProblemError
-    with the key, its value and the allowed values.
+    Limits without a key in the data are absent from the result. `file` is the name of the file for
+    messages. Raises ProblemError with the key, its value and the allowed values.
     """
     with _name_file(file):
         limits: list[Limit] = _ranges(problem.get("limits"), "problem.limits")
@@ -300,6 +307,7 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
 
 
 def _ranges(data: Any, location: str) -> list[Limit]:
+    """Build the ranges of task coordinates. Raises ProblemError if the data are invalid."""
     return [
         TaskRange(name, low, high)
         for name, (low, high) in _by_task(Interval, data, location).items()
@@ -307,6 +315,9 @@ def _ranges(data: Any, location: str) -> list[Limit]:
 
 
 def _by_task(hint: Any, data: Any, location: str) -> dict[str, Any]:
-    """Return a mapping from task coordinates, empty if data is None."""
+    """Return data with the names of task coordinates as keys, converted to the type `hint`.
+
+    The result is empty if `data` is None.
+    """
     hint = Annotated[Mapping[str, hint], Names(TASK)]
     return converted(hint, {} if data is None else data, location)

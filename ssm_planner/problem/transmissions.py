@@ -1,4 +1,4 @@
-"""Kinds of drives: names, geometry, torque law and checks.
+"""Define the kinds of drives by their names, geometry, torque law and checks.
 
 To add a kind, write a subclass of `Transmission` and register it (docs/architecture.md).
 """
@@ -55,19 +55,22 @@ class Transmission:
     rotating_screw: ClassVar[bool] = False
     """True if a slender screw turns, so that its whirling and buckling are checked."""
     distinctive: ClassVar[frozenset[str]] = frozenset()
-    """Keys of which each row of a catalogue of these drives has at least one."""
+    """Keys of `geometry` that distinguish the kind in a catalogue.
+
+    A row of a catalogue of these drives has at least one of them.
+    """
 
     @classmethod
     def complete(cls, stated: Dimensions) -> dict[str, float]:
-        """Return all dimensions in SI units by key. Raises BadGeometry.
+        """Return all dimensions in SI units by key. Raises BadGeometry if they are not determined.
 
-        A thread needs `ratio`, `lead_angle` and `thread_angle`.
+        The result for a thread contains `ratio`, `lead_angle` and `thread_angle`.
         """
         return dict(stated)
 
     @classmethod
     def motor_ratio(cls, dimensions: Dimensions) -> float:
-        """Return the motor angle per joint coordinate: dimensionless or rad/m.
+        """Return the motor angle per unit of the joint coordinate, in rad/rad or rad/m.
 
         The default is the dimension `ratio`, or 1 without it.
         """
@@ -75,18 +78,20 @@ class Transmission:
 
     @classmethod
     def effort_arm(cls, dimensions: Dimensions) -> float:
-        """Return γ of a thread: motor torque per output effort is γ·tan(λ ± φ).
+        """Return the effort arm γ of a thread. The motor torque per output effort is γ·tan(λ ± φ).
 
-        For a screw, it is the radius at which friction acts, m.
+        For a screw, γ is the radius at which friction acts, m.
         """
         return dimensions["diameter"] / 2
 
 
 @record
 class _Thread(Transmission):
+    """Base of the kinds of drives with a thread."""
+
     threaded = True
     family: ClassVar[Family]
-    """Laws of the dimensions."""
+    """Equations between the dimensions."""
     lead: _Length | None = None
     """Advance of the thread in one turn."""
     lead_angle: _Angle | None = None
@@ -98,6 +103,10 @@ class _Thread(Transmission):
 
     @classmethod
     def complete(cls, stated: Dimensions) -> dict[str, float]:
+        """Return all dimensions in SI units.
+
+        Raises BadGeometry if they are not determined or implausible.
+        """
         numbers = dict(stated)
         thread_angle = numbers.pop("thread_angle")
         outer = numbers.pop("outer_diameter", None)
@@ -226,7 +235,7 @@ class CableSlide(Transmission):
 
     @classmethod
     def motor_ratio(cls, dimensions: Dimensions) -> float:
-        """Return the turns of the motor per turn of the pulley over the radius of the pulley."""
+        """Return the motor turns per turn of the pulley, divided by the radius of the pulley."""
         return dimensions.get("ratio", 1.0) * 2 / dimensions["pulley_diameter"]
 
 

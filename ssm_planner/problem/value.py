@@ -1,10 +1,9 @@
-"""Base class and conversions of all public values.
+"""Define the base class of all public values, and convert data to the types of their fields.
 
-A value is a frozen dataclass that derives from `Value`. It checks itself when it is made, is equal
-to another value with the same content, and never changes. The types of its fields state what each
-field may hold, and `_check` rejects fields that contradict each other. Lists become tuples. Arrays
-are
-copied and made read-only.
+A value is a frozen dataclass that derives from `Value`. Its constructor checks it, and it never
+changes. Two values with the same content are equal. The types of the fields state the allowed
+values of each field, and `_check` rejects fields that contradict each other. Lists become tuples.
+Arrays are copied and made read-only.
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ V = TypeVar("V", bound="Value")
 
 
 def uncompared() -> Any:
-    """Return a field with the default None that does not count when values are compared."""
+    """Return a dataclass field with the default None that comparisons of values ignore."""
     return dataclasses.field(default=None, compare=False)
 
 
 @frozen
 class Bound:
-    """Interval that a number must lie in."""
+    """Interval of the allowed values of a number."""
 
     above: float = -math.inf
     at_least: float = -math.inf
@@ -64,32 +63,36 @@ class Bound:
 
 @frozen
 class Quantity:
-    """Units of a number in files: keys of `units.KINDS` for revolute and for prismatic joints."""
+    """Kind of quantity of a number, which determines its units in files.
+
+    Both fields are keys of `units.KINDS`. `turning` applies to revolute joints and `sliding` to
+    prismatic joints.
+    """
 
     turning: str
     sliding: str = ""
 
     def unit_kind(self, slides: bool = False) -> str:
-        """Return the key for a prismatic joint if `slides`, else that for a revolute joint."""
+        """Return the kind of quantity for a prismatic (`slides`) or a revolute joint."""
         return self.sliding if slides and self.sliding else self.turning
 
 
 @frozen
 class Shape:
-    """Shape of an array. A length of −1 allows any length."""
+    """Required shape of an array. The length −1 allows any length."""
 
     shape: tuple[int, ...]
 
 
 @frozen
 class Names:
-    """Keys that a mapping may have."""
+    """Allowed keys of a mapping."""
 
     names: tuple[str, ...]
 
 
 class Ascending:
-    """Mark of a pair whose first number must be less than the second."""
+    """Requirement that the first number of a pair is less than the second."""
 
 
 Positive = Annotated[float, Bound(above=0.0)]
@@ -102,7 +105,7 @@ Sign = Literal[-1, 1]
 
 
 class Value(ShortRepr):
-    """Base of the public values.
+    """Base class of the public values.
 
     The constructor raises ProblemError with type, field, value and allowed values if a field is
     invalid.
@@ -119,7 +122,7 @@ class Value(ShortRepr):
         """Raise ProblemError if fields contradict each other."""
 
     def _wrong(self, field: str, reason: str, allowed: str, value: object = None) -> ProblemError:
-        """Return the error for a field, or for a part of it such as `strokes[2].joint`."""
+        """Return the error for a field, or for an entry of it such as `strokes[2].joint`."""
         field_value = getattr(self, field, None) if value is None else value
         return ProblemError(
             reason, key=f"{type(self).__name__}.{field}", value=field_value, allowed=allowed
@@ -148,8 +151,8 @@ def attributes(value: object, names: Iterable[str]) -> JsonObject:
 def unchecked(value: V, **changes: Any) -> V:
     """Return a copy with changed fields, like dataclasses.replace, but without checks.
 
-    Computations use it for trial values of a fit, for arrays that represent many drives, for drives
-    without friction, and to reproduce mistakes of other programs.
+    It serves for trial values of a fit, for arrays that represent many drives, for drives without
+    friction, and for values that reproduce mistakes of other programs.
     """
     cls: Any = type(value)
     copy = object.__new__(cls)
@@ -167,7 +170,7 @@ def hints(cls: Any) -> dict[str, Any]:
 
 
 def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Return a type without None and annotations, and the annotations (Bound, Shape and others)."""
+    """Return a type without None and annotations, and a tuple of its annotations."""
     if get_origin(hint) in (typing.Union, types.UnionType):
         inner = [inner_hint for inner_hint in get_args(hint) if inner_hint is not type(None)]
         return strip_annotations(inner[0]) if len(inner) == 1 else (hint, ())
@@ -191,7 +194,7 @@ def descriptions(cls: type) -> dict[str, str]:
             continue
         try:
             (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        except OSError:  # a class made at run time has no source
+        except OSError:  # the source of a class made at run time is missing
             continue
         body = tree.body if isinstance(tree, ast.ClassDef) else []
         for field, below in pairwise(body):
@@ -219,7 +222,7 @@ def built(
     cls : type
         Dataclass to build.
     data : object
-        Mapping with a value for each field that has no default.
+        Mapping with a value for each field without a default.
     location : str
         Key of the data, for messages.
     known_values : Mapping, optional
@@ -259,10 +262,16 @@ def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
     hint : type
         Annotated type of the field.
     value : object
+        Value to convert.
     location : str
         Key of the value, for messages.
     build : bool
         Build the dataclasses that the hint names from mappings.
+
+    Returns
+    -------
+    object
+        The value. Lists are converted to tuples, and numbers to floats or read-only arrays.
 
     Raises
     ------
@@ -305,7 +314,7 @@ def check_name(name: object, names: tuple[str, ...], location: str, reason: str)
 
 
 def check_mapping(data: object, names: tuple[str, ...], location: str) -> None:
-    """Raise ProblemError if data is not a mapping or has an unknown key."""
+    """Raise ProblemError if the data are not a mapping or contain an unknown key."""
     if not isinstance(data, Mapping):
         raise wrong(location, data, f"a mapping with the keys {', '.join(names)}")
     for key in data:
@@ -319,6 +328,7 @@ def wrong(location: str, value: object, allowed: str) -> ProblemError:
 
 
 def _annotated(arguments: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
+    """Convert a value to an annotated type, and check the bounds in the annotations."""
     hint_type, *marks = arguments
     for mark in marks:
         if isinstance(mark, Shape):
@@ -341,6 +351,7 @@ def _annotated(arguments: tuple[Any, ...], value: Any, location: str, build: boo
 
 
 def _union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
+    """Convert a value to one of several types. None is returned unchanged if it is allowed."""
     if value is None and type(None) in members:
         return None
     inner = [member for member in members if member is not type(None)]
@@ -352,6 +363,7 @@ def _union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> 
 
 
 def _tuple(members: tuple[Any, ...], value: Any, location: str, build: bool) -> tuple[Any, ...]:
+    """Convert a list, tuple or array to a tuple whose entries have the types `members`."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if not isinstance(value, (list, tuple)):
@@ -369,6 +381,7 @@ _SCALARS = {float: "a finite number", int: "a whole number", str: "a text", bool
 
 
 def _scalar(hint: Any, value: Any, location: str) -> Any:
+    """Convert a value to float, int, str or bool. Raises ProblemError if it has another type."""
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(
         value, bool
     )
@@ -382,6 +395,7 @@ def _scalar(hint: Any, value: Any, location: str) -> Any:
 
 
 def _array(shape: tuple[int, ...], value: Any, location: str) -> Array:
+    """Return a read-only array of finite numbers with this shape, in which −1 allows any length."""
     allowed = f"finite numbers of shape {shape}"
     try:
         array = np.array(value)
@@ -397,16 +411,19 @@ def _array(shape: tuple[int, ...], value: Any, location: str) -> Array:
 
 @cache
 def _compared_fields(cls: type) -> tuple[str, ...]:
+    """Return the names of the fields that comparisons take into account."""
     return tuple(field.name for field in dataclasses.fields(cls) if field.compare)
 
 
 def _same(a: Any, b: Any) -> bool:
+    """Return True if two values of a field are equal. Arrays must have equal elements."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.array_equal(a, b)
     return bool(a == b)
 
 
 def _hashable(value: Any) -> Any:
+    """Return a hashable object that is equal for equal values of a field."""
     if isinstance(value, np.ndarray):
         return (value.shape, *value.ravel().tolist())
     if isinstance(value, Mapping):

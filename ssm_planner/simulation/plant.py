@@ -168,12 +168,13 @@ class ArmPlant:
 
         The forces at the start give the positions and speeds in the middle of the step, and these
         give the forces of the step. The forces are then corrected CORRECTIONS times for the speeds
-        that result from them. Inertia and weight are evaluated once, at the first middle.
+        that result from them. Inertia and weight are evaluated once, at the first estimate of the
+        middle.
 
-        The function has these arguments: the state (28,); the motor torques (4,); prescribed
-        accelerations (4,), which apply to joints without a drive; `blocked` (4,), which is 1 for a
-        blocked motor; and `friction` (28,) in the layout of the method `friction`. It returns the
-        state (28,) after the step.
+        The function has five arguments. The state (28,) and the motor torques (4,) come first. The
+        third argument contains prescribed accelerations (4,), which apply to joints without a
+        drive. The argument `blocked` (4,) is 1 for a blocked motor, and `friction` (28,) has the
+        layout of the method `friction`. The function returns the state (28,) after the step.
         """
         h = self.h
         x, tau, locked = ca.SX.sym("x", STATE), ca.SX.sym("tau", 4), ca.SX.sym("locked", 4)

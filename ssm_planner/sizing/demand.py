@@ -1,4 +1,4 @@
-"""The demands of a motion on motors and gears, and their range if friction is uncertain."""
+"""Compute the demands of a motion on motors and gears, and their range if friction is uncertain."""
 
 from __future__ import annotations
 

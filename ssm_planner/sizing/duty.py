@@ -1,4 +1,4 @@
-"""Duty cycles: the motions for which motors are sized.
+"""Define duty cycles, the motions for which motors are sized.
 
 A duty cycle is either a planned motion or a set of strokes. A stroke moves one joint back and forth
 at full acceleration, speed and deceleration. Its trajectory has a closed form.
@@ -95,7 +95,7 @@ class DutyCycle:
 
     @classmethod
     def of_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> DutyCycle:
-        """Build a duty cycle from a whole motion."""
+        """Build a duty cycle from one motion, in which all joints are sized."""
         return cls(name, robot, ((trajectory, None),))
 
     @classmethod

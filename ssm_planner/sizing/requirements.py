@@ -177,7 +177,7 @@ FIGURES = (
     "joule_power",
     "joule_energy",
 )
-"""Numbers of a requirement in results."""
+"""Attributes of a requirement that results contain."""
 PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
 
 

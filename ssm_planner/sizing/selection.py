@@ -103,7 +103,7 @@ class JointSelection:
         return sorted(pairs, key=lambda pair: (-adequate[pair], key[pair], nominal[pair[1]], pair))
 
     def _key(self, by: Rank) -> Array:
-        """Return the sort key (gears, motors) of a rank. Small values come first."""
+        """Return the sort key (gears, motors) of a rank. Pairs with small keys come first."""
         shape = (len(self.gears), len(self.motors))
         if by == "margin":
             return -np.nan_to_num(np.nanmin(list(self.margins.values()), axis=0), nan=-1.0)
@@ -312,14 +312,14 @@ class _Fleet:
 
 
 def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
-    """Return two RMS torques: below the first, heat certainly passes; above the second, it fails.
+    """Return an RMS torque below which heat certainly passes, and one above which it fails.
 
-    They apply to any motion that repeats with `period` (s), in N·m, and are NaN if thermal data are
-    missing. The winding temperature responds to power by two positive decaying modes, and the loss
-    grows with the temperature. The temperature is highest if all power of a period occurs at one
-    instant, at the resistance of the hottest permitted winding. This gives the first torque. The
-    second torque follows from the smallest response to a mean power, at the coldest instant, and
-    from the loss at this temperature, which is the smallest possible loss.
+    Both are in N·m and apply to any motion that repeats with `period` (s). They are NaN if thermal
+    data are missing. The winding temperature responds to power by two decaying modes with positive
+    amplitudes, and the loss grows with the temperature. The temperature is highest if all power of
+    a period occurs at one instant, at the resistance of the hottest permitted winding. This gives
+    the first torque. The second torque follows from the smallest response to a mean power, at the
+    coldest instant, and from the loss at this temperature, which is the smallest possible loss.
     """
     if missing(motor, *FIGURES):
         return np.nan, np.nan
@@ -410,9 +410,9 @@ _WORDS = {True: 1, None: 0, False: -1}
 def _bands(
     load: JointLoad, corners: Sequence[Keywords], ends: Array, fleet: _Fleet
 ) -> tuple[Arrays, Arrays]:
-    """Return the largest and smallest demands (m,) of every motor.
+    """Return the largest and smallest demands of every motor, each as arrays (m,) by name.
 
-    `ends` (m, 2) are the smallest and largest inertia of its shaft, kg·m².
+    `ends` (m, 2) contains the smallest and largest inertia of each motor's shaft, kg·m².
     """
     turning = load.acceleration() * (load.direction != 0)
     demands = []

@@ -54,6 +54,7 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
         designs = [_design(study, trial) for trial in trials]
 
         def tell(rows: Sequence[Candidate], trials: Sequence[Any] = tuple(trials)) -> None:
+            """Report the results of a batch to the search."""
             for trial, row in zip(trials, rows, strict=True):
                 costs = row.costs(study.minimise)
                 trial.set_user_attr("rejected", costs is None)

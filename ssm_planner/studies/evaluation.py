@@ -85,7 +85,9 @@ class Evaluation:
             return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
 
     def _evaluate(self, design: Design) -> JsonObject:
-        """Plan, select, check and size a candidate, and return its results.
+        """Evaluate a candidate in all stages: plan, select parts, check and size.
+
+        Return its results.
 
         Raises Rejected for an infeasible candidate, and ProblemError for invalid values.
         """

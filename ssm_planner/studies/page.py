@@ -98,7 +98,10 @@ def _rejections(rows: Sequence[Candidate]) -> list[JsonObject]:
 
 
 def _front_table(study: Study, front: Sequence[Candidate]) -> JsonObject:
-    """Return header and rows of the table of the front: objectives, variables and parts."""
+    """Return the header and the rows of the table of the front.
+
+    Its columns are the objectives, the variables and the selected parts.
+    """
     names = [name for name in study.minimise if any(name in row.figures for row in front)]
     selected = [choice.path for choice in study.selected]
     cells = [

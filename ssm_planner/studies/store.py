@@ -171,7 +171,10 @@ class Store(AbstractContextManager["Store"]):
         }
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
-        """Return all candidates by number, or those with the given keys in their order."""
+        """Return the candidates with these keys in their order.
+
+        The default is all candidates by number.
+        """
         candidates = {
             key: Candidate(
                 number,

@@ -197,7 +197,7 @@ class Study(ShortRepr):
         return {**design, **{path: figures[path] for path in paths if path in figures}}
 
     def designs(self) -> Iterator[Design]:
-        """Yield the designs of all candidates, if the search is not adaptive."""
+        """Yield the designs of all candidates. The search must not be adaptive."""
         search = self.search
         if search.method == "grid":
             grids = [variable.grid(search.points) for variable in self.vary]
@@ -312,7 +312,7 @@ def _inertia(mapping: Mapping[str, Any] | None, key: str) -> float:
 
 
 def _nested(tree: JsonObject, keys: list[str], value: Any) -> None:
-    """Set a value in nested mappings. Mappings below `tree` are copied before they change."""
+    """Set a value in nested mappings. Mappings below `tree` are copied before they are changed."""
     for key in keys[:-1]:
         tree[key] = dict(tree.get(key) or {})
         tree = tree[key]

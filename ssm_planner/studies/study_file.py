@@ -114,6 +114,7 @@ def load_study(name: str | Path) -> Study:
     Returns
     -------
     Study
+        The study with the contents of all its files.
 
     Raises
     ------
@@ -230,7 +231,7 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
 def _choices(section: Section, kind: str) -> JsonObject:
     """Return the contents of listed choices by name. Names of drives and motors are replaced.
 
-    kind: last key of the path. Raises ProblemError if the list is invalid.
+    `kind` is the last key of the path. Raises ProblemError if the list is invalid.
     """
     choices = section.value["choices"]
     if not isinstance(choices, list) or not choices:

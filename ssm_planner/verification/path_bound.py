@@ -227,7 +227,7 @@ class _Program:
 
     def bound(self, multipliers: Array) -> float:
         """Return the bound for given unknowns, s."""
-        least = _least(self.p @ multipliers, self.kappa @ multipliers, self.fastest)
+        least = _smallest_values(self.p @ multipliers, self.kappa @ multipliers, self.fastest)
         rough, fine = self.weights @ (least + self.excess @ multipliers)
         mu, jump = self.mu @ multipliers, self.jump @ multipliers
         jump_loss = self.fastest_squared @ np.where(jump > NO_JUMP, jump, 0.0)
@@ -275,7 +275,7 @@ def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Any:
     return block_diag(blocks).tocsr()
 
 
-def _least(p: Array, kappa: Array, fastest: Array) -> Array:
+def _smallest_values(p: Array, kappa: Array, fastest: Array) -> Array:
     """Return the smallest values of 1/y + p y² + κ y for 0 < y ≤ fastest, (points,) each.
 
     The function is convex up to y³ = −1/p, or everywhere if p ≥ 0, and concave beyond.
