@@ -144,8 +144,6 @@ class _Program:
     @classmethod
     def from_rows(cls, path: PathRows, fastest: Array, squares: Array) -> _Program:
         """Return the program of a path for the timing with ṡ² = squares (n + 1,)."""
-        from scipy.sparse import diags, eye, hstack, vstack
-
         count = len(path.width)
         gained = np.diff(squares)
         speed_squared = np.concatenate([squares[:-1] + share * gained for share in SHARES])
@@ -158,14 +156,14 @@ class _Program:
         fastest_squared = np.minimum(fastest[1:count], fastest[-count:-1]) ** 2
         at_limit = squares[1:-1] >= (1 - NEAR) ** 2 * fastest_squared
         unknowns = _unknowns(a, slack, at_limit)
-        begin: Any = eye(count, count + 1)
-        end: Any = eye(count, count + 1, 1)
-        value = vstack([hstack([(1 - share) * begin, share * end]) for share in SHARES])
-        change = vstack([diags(1 / path.width) @ hstack([-begin, end])] * len(SHARES))
+        shares = np.array(SHARES)[:, None]
+        value = np.stack([1 - shares, shares])
+        change = np.stack([-1 / path.width, 1 / path.width])[:, None]
 
-        def linear(factors: Array, of: Any = value) -> Any:
+        def linear(factors: Array, of: Array = value) -> Any:
             """Return the matrix of Σ factor · λ at all points, or of λ' with `of=change`."""
-            return hstack([diags(row) @ of for row in factors.T]).tocsr() @ unknowns
+            factors = factors.reshape(len(SHARES), count, -1)
+            return _matrix(factors, np.broadcast_to(of, (2, len(SHARES), count)), unknowns)
 
         mu = linear(a / 2)
         return cls(
@@ -187,7 +185,9 @@ class _Program:
         from scipy.optimize import linprog
         from scipy.sparse import bmat, csr_matrix, diags, eye, hstack
 
-        used = np.flatnonzero(self.weights[0])
+        used = np.flatnonzero((self.weights[0] > 0) & (self.p.getnnz(axis=1) > 0))
+        if not len(used):
+            return np.zeros(self.p.shape[1])
         y, fastest, weights = self.y[used], self.fastest[used], self.weights[0, used]
         p, kappa = self.p[used], self.kappa[used]
         reached = self.y[1 : len(self.at_limit) + 1][self.at_limit] ** 2
@@ -248,17 +248,13 @@ def _rows(path: PathRows) -> list[Array]:
     return rows
 
 
-def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Any:
-    """Return the matrix from the unknowns to λ.
+def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Array:
+    """Return the numbers of the unknowns λ at the starts and ends of the n intervals.
 
-    For every row, λ has one value at the start and one at the end of every interval. Both lists
-    have n + 1 entries, and two entries are unused: the start at the last grid point and the end at
-    the first. The end of an interval and the start of the next share one unknown. They have two
-    unknowns where the speed limit may bind. λ is 0 where the row is far from its limit, or where
-    its coefficient a (5n, rows) jumps.
+    The result has shape (2, n, rows). It is −1 where λ is 0, which holds where the row is far from
+    its limit, or where its coefficient a (5n, rows) jumps. The end of an interval and the start of
+    the next share one unknown. They have two unknowns where the speed limit may bind.
     """
-    from scipy.sparse import block_diag, bmat, eye
-
     count = len(at_limit) + 1
     nearest = np.full((2, count + 1, a.shape[1]), np.inf)
     nearest[0, :-1], nearest[1, 1:] = slack[:count], slack[-count:]
@@ -266,13 +262,28 @@ def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Any:
     may_jump = np.concatenate([[True], at_limit, [True]])[:, None]
     jumps = np.zeros_like(near[0])
     jumps[1:-1] = np.abs(a[1:count] - a[-count:-1]) > CONTINUOUS * np.abs(a).max(axis=0)
-    common = near.any(axis=0) & ~may_jump & ~jumps
-    points: Any = eye(count + 1).tocsc()
-    blocks = []
-    for is_shared, start, end in zip(common.T, *(near & may_jump).transpose(0, 2, 1), strict=True):
-        shared = points[:, is_shared]
-        blocks.append(bmat([[shared, points[:, start], None], [shared, None, points[:, end]]]))
-    return block_diag(blocks).tocsr()
+    shared = near.any(axis=0) & ~may_jump & ~jumps
+    single = near & may_jump
+    numbers = np.full(near.shape, -1)
+    numbers[:, shared] = np.arange(shared.sum())
+    numbers[single] = shared.sum() + np.arange(single.sum())
+    return np.stack([numbers[0, :-1], numbers[1, 1:]])
+
+
+def _matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
+    """Return the matrix from the unknowns to Σ factor · λ at all points, (5n, unknowns).
+
+    λ is the sum of the weights (2, 5, n) times the unknowns at the start and the end of an
+    interval. The factors have shape (5, n, rows).
+    """
+    from scipy.sparse import csr_matrix
+
+    shape = factors.shape[0] * factors.shape[1], unknowns.max(initial=-1) + 1
+    side, interval, row = np.nonzero(unknowns >= 0)
+    values = factors[:, interval, row] * weights[side, :, interval].T
+    points = np.arange(shape[0]).reshape(factors.shape[:2])[:, interval]
+    columns = np.broadcast_to(unknowns[side, interval, row], points.shape)
+    return csr_matrix((values.ravel(), (points.ravel(), columns.ravel())), shape)
 
 
 def _smallest_values(p: Array, kappa: Array, fastest: Array) -> Array:
