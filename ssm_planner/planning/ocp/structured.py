@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.elements.compiled import native_elements
+from ssm_planner.elements.compiled import Location, native_elements
 from ssm_planner.elements.element import ElementModel
 from ssm_planner.interior.problem import Point, Program, RowGroup
 from ssm_planner.interior.solve import SUPERLINEAR, solve
@@ -187,12 +187,11 @@ def _group(
     breakaway: bool = False,
 ) -> RowGroup:
     """Return the rows and the cost of a model, or its breakaway rows."""
-    native = native_elements(
-        element, parameters, len(elements), "breakaway" if breakaway else "collocation"
-    )
+    location: Location = "breakaway" if breakaway else "collocation"
+    native = native_elements(element, parameters, len(elements), location)
     if native is None:
         raise RuntimeError("the structured solver is in the compiled part, which is not there")
-    return RowGroup({}, parameters, elements, bound, cost_weight=cost_weight, native=native)
+    return RowGroup(native, elements, bound, cost_weight)
 
 
 def _boundary(

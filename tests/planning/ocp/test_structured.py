@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssm_planner.elements.compiled import compiled
 from ssm_planner.errors import ProblemError
-from ssm_planner.interior.solve import available
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
@@ -29,7 +29,7 @@ from ssm_planner.reporting.text import verdicts
 from tests.support.random_problems import random_problem
 
 pytestmark = pytest.mark.skipif(
-    not available(), reason="the package is built without its compiled part"
+    not compiled(), reason="the package is built without its compiled part"
 )
 SAME = 1e-6
 """Share of the duration within which both solvers agree."""
