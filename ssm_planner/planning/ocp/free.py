@@ -243,13 +243,11 @@ class _FreeProblemBuilder:
         one_time_per_segment = self._one_time_per_segment(segments)
         structure = chain.structure(one_time_per_segment=one_time_per_segment, smooth=self.jerk)
         lengths = np.concatenate([np.diff(guess.instants) for guess in chain.guesses])
-        times = np.bincount(structure.block, lengths)
         return FreeProblem(
             structure=structure,
-            fractions=lengths / times[structure.block],
-            times=times / times.sum(),
+            lengths=lengths / lengths.sum(),
             joint_limits=self.limits,
-            time_scale=sum(guess.duration for guess in chain.guesses),
+            time_scale=float(lengths.sum()),
             method=self.method if self.is_structured else "Ipopt",
             problem=self.problem,
             mechanism=self.mechanism,

@@ -28,7 +28,6 @@ from ssm_planner.kinematics import (
 from ssm_planner.planning.ocp.motion import DirectionMultipliers, PhaseSolution
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
-    Guess,
     Multipliers,
     NlpData,
     NlpSolution,
@@ -106,8 +105,8 @@ class FreeProblem(OcpProblem):
         return velocity, acceleration, jerk
 
     @property
-    def guess(self) -> Guess:
-        """Guesses of all segments, one after the other."""
+    def guess(self) -> Array:
+        """Elements of the guesses of all segments, one after the other, (n, 4 m + 1)."""
         states = []
         for guess, point in zip(self.chain.guesses, self.chain.points, strict=False):
             position, *rates = guess.states
@@ -116,8 +115,7 @@ class FreeProblem(OcpProblem):
                 self.scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)
             ]
             states.append(np.hstack(scaled))
-        lengths = self.times[self.structure.block] * self.fractions
-        return Guess(np.column_stack([np.vstack(states), lengths]), self.times)
+        return np.column_stack([np.vstack(states), self.lengths])
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
         """Return parameters and bounds of the program.

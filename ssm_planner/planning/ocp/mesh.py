@@ -47,17 +47,6 @@ class Mesh:
         """Number of elements of each interval."""
         return tuple(np.bincount(self.interval).tolist())
 
-    @property
-    def times(self) -> Array:
-        """Duration of each interval as a share of all."""
-        return np.bincount(self.interval, np.diff(self.instants)) / float(self.instants[-1])
-
-    @property
-    def fractions(self) -> Array:
-        """Length of every element as a share of its interval, (n,)."""
-        lengths = np.diff(self.instants)
-        return np.asarray(lengths / np.bincount(self.interval, lengths)[self.interval])
-
     @classmethod
     def from_retiming(
         cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None
