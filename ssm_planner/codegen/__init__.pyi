@@ -8,7 +8,6 @@ from .c import (
     literal as literal,
     write_function as write_function,
 )
-from .mapped import Mapped as Mapped
 from .namespace import (
     NUMPY as NUMPY,
     Namespace as Namespace,

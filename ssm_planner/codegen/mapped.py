@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -36,28 +35,7 @@ class Mapped:
         for i, values in enumerate(self._results):
             buffer.set_res(i, values.data)
         self._buffer = buffer
-        self._whole: Array | None = None
         self._outputs = [((count, *size), positions) for size, positions in _outputs(function)]
-
-    def evaluate_at_addresses(self, z: int, *indices: int) -> None:
-        """Evaluate with raw addresses.
-
-        z: address of the points (n, size). others: address of the multipliers if the Function has
-        any, then that of the last result, dense.
-        """
-        *multipliers, result = indices
-        for values, start in zip(
-            (self._arguments[0], *self._arguments[-1:]), (z, *multipliers), strict=False
-        ):
-            ctypes.memmove(values.ctypes.data, start, values.nbytes)
-        self._trigger()
-        values, (shape, positions) = self._results[-1], self._outputs[-1]
-        if positions is not None:
-            if self._whole is None:
-                self._whole = np.zeros((shape[0], shape[1] * shape[2]))
-            self._whole[:, positions] = values
-            values = self._whole
-        ctypes.memmove(result, values.ctypes.data, values.nbytes)
 
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
         """Return the results at points z (n, size) with multipliers (n, k).

@@ -1,7 +1,7 @@
 """Python interface of the structured interior-point solver in C (`native/solver.c`).
 
 The solver is a filter line search with Newton steps on a small positive definite band matrix with a
-border. Without the compiled part (`available`) only Ipopt solves programs.
+border. Without the compiled part (`native.library`) only Ipopt solves programs.
 """
 
 from __future__ import annotations
@@ -10,15 +10,13 @@ import ctypes
 
 import numpy as np
 
-from ssm_planner.interior.problem import Called, ElementGroup, Point, Program
+from ssm_planner.interior.problem import ElementGroup, Point, Program
 from ssm_planner.native import library
 from ssm_planner.typing import Array, record
 
 TOLERANCE = 1e-8
 LAST_BARRIER = 11.0
 """Tolerance divided by the last μ."""
-SUPERLINEAR = 1.5
-"""Exponent of μ from one barrier problem to the next."""
 BARRIER = 1e-4
 """First μ of a cold start."""
 
@@ -33,15 +31,6 @@ class State:
     multipliers: Array
     """Multipliers of all rows, 0 for rows without a bound."""
     equality_multipliers: Array
-
-    def matches(self, program: Program) -> bool:
-        """Return True if the state has the dimensions of the program."""
-        sizes = (
-            self.point.c.shape,
-            len(self.point.times),
-            (len(self.slacks), len(self.equality_multipliers)),
-        )
-        return sizes == (program.free.shape, program.spline.blocks, program.sizes)
 
 
 @record
@@ -59,21 +48,14 @@ class Outcome:
     objective: float
 
 
-def available() -> bool:
-    """Return True if the compiled solver is available."""
-    return library.load() is not None
-
-
 def solve(
     program: Program,
     start: Point,
     *,
-    warm: State | None = None,
-    iterations: int = 300,
-    tolerance: float = TOLERANCE,
-    superlinear: float = SUPERLINEAR,
-    barrier: float = BARRIER,
-    off_centre: float = np.inf,
+    warm: State | None,
+    iterations: int,
+    superlinear: float,
+    off_centre: float,
 ) -> Outcome:
     """Find a local minimum of the program.
 
@@ -84,16 +66,12 @@ def solve(
     start
         Initial point of a cold start.
     warm
-        Final state of a similar solve, used instead of `start` if its dimensions fit.
+        Final state of a solve of the same dimensions, used instead of `start`.
     iterations
         Largest number of iterations.
-    tolerance
-        Tolerance of the stopping test.
     superlinear
         Largest exponent by which the weight of the barrier falls. A smaller one takes more
         iterations.
-    barrier
-        First weight of a cold start. A large one leads away from a point that is nearly optimal.
     off_centre
         Relative deviation of slack times multiplier from the last weight. It is used for
         multipliers that must follow from slacks and is not a condition of convergence.
@@ -113,8 +91,6 @@ def solve(
     native = library.load()
     if native is None:
         raise RuntimeError("the structured solver is not compiled on this machine")
-    if warm is not None and not warm.matches(program):
-        warm = None
     initial = start if warm is None else warm.point
     rows, equalities = program.sizes
     point = Point(np.array(initial.c, dtype=float), np.array(initial.times, dtype=float))
@@ -126,10 +102,9 @@ def solve(
     values = (point.c, point.times, state.slacks, state.multipliers, state.equality_multipliers, z)
     native_state = _State(*(array.ctypes.data for array in values))
     native_program = _NativeProgram(program)
-    options = _Options(iterations, tolerance, superlinear, barrier, off_centre)
+    options = _Options(iterations, TOLERANCE, superlinear, BARRIER, off_centre)
     pointers = (ctypes.byref(array) for array in (native_program.program, native_state))
     status = native.ssm_solve(*pointers, int(warm is not None), ctypes.byref(options))
-    native_program.raise_failure()
     if status > _CONVERGED:
         raise MemoryError("the structured solver ran out of memory")
     return Outcome(
@@ -199,19 +174,18 @@ class _NativeProgram:
 
     def __init__(self, program: Program) -> None:
         self._kept: list[object] = []
-        self._groups = [Called(group) for group in program.groups]
-        groups = (_Group * len(self._groups))(
+        groups = (_Group * len(program.groups))(
             *(
                 _Group(
-                    callbacks.functions,
+                    group.native.group,
                     self._longs(group.elements),
                     self._doubles(group.bound),
                     group.cost_weight,
                 )
-                for group, callbacks in zip(program.groups, self._groups, strict=True)
+                for group in program.groups
             )
         )
-        self._kept.append(groups)
+        self._kept += [program, groups]
         spline = program.spline
         element, entry, value = program.equal
         self.program = _Program(
@@ -239,11 +213,6 @@ class _NativeProgram:
             group_count=len(groups),
             groups=ctypes.addressof(groups),
         )
-
-    def raise_failure(self) -> None:
-        """Raise the exception of a callback, if there is one."""
-        for failure in (error for callbacks in self._groups for error in callbacks.failures):
-            raise failure
 
     def _doubles(self, values: object) -> int:
         """Return the address of an array of doubles."""

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline, CubicHermiteSpline
 
-from ssm_planner.interior.solve import available
+from ssm_planner.elements.compiled import compiled
 from ssm_planner.interior.spline import Kind, Spline
 from ssm_planner.native import library
 from ssm_planner.typing import Array
 
 pytestmark = pytest.mark.skipif(
-    not available(), reason="the package is built without its compiled part"
+    not compiled(), reason="the package is built without its compiled part"
 )
 TERMS, WIDEST = 9, 5
 LOOKS: tuple[tuple[str, tuple[int, ...]], ...] = (("values", (TERMS,)), ("slopes", (TERMS, WIDEST)))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.interior.solve import available
+from ssm_planner.elements.compiled import compiled
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
@@ -141,7 +141,7 @@ def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
     return float((np.maximum(*there) + np.maximum(*onward)).min())
 
 
-@pytest.mark.skipif(not available(), reason="the package is built without its compiled part")
+@pytest.mark.skipif(not compiled(), reason="the package is built without its compiled part")
 def test_both_solvers_may_do_on_fewer_elements_where_one_of_them_fails(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,22 +11,20 @@ from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.elements.rows import joint_limits, limits_jerk
 from ssm_planner.kinematics import Mechanism, retina_row, tip_position
 from ssm_planner.planning.ocp.free_problem import FreeProblem
-from ssm_planner.planning.ocp.mesh import SegmentGuess
+from ssm_planner.planning.ocp.guesses import (
+    KINEMATIC,
+    guess_between,
+    jerk_for_all,
+    sampled_guess,
+)
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
-from ssm_planner.planning.ocp.segments import (
-    KINEMATIC,
-    SegmentChain,
-    jerk_for_all,
-    sampled_segments,
-    segment_guess,
-)
-from ssm_planner.planning.ocp.turning import SegmentGuesses
+from ssm_planner.planning.ocp.segments import SegmentChain
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Objective, Problem, Robot
-from ssm_planner.typing import Array, Mask, keyword_record
+from ssm_planner.typing import Array, keyword_record
 
 ELEMENTS = 40
 """Number of elements of a motion. Some motions need FINER times as many."""
@@ -202,54 +200,58 @@ class _FreeProblemBuilder:
             max(2 * count // len(self.displacements), 8) if len(self.displacements) > 1 else count
         )
 
-    def segments(self, per_segment: int) -> list[SegmentGuesses]:
-        """Return the guesses from point to point, with about `per_segment` elements each."""
-        displacements, jerk = self.displacements, self.jerk
-        if self.borders.guess is not None and self.borders.directions is not None:
-            return sampled_segments(
-                *self.borders.guess,
-                displacements,
-                self.borders.directions,
-                count=per_segment * len(displacements),
-                least_count=self.least_count,
-            )
-        table = np.stack([self.limits[name] for name in KINEMATIC])
-        within = self.borders.via_velocity
+    def chain(self, per_segment: int) -> SegmentChain:
+        """Return the segments and their guesses, with about `per_segment` elements between points.
+
+        Where the tip passes an eye's port, there is a border too.
+        """
+        chain = self._uncut_chain(per_segment)
+        if self.problem.eye is None:
+            return chain
+        is_outside = partial(_is_outside, self.problem, self.mechanism)
+        return chain.cut_at(self.problem.eye.port, is_outside, self.least_count)
+
+    def _uncut_chain(self, per_segment: int) -> SegmentChain:
+        """Return the segments between points and reversals."""
+        displacements, borders = self.displacements, self.borders
+        if borders.guess is not None:
+            count = per_segment * len(displacements)
+            return sampled_guess(borders, count=count, least_count=self.least_count)
+        within = borders.via_velocity
         if within is None:
             within = np.zeros((len(displacements) - 1, 4))
         speeds = np.vstack([self.ends[0], within, self.ends[1]])
-        start_acceleration = self.start_acceleration
-        return [
-            segment_guess(
-                displacements[k],
-                speeds[k : k + 2],
-                table,
-                per_segment=per_segment,
-                least_count=self.least_count,
-                jerk=jerk,
-                start_acceleration=start_acceleration * (k == 0),
-            )
-            for k in range(len(displacements))
-        ]
+        table = np.stack([self.limits[name] for name in KINEMATIC])
+        return SegmentChain.joined(
+            [
+                guess_between(
+                    borders.points[k],
+                    displacements[k],
+                    speeds[k : k + 2],
+                    table,
+                    jerk=self.jerk,
+                    start_acceleration=self.start_acceleration * (k == 0),
+                    count=per_segment,
+                    least_count=self.least_count,
+                )
+                for k in range(len(displacements))
+            ]
+        )
 
     def build(self, count: int | None) -> FreeProblem:
         """Build the problem on the mesh of its guess, with the guess's duration as the unit of time.
 
         The mesh has about `count` elements, or a suitable number.
         """
-        segments = self.segments(self.elements_per_segment(count or self.default_count))
-        guesses = [guess for segment in segments for guess in segment.guesses]
-        chain = self._segment_chain(segments, guesses)
-        one_time_per_segment = self._one_time_per_segment(segments)
+        chain = self.chain(self.elements_per_segment(count or self.default_count))
+        one_time_per_segment = self._one_time_per_segment(chain)
         structure = chain.structure(one_time_per_segment=one_time_per_segment, smooth=self.jerk)
-        lengths = np.concatenate([np.diff(guess.instants) for guess in chain.guesses])
-        times = np.bincount(structure.block, lengths)
+        lengths = np.concatenate([guess.elements.h[:, 0] for guess in chain.guesses])
         return FreeProblem(
             structure=structure,
-            fractions=lengths / times[structure.block],
-            times=times / times.sum(),
+            lengths=lengths / lengths.sum(),
             joint_limits=self.limits,
-            time_scale=sum(guess.duration for guess in chain.guesses),
+            time_scale=float(lengths.sum()),
             method=self.method if self.is_structured else "Ipopt",
             problem=self.problem,
             mechanism=self.mechanism,
@@ -261,41 +263,7 @@ class _FreeProblemBuilder:
             work=self.work,
         )
 
-    def _fixed_positions(self, segments: list[SegmentGuesses]) -> Mask:
-        """Return which positions at borders are fixed, (k + 1, 4)."""
-        fixed = np.concatenate(
-            [segments[0].fixed[:1], *(segment.fixed[1:] for segment in segments)]
-        )
-        # A joint that rests on one side of a border stays where it is.
-        for k in self.borders.free:
-            signs = (
-                self.displacements if self.borders.directions is None else self.borders.directions
-            )
-            fixed[k] = (signs[k - 1] == 0) | (signs[k] == 0)
-        return fixed
-
-    def _segment_chain(
-        self, segments: list[SegmentGuesses], guesses: list[SegmentGuess]
-    ) -> SegmentChain:
-        """Return the segments with their borders, also where the tip passes an eye's port."""
-        borders = [
-            start + segment.positions[1:]
-            for start, segment in zip(self.borders.points, segments, strict=False)
-        ]
-        fixed = self._fixed_positions(segments)
-        directions = np.concatenate([segment.directions for segment in segments])
-        chain = SegmentChain(
-            np.concatenate([self.borders.points[:1], *borders]), fixed, directions, tuple(guesses)
-        )
-        if self.problem.eye is None:
-            return chain
-        return chain.cut_at(
-            self.problem.eye.port,
-            partial(_is_outside, self.problem, self.mechanism),
-            self.least_count,
-        )
-
-    def _one_time_per_segment(self, segments: list[SegmentGuesses]) -> bool:
+    def _one_time_per_segment(self, chain: SegmentChain) -> bool:
         """Return True if each segment, instead of each arc, has one time.
 
         Joints that reverse then switch where the guess does.
@@ -303,9 +271,8 @@ class _FreeProblemBuilder:
         if not self.is_structured or self.method == "estimated" or self.borders.guess is not None:
             return self.is_structured
         # With one time for each segment, jerk-limited motions are up to 0.13 % longer.
-        return bool(self._fixed_positions(segments).all()) and not (
-            self.jerk and len(self.displacements) > 1
-        )
+        reverses = not np.delete(chain.fixed, chain.ports, axis=0).all()
+        return not reverses and not (self.jerk and len(self.displacements) > 1)
 
 
 def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:

@@ -25,10 +25,10 @@ from ssm_planner.kinematics import (
     task_of_joints,
     tip_position,
 )
+from ssm_planner.planning.ocp.guesses import KINEMATIC
 from ssm_planner.planning.ocp.motion import DirectionMultipliers, PhaseSolution
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
-    Guess,
     Multipliers,
     NlpData,
     NlpSolution,
@@ -36,7 +36,7 @@ from ssm_planner.planning.ocp.nlp import (
 )
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest_descent
-from ssm_planner.planning.ocp.segments import KINEMATIC, SegmentChain
+from ssm_planner.planning.ocp.segments import SegmentChain
 from ssm_planner.planning.phases import reversal_ranges
 from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem import TASK, Problem, RetinaClearance, TaskRange, TaskRate
@@ -106,18 +106,17 @@ class FreeProblem(OcpProblem):
         return velocity, acceleration, jerk
 
     @property
-    def guess(self) -> Guess:
-        """Guesses of all segments, one after the other."""
+    def guess(self) -> Array:
+        """Elements of the guesses of all segments, one after the other, (n, 4 m + 1)."""
         states = []
-        for guess, point in zip(self.chain.guesses, self.chain.points, strict=False):
-            position, *rates = guess.states
-            values = [position + point - self.chain.points[0], *rates]
-            scaled = [
+        for guess in self.chain.guesses:
+            motion = guess.elements
+            values = motion.u - self.chain.points[0], motion.v, motion.a0, motion.a1
+            scaled = (
                 self.scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)
-            ]
-            states.append(np.hstack(scaled))
-        lengths = self.times[self.structure.block] * self.fractions
-        return Guess(np.column_stack([np.vstack(states), lengths]), self.times)
+            )
+            states.append(np.hstack([*scaled]))
+        return np.column_stack([np.vstack(states), self.lengths])
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
         """Return parameters and bounds of the program.

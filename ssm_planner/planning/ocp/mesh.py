@@ -1,22 +1,11 @@
-"""Meshes and guesses: where elements end, and the motion at which the optimisation begins.
-
-A straight phase begins at the motion of TOPP-RA along its path. Its elements end where the binding
-limit of that motion changes (`Mesh`). A free phase begins at a motion in closed form that keeps the
-limits of velocity, acceleration and jerk and rests at every point (`closed_form_guess`).
-"""
+"""Mesh of a motion along a path. Its elements end where the binding limit of TOPP-RA changes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
-from typing import Literal
-
 import numpy as np
 
-from ssm_planner.planning.lower_bound import SCurve, rest_to_rest
 from ssm_planner.planning.retiming.retime import Retiming
-from ssm_planner.planning.tolerances import ROUNDING, SAME
-from ssm_planner.trajectory import Cubic, Trajectory
+from ssm_planner.planning.tolerances import SAME
 from ssm_planner.typing import Array, Indices, record
 
 SHORTEST_ARC = 0.01
@@ -27,8 +16,6 @@ little time on them.
 """
 FEWEST = 5
 """Number of elements of the shortest arc."""
-Side = Literal["left", "right"]
-"""Side of an instant."""
 
 
 @record
@@ -46,17 +33,6 @@ class Mesh:
     def interval_sizes(self) -> tuple[int, ...]:
         """Number of elements of each interval."""
         return tuple(np.bincount(self.interval).tolist())
-
-    @property
-    def times(self) -> Array:
-        """Duration of each interval as a share of all."""
-        return np.bincount(self.interval, np.diff(self.instants)) / float(self.instants[-1])
-
-    @property
-    def fractions(self) -> Array:
-        """Length of every element as a share of its interval, (n,)."""
-        lengths = np.diff(self.instants)
-        return np.asarray(lengths / np.bincount(self.interval, lengths)[self.interval])
 
     @classmethod
     def from_retiming(
@@ -144,186 +120,3 @@ def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> t
         if SHORTEST_ARC * guess.duration / 4 < ramp and border + ramp < end - window:
             result.append(border + ramp)
     return np.array(result), np.append(turns[:-1], result[-1])
-
-
-@record
-class SegmentGuess:
-    """Guess of one segment of a free motion, with n elements."""
-
-    duration: float
-    """Duration, s."""
-    instants: Array
-    """Ends of the elements, (n + 1,), s."""
-    states: tuple[Array, Array, Array, Array]
-    """q − start, q̇, q̈ at the start and q̈ at the end of every element, (n, joints) each."""
-    arcs: tuple[int, ...]
-    """Number of elements between consecutive switching points."""
-
-    def halves(
-        self, joint: int, position: float, least_count: int
-    ) -> tuple[tuple[SegmentGuess, SegmentGuess], Array]:
-        """Split the guess in the middle, where joint `joint` passes q − start = position.
-
-        The joint moves faster or slower than before in each half. Returns both halves, and q −
-        start where they meet, (joints,).
-        """
-        positions = np.append(
-            self.states[0][:, joint], self._evaluate(self.instants[-1:], "left")[0][0, joint]
-        )
-        side, middle = np.sign(positions[-1]), self.duration / 2
-        passes = float(np.interp(side * position, side * positions, self.instants))
-        first_half, meeting = self._extract((0.0, middle), joint, (0.0, passes), least_count)
-        second_half, _ = self._extract(
-            (middle, self.duration), joint, (passes, self.duration), least_count
-        )
-        meeting[joint] = position
-        return (first_half, second_half), meeting
-
-    def _extract(
-        self,
-        span: tuple[float, float],
-        joint: int,
-        joint_span: tuple[float, float],
-        least_count: int,
-    ) -> tuple[SegmentGuess, Array]:
-        """Return the guess in a span of time, with one joint taken from another span.
-
-        The second value is q − start at the end, (joints,).
-        """
-        start, end = span
-        gap = SHORTEST_ARC * self.duration
-        switches = self.instants[np.cumsum(self.arcs)]
-        switches_inside = [float(t) for t in switches if start + gap < t < end - gap]
-        arcs, t = elements_between(
-            [start, *switches_inside, end], sum(self.arcs) / self.duration, least_count
-        )
-        rate = (joint_span[1] - joint_span[0]) / (end - start)
-
-        def states_at(instants: Array, side: Side) -> tuple[Array, ...]:
-            states, of_joint = (
-                self._evaluate(times, side)
-                for times in (instants, joint_span[0] + rate * (instants - start))
-            )
-            for order in range(3):
-                states[order][:, joint] = rate**order * of_joint[order][:, joint]
-            return states
-
-        q, qd, qdd_start = states_at(t[:-1], "right")
-        q_end, _, qdd_end = states_at(t[1:], "left")
-        return SegmentGuess(
-            end - start, t - start, (q - q[0], qd, qdd_start, qdd_end), arcs
-        ), q_end[-1]
-
-    def _evaluate(self, t: Array, side: Side) -> tuple[Array, Array, Array]:
-        """Return q − start, q̇ and q̈ at instants (n,), on one side of them, (n, joints) each."""
-        k = np.clip(np.searchsorted(self.instants, t, side) - 1, 0, len(self.instants) - 2)
-        q, qd, qdd_start, qdd_end = (state[k] for state in self.states)
-        return Cubic(q, qd, qdd_start, qdd_end, np.diff(self.instants)[k, None]).at_time(
-            (t - self.instants[k])[:, None]
-        )
-
-
-def elements_between(
-    switches: Sequence[float], density: float, least_count: int
-) -> tuple[tuple[int, ...], Array]:
-    """Return elements between switching instants (k,), s, about `density` per second.
-
-    Returns their numbers (k − 1,) and their ends (n + 1,), s.
-    """
-    arcs = tuple(
-        max(least_count, round(density * (end - start))) for start, end in pairwise(switches)
-    )
-    nodes = (
-        np.linspace(start, end, n + 1)[1:]
-        for (start, end), n in zip(pairwise(switches), arcs, strict=True)
-    )
-    return arcs, np.concatenate([switches[:1], *nodes])
-
-
-def closed_form_guess(
-    displacement: Array, limits: Array, jerk: bool, count: int, least_count: int
-) -> SegmentGuess:
-    """Return the guess of joints that move by `displacement` (m,) from rest to rest.
-
-    The slowest joint moves as fast as it can alone. The others move in step with it if that keeps
-    their limits, and otherwise by their own fastest motion, stretched to its time. Without other
-    limits this is optimal.
-
-    Parameters
-    ----------
-    displacement : (m,) array
-        Displacements, some of them 0, in rad and m.
-    limits : (3, m) array
-        Limits of velocity, acceleration and jerk.
-    jerk : bool
-        True if the jerk limits count.
-    count : int
-        Approximate number of elements.
-    least_count : int
-        Smallest number of elements between two switching points.
-    """
-    moving = np.flatnonzero(displacement)
-    distances = np.abs(displacement)
-    velocity, acceleration, jerks = limits.tolist()
-    alone = {
-        k: rest_to_rest(
-            float(distances[k]), velocity[k], acceleration[k], jerks[k] if jerk else None
-        )
-        for k in moving
-    }
-    slowest_joint = max(moving, key=lambda k: alone[k].duration)
-    leader = alone[slowest_joint]
-    curves: list[SCurve | None] = [None] * len(displacement)
-    for k in moving:
-        in_step = leader.scaled(distances[k] / distances[slowest_joint])
-        keeps_limits = all(
-            peak <= limit * (1 + ROUNDING)
-            for peak, limit in zip(in_step.peaks[: 2 + jerk], limits[:, k], strict=False)
-        )
-        profile = in_step if keeps_limits else alone[k].stretched(leader.duration)
-        curves[k] = profile.scaled(np.sign(displacement[k]))
-    return guess_of_curves(curves, leader.switches.tolist(), count / leader.duration, least_count)
-
-
-def guess_of_curves(
-    curves: Sequence[SCurve | None], switches: Sequence[float], density: float, least_count: int
-) -> SegmentGuess:
-    """Return the part of a motion between the first and last switching instant.
-
-    Parameters
-    ----------
-    curves : sequence of SCurve or None
-        Motion of every joint. None for a joint at rest.
-    switches : sequence of float
-        Switching instants, s.
-    density : float
-        Approximate number of elements per second.
-    least_count : int
-        Smallest number of elements between two switching points.
-    """
-    arcs, t = elements_between(switches, density, least_count)
-    middle, size = (t[1:] + t[:-1]) / 2, (len(t) - 1, len(curves))
-    states = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-    for i, curve in enumerate(curves):
-        if curve is None:
-            continue
-        q, qd, _ = curve.evaluate(t[:-1])
-        qdd = curve.evaluate(middle)[2]
-        half_rise = 0.5 * np.diff(t) * curve.jerk_at(middle)
-        values = q - q[0], qd, qdd - half_rise, qdd + half_rise
-        for state, value in zip(states, values, strict=True):
-            state[:, i] = value
-    return SegmentGuess(switches[-1] - switches[0], t - t[0], states, arcs)
-
-
-def sampled_guess(motion: Trajectory, start: float, end: float, count: int) -> SegmentGuess:
-    """Return the part of a motion between two instants, with `count` elements of equal length."""
-    t = np.linspace(start, end, count + 1)
-    left_state = motion.sample(t[:-1])
-    right_state = motion.sample(t[1:], side="left")
-    return SegmentGuess(
-        end - start,
-        t - start,
-        (left_state.q - left_state.q[0], left_state.qd, left_state.qdd, right_state.qdd),
-        (count,),
-    )

@@ -1,4 +1,4 @@
-"""Values of a nonlinear program: structure, boundary conditions, data, guess and solution.
+"""Values of a nonlinear program: structure, boundary conditions, data and solution.
 
 A program has n elements, m coordinates u, b blocks and k segments. All times are scaled. A segment
 lies between two borders: points where u is given, or free positions where a joint reverses. The
@@ -83,6 +83,14 @@ class NlpStructure:
     def block(self) -> Indices:
         """Block of each element, (n,)."""
         return np.repeat(np.arange(len(self.block_sizes)), self.block_sizes)
+
+    def times(self, lengths: Array) -> Array:
+        """Return the times (b,) of the blocks from the lengths (n,) of the elements."""
+        return np.asarray(np.bincount(self.block, lengths), dtype=float)
+
+    def variables(self, elements: Array) -> Array:
+        """Return Ipopt's variables for elements (n, 4 m + 1): their states, and the times."""
+        return np.append(elements[:, :-1].ravel(), self.times(elements[:, -1]))
 
     @cached_property
     def moving(self) -> Indices:
@@ -208,34 +216,6 @@ class NlpData:
         return replace(self, duration=duration, weights=(time, 1.0))
 
 
-@record
-class InitialPoint:
-    """Point at which a solver starts: variables, and multipliers of an earlier solution."""
-
-    x: Array
-    multipliers: tuple[Array, Array] | None = None
-    structured: State | None = None
-    """State of the structured solver."""
-
-
-@record
-class Guess:
-    """Motion at which a solve begins: elements (n, 4 m + 1), and times (b,) of the blocks."""
-
-    elements: Array
-    times: Array
-
-    @property
-    def point(self) -> InitialPoint:
-        """Initial point of a cold start."""
-        return InitialPoint(np.append(self.elements[:, :-1].ravel(), self.times))
-
-    def stretched(self, factor: float) -> Guess:
-        """Return the same motion with its duration multiplied by `factor`."""
-        orders = np.repeat([0, 1, 2, 2, -1], [*[self.elements.shape[1] // 4] * 4, 1])
-        return Guess(self.elements / factor ** orders.astype(float), self.times * factor)
-
-
 @frozen
 class Confirmation:
     """Ipopt's results for the optima of the structured solver, from which it started."""
@@ -291,12 +271,11 @@ class NlpSolution:
     structure: NlpStructure
     elements: Array
     """u, u̇, ü at the start, ü at the end, and length of every element, (n, 4 m + 1)."""
-    times: Array
-    """Times of the blocks, (b,)."""
     iterations: int
-    point: InitialPoint
-    """Point for a warm start from this solution."""
     solver: Solver = "Ipopt"
+    structured_state: State | None = None
+    ipopt_multipliers: tuple[Array, Array] | None = None
+    """Where the solver ended. A solve of a similar program may start there."""
     objective: float = np.nan
     residual: float = np.nan
     """KKT residual at Ipopt's last iterate."""
@@ -315,11 +294,23 @@ class NlpSolution:
         """True if the solver found a motion."""
         return self.status == "solved"
 
+    @property
+    def duration(self) -> float:
+        """Duration in scaled time."""
+        return float(self.elements[:, -1].sum())
+
 
 def cubics(elements: Array) -> Cubic:
     """Return the cubics of elements (n, 4 m + 1), (n, m) each, with lengths (n, 1)."""
     m = elements.shape[1] // 4
     return Cubic(*np.hsplit(elements, [m, 2 * m, 3 * m, 4 * m]))
+
+
+def stretched(elements: Array, factor: float) -> Array:
+    """Return elements (n, 4 m + 1) of the same motion with its duration multiplied by `factor`."""
+    pieces = cubics(elements)
+    acceleration = pieces.a0 / factor**2, pieces.a1 / factor**2
+    return np.hstack([pieces.u, pieces.v / factor, *acceleration, pieces.h * factor])
 
 
 def split(elements: Array, counts: Indices) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ssm_planner.dynamics import motorised
 from ssm_planner.elements.element import Aim
-from ssm_planner.planning.ocp.nlp import Confirmation, Guess, InitialPoint, NlpSolution
+from ssm_planner.planning.ocp.nlp import Confirmation, NlpSolution, stretched
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.refinement import (
     TOLERANCE,
@@ -23,6 +23,7 @@ from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.tolerances import GAP, SAME
 from ssm_planner.problem import Objective
+from ssm_planner.typing import Array
 
 CENTRING = 8
 """Largest number of iterations that centre a solution for Ipopt."""
@@ -32,7 +33,7 @@ LONGER = 1e-3
 
 
 def find_fastest_motion(
-    problem: OcpProblem, guess: Guess, duration: float | None = None, *, cutoff: float = np.inf
+    problem: OcpProblem, guess: Array, duration: float | None = None, *, cutoff: float = np.inf
 ) -> RefinedMotion:
     """Return the fastest motion as the first solver finds it. `find_best_motion` makes it final.
 
@@ -40,8 +41,8 @@ def find_fastest_motion(
     ----------
     problem : OcpProblem
         The problem on its first mesh.
-    guess : Guess
-        Motion at which the optimisation begins.
+    guess : (n, 4 m + 1) array
+        Elements of the motion at which the optimisation begins.
     duration : float or None
         Requested duration in scaled time.
     cutoff : float
@@ -85,12 +86,12 @@ def find_best_motion(
         The motion, or the status of the failure.
     """
     cutoff = cutoff if duration is None else (1 + GAP) * duration
-    if not fastest.solution.solved or fastest.solution.times.sum() > cutoff:
+    if not fastest.solution.solved or fastest.solution.duration > cutoff:
         return fastest.solution
     confirmed = _confirm(fastest, "time")
     if confirmed is None:
         return replace(fastest.solution, message=NOT_CONFIRMED)
-    if not confirmed.solution.solved or confirmed.solution.times.sum() > (duration or np.inf):
+    if not confirmed.solution.solved or confirmed.solution.duration > (duration or np.inf):
         return confirmed.solution
     cheapest = _of_least_cost(confirmed, objective, duration)
     if cheapest is None:
@@ -122,14 +123,12 @@ def _of_least_heat(fastest: RefinedMotion, *, cooled: bool) -> NlpSolution | Non
     With heat weights (`cooled`), it is the motion of least weighted sum of time and heat.
     """
     solution, problem = fastest.solution, fastest.state.problem
-    guess = Guess(solution.elements, solution.times)
     if solution.solver == "structured" and problem.has_free_borders:
         # Heat barely depends on when borders are passed, so segments between them would shrink to
         # nothing over many iterations.
-        problem = problem.with_one_time(guess.elements[:, -1])
-        guess = replace(guess, times=problem.times)
-    state = replace(fastest.state, problem=problem).restarted(guess)
-    max_duration = np.inf if cooled else (1 + LONGER) * float(solution.times.sum())
+        problem = problem.with_one_time(solution.elements[:, -1])
+    state = replace(fastest.state, problem=problem).restarted(solution.elements)
+    max_duration = np.inf if cooled else (1 + LONGER) * solution.duration
     result = _solve_and_confirm(state, "cooling" if cooled else "heat", (0.0, max_duration))
     return result.solution if result.solution.solved and result.feasible else None
 
@@ -137,7 +136,7 @@ def _of_least_heat(fastest: RefinedMotion, *, cooled: bool) -> NlpSolution | Non
 def _of_least_effort(fastest: RefinedMotion, duration: float, aim: Aim) -> NlpSolution:
     """Return the motion of least effort, or of least weighted heat, that takes `duration`."""
     solution = fastest.solution
-    guess = Guess(solution.elements, solution.times).stretched(duration / solution.times.sum())
+    guess = stretched(solution.elements, duration / solution.duration)
     state = RefinementState.from_guess(fastest.state.problem, guess)
     result = _solve_and_confirm(state, aim, (duration, duration)).solution
     # Any motion of this duration is better than none.
@@ -173,9 +172,15 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
         return refined
     structure, element, data = refined.program
     centred = solve_structured(
-        structure, element, data, structured.point, iterations=CENTRING, centred=True
+        structure,
+        element,
+        data,
+        structured.elements,
+        warm=structured,
+        iterations=CENTRING,
+        centred=True,
     )
-    start = InitialPoint((centred if centred.solved else structured).point.x)
+    start = (centred if centred.solved else structured).elements
     ipopts = Transcription.build(structure, element).solve(data, start, confirming=True)
     problem.work.add_iterations(
         "Ipopt", ipopts.iterations, len(ipopts.elements), costs=aim != "time"
@@ -183,8 +188,7 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
     if not ipopts.solved:
         return None
     own_value, ipopt_value = (
-        float(motion.times.sum()) if aim == "time" else motion.objective
-        for motion in (structured, ipopts)
+        motion.duration if aim == "time" else motion.objective for motion in (structured, ipopts)
     )
     difference = ipopt_value / own_value - 1 if own_value else 0.0
     better = difference < -SAME

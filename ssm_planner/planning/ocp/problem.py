@@ -27,10 +27,8 @@ class OcpProblem(ABC):
     """
 
     structure: NlpStructure
-    fractions: Array
-    """Length of every element as a share of its block, (n,)."""
-    times: Array
-    """Time of every block in the guess, (b,), in scaled time."""
+    lengths: Array
+    """Length of every element in the guess, (n,), in scaled time."""
     joint_limits: dict[str, Array]
     """Result of `rows.joint_limits` for the robot whose limits the motion must keep."""
     time_scale: float
@@ -77,12 +75,12 @@ class OcpProblem(ABC):
         `backoff` is (n, active rows).
         """
         velocity, acceleration, jerk = self.limits
-        boundary = self.boundary
+        boundary, times = self.boundary, self.structure.times(self.lengths)
         lower, upper, v_bounds = boundary.bounds(self.structure, velocity, acceleration)
         return NlpData(
             element_parameters=self.element_parameters(elements),
-            fractions=self.fractions,
-            least_times=SHORTEST * self.times,
+            fractions=self.lengths / times[self.structure.block],
+            least_times=SHORTEST * times,
             lower=lower,
             upper=upper,
             velocity=v_bounds,
@@ -98,14 +96,13 @@ class OcpProblem(ABC):
 
         `counts` (n,) are their numbers.
         """
-        fractions = np.repeat(self.fractions / counts, counts)
-        return replace(self, structure=self.structure.split(counts), fractions=fractions)
+        lengths = np.repeat(self.lengths / counts, counts)
+        return replace(self, structure=self.structure.split(counts), lengths=lengths)
 
     def with_one_time(self, lengths: Array) -> OcpProblem:
         """Return the problem with one time for all elements, with proportional lengths (n,)."""
         structure = replace(self.structure, block_sizes=(len(lengths),))
-        total = lengths.sum(keepdims=True)
-        return replace(self, structure=structure, fractions=lengths / total, times=total)
+        return replace(self, structure=structure, lengths=lengths)
 
     @property
     def has_free_borders(self) -> bool:

@@ -15,8 +15,6 @@ import numpy as np
 from ssm_planner.elements.element import Aim, ElementModel
 from ssm_planner.elements.rows import RowName
 from ssm_planner.planning.ocp.nlp import (
-    Guess,
-    InitialPoint,
     NlpData,
     NlpSolution,
     NlpStructure,
@@ -26,7 +24,7 @@ from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.work import SOLVE
-from ssm_planner.problem import LensClearance, MotorTorque
+from ssm_planner.problem import MotorTorque
 from ssm_planner.typing import Array, record
 
 NEAR = 0.8
@@ -60,30 +58,29 @@ NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 class RefinementState:
     """State of a refinement."""
 
-    guess: Guess
-    """Guess at which the refinement began."""
+    guess: Array
+    """Elements of the guess at which the refinement began, (n, 4 m + 1)."""
     problem: OcpProblem
     active: frozenset[RowName]
     backoff: Array
     """Backoff of all rows, (n, r)."""
     elements: Array
     """Latest solution, or the guess, (n, 4 m + 1)."""
-    start: InitialPoint
-    """Initial point of the next solve."""
+    warm: NlpSolution | None = None
+    """Solution whose multipliers are those at which the next solve starts."""
 
     @classmethod
-    def from_guess(cls, problem: OcpProblem, guess: Guess) -> RefinementState:
+    def from_guess(cls, problem: OcpProblem, guess: Array) -> RefinementState:
         """Begin a refinement. The rows that the guess comes near to are active."""
-        elements = guess.elements
         active = problem.always_active | chosen_rows(
-            problem.row_names, problem.row_maxima(elements), NEAR
+            problem.row_names, problem.row_maxima(guess), NEAR
         )
-        backoff = np.zeros((len(elements), len(problem.row_names)))
-        return cls(guess, problem, active, backoff, elements=elements, start=guess.point)
+        backoff = np.zeros((len(guess), len(problem.row_names)))
+        return cls(guess, problem, active, backoff, elements=guess)
 
-    def restarted(self, guess: Guess) -> RefinementState:
+    def restarted(self, guess: Array) -> RefinementState:
         """Return the state with another guess, and with the same active rows and backoff."""
-        return replace(self, guess=guess, elements=guess.elements, start=guess.point)
+        return replace(self, guess=guess, elements=guess, warm=None)
 
     def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
         """Return the program to solve next."""
@@ -100,11 +97,10 @@ class RefinementState:
         """Solve the program with the solver that the method requires."""
         structure, element, data = program
         if self.problem.method == "Ipopt":
-            return Transcription.build(structure, element).solve(data, self.start)
-        beside_lens = any(name == LensClearance.name for name, _ in self.active)
-        return solve_structured(structure, element, data, self.start, switching=beside_lens)
+            return Transcription.build(structure, element).solve(data, self.elements, self.warm)
+        return solve_structured(structure, element, data, self.elements, warm=self.warm)
 
-    def cut(self, solution: NlpSolution, coarse: Array) -> RefinementState:
+    def cut(self, coarse: Array) -> RefinementState:
         """Return the state with the coarse elements (n,) cut into PARTS.
 
         The parts keep the backoff.
@@ -112,18 +108,17 @@ class RefinementState:
         counts = np.where(coarse, PARTS, 1)
         elements = split(self.elements, counts)
         backoff = np.repeat(self.backoff, counts, axis=0)
-        start = Guess(elements, solution.times).point
         return replace(
             self,
             problem=self.problem.with_cut_elements(counts),
             elements=elements,
             backoff=backoff,
-            start=start,
+            warm=None,
         )
 
     def tightened(self, solution: NlpSolution, increase: Array) -> RefinementState:
         """Return the state with more backoff (n, r). The next solve is warm from the solution."""
-        return replace(self, backoff=self.backoff + increase, start=solution.point)
+        return replace(self, backoff=self.backoff + increase, warm=solution)
 
 
 @record
@@ -169,7 +164,7 @@ def solve_to_tolerance(
             solution.solver, solution.iterations, len(solution.elements), costs=aim != "time"
         )
         state = replace(state, elements=solution.elements)
-        if not solution.solved or solution.times.sum() > cutoff:
+        if not solution.solved or solution.duration > cutoff:
             break
         violation = state.problem.row_maxima(solution.elements) - 1
         feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
@@ -194,12 +189,12 @@ def _next_state(
     missed = chosen_rows(state.problem.row_names, violation, TOLERANCE) - state.active
     if missed:
         state = replace(state, active=state.active | missed)
-        if violation.max() > DIVERGED and len(state.elements) == len(state.guess.elements):
+        if violation.max() > DIVERGED and len(state.elements) == len(state.guess):
             return state.restarted(state.guess)
-        return replace(state, start=InitialPoint(solution.point.x))
+        return replace(state, warm=None)
     coarse = violation.max(axis=1) > COARSE
     if may_cut and k <= CUTS and coarse.any():
-        return state.cut(solution, coarse)
+        return state.cut(coarse)
     return state.tightened(solution, backoff_of(violation))
 
 

@@ -1,4 +1,4 @@
-"""Segments of a free motion: their guesses, borders and directions.
+"""Segments of a free motion: their borders, directions and guesses.
 
 A segment lies between two borders, which are points, reversals, or passages of the port of an eye.
 Every joint keeps its direction within a segment.
@@ -6,102 +6,134 @@ Every joint keeps its direction within a segment.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.elements.rows import UNLIMITED
-from ssm_planner.planning.ocp.mesh import SegmentGuess, closed_form_guess, sampled_guess
+from ssm_planner.planning.lower_bound import SCurve
+from ssm_planner.planning.ocp.mesh import SHORTEST_ARC
 from ssm_planner.planning.ocp.nlp import NlpStructure, blocks_of
-from ssm_planner.planning.ocp.turning import SegmentGuesses, braking, guess_with_reversals
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Mask, record
 
-RAMP = 5e-4
-"""Share of the time between two points in which a joint without a jerk limit reaches its
-acceleration.
 
-It applies if another joint has a jerk limit.
-"""
-KINEMATIC = ("velocity", "acceleration", "jerk")
-"""Limits of joints by the order of their derivative."""
+@record
+class SegmentGuess:
+    """Guess of one segment of a free motion, with n elements."""
+
+    elements: Cubic
+    """q, q̇, and q̈ at both ends of the elements, (n, 4) each, with their lengths (n, 1), s."""
+    arcs: tuple[int, ...]
+    """Number of elements between consecutive switching points."""
+
+    @property
+    def instants(self) -> Array:
+        """Ends of the elements, (n + 1,), s."""
+        return np.append(0.0, np.cumsum(self.elements.h))
+
+    def halves(
+        self, joint: int, position: float, least_count: int
+    ) -> tuple[SegmentGuess, SegmentGuess]:
+        """Split the guess in the middle, where joint `joint` shall pass a position.
+
+        The joint moves faster or slower than before in each half.
+        """
+        instants = self.instants
+        duration = float(instants[-1])
+        positions = np.append(self.elements.u[:, joint], self.elements.end[0][-1, joint])
+        sense = np.sign(positions[-1] - positions[0])
+        passes = float(np.interp(sense * position, sense * positions, instants))
+        return (
+            self._part((0.0, duration / 2), joint, (0.0, passes), least_count),
+            self._part((duration / 2, duration), joint, (passes, duration), least_count),
+        )
+
+    def _part(
+        self,
+        span: tuple[float, float],
+        joint: int,
+        joint_span: tuple[float, float],
+        least_count: int,
+    ) -> SegmentGuess:
+        """Return the guess in a span of time, with one joint taken from another span."""
+        start, end = span
+        instants = self.instants
+        gap = SHORTEST_ARC * instants[-1]
+        switches = instants[np.cumsum(self.arcs)]
+        inner = switches[(switches > start + gap) & (switches < end - gap)]
+        density = sum(self.arcs) / float(instants[-1])
+        arcs, t = elements_between([start, *inner.tolist(), end], density, least_count)
+        rate = (joint_span[1] - joint_span[0]) / (end - start)
+        states = self._states(t)
+        joint_states = self._states(joint_span[0] + rate * (t - start))
+        for state, joint_state, order in zip(states, joint_states, (0, 1, 2, 2), strict=True):
+            state[:, joint] = rate**order * joint_state[:, joint]
+        return SegmentGuess(Cubic(*states, np.diff(t)[:, None]), arcs)
+
+    def _states(self, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Return q, q̇, and q̈ at the start and at the end between instants t (n + 1,), (n, 4)."""
+        instants, elements = self.instants, self.elements
+        k = np.searchsorted(instants[1:-1], (t[1:] + t[:-1]) / 2)
+        piece = Cubic(elements.u[k], elements.v[k], elements.a0[k], elements.a1[k], elements.h[k])
+        q, qd, qdd_start = piece.at_time((t[:-1] - instants[k])[:, None])
+        *_, qdd_end = piece.at_time((t[1:] - instants[k])[:, None])
+        return q, qd, qdd_start, qdd_end
 
 
-def segment_guess(
-    displacement: Array,
-    speeds: Array,
-    table: Array,
-    *,
-    per_segment: int,
-    least_count: int,
-    jerk: bool,
-    start_acceleration: Array,
-) -> SegmentGuesses:
-    """Return the guess over a displacement (4,) between velocities (2, 4).
+def elements_between(
+    switches: Sequence[float], density: float, least_count: int
+) -> tuple[tuple[int, ...], Array]:
+    """Return elements between switching instants (k,), s, about `density` per second.
 
-    `start_acceleration` (4,) is q̈ at its start.
+    Returns their numbers (k − 1,) and their ends (n + 1,), s.
     """
-    start, end = speeds
-    if not speeds.any():
-        guess = closed_form_guess(displacement, table, jerk, per_segment, least_count)
-        positions = np.stack([np.zeros(4), displacement])
-        return SegmentGuesses(
-            (guess,), positions, np.ones((2, 4), dtype=bool), np.sign(displacement[None])
-        )
-    brake = table[1]
-    if jerk:
-        brake = np.minimum(
-            braking(start, start_acceleration, table), braking(end, np.zeros(4), table)
-        )
-    limits = np.stack([table[0], table[1], brake])
-    return guess_with_reversals(
-        displacement, (start, end), limits, count=per_segment, least_count=least_count
+    arcs = tuple(
+        max(least_count, round(density * (end - start))) for start, end in pairwise(switches)
     )
+    nodes = (
+        np.linspace(start, end, n + 1)[1:]
+        for (start, end), n in zip(pairwise(switches), arcs, strict=True)
+    )
+    return arcs, np.concatenate([switches[:1], *nodes])
 
 
-def sampled_segments(
-    motion: Trajectory,
-    instants: Array,
-    displacements: Array,
-    directions: Array,
+def guess_of_curves(
+    start: Array,
+    curves: Sequence[SCurve | None],
+    switches: Sequence[float],
     *,
-    count: int,
+    density: float,
     least_count: int,
-) -> list[SegmentGuesses]:
-    """Return guesses for displacements (k, 4) by about `count` elements, sampled from a motion.
+) -> SegmentGuess:
+    """Return the part of a motion between the first and last switching instant.
 
-    `instants` (k + 1,) are the borders of the motion, s.
+    Parameters
+    ----------
+    start : (m,) array
+        Joints at time 0.
+    curves : sequence of SCurve or None
+        Motion of every joint. None for a joint at rest.
+    switches : sequence of float
+        Switching instants, s.
+    density : float
+        Approximate number of elements per second.
+    least_count : int
+        Smallest number of elements between two switching points.
     """
-    segments = []
-    for start, end, displacement, signs in zip(
-        instants[:-1], instants[1:], displacements, directions, strict=True
-    ):
-        n = max(2 * least_count, round(count * (end - start) / motion.duration))
-        guess = sampled_guess(motion, float(start), float(end), n)
-        speed = np.where(guess.states[1] * signs > 0, guess.states[1], 0.0)
-        guess = replace(guess, states=(guess.states[0], speed, *guess.states[2:]))
-        positions = np.stack([np.zeros(4), displacement])
-        segments.append(
-            SegmentGuesses((guess,), positions, np.ones((2, 4), dtype=bool), signs[None])
-        )
-    return segments
-
-
-def jerk_for_all(
-    limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
-) -> Array:
-    """Return a jerk limit for every joint, (4,), if one joint has a limit.
-
-    A joint without a limit reaches its acceleration in a share RAMP of the time of the quickest
-    displacement (k, 4).
-    """
-    velocity, acceleration, jerk = (limits[name] for name in KINEMATIC)
-    takes = np.abs(displacements) / velocity + 2 * np.sqrt(np.abs(displacements) / acceleration)
-    takes[[0, -1]] += np.abs(ends) / acceleration
-    ramp = RAMP * takes.max(axis=1).min()
-    return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)
+    arcs, t = elements_between(switches, density, least_count)
+    middle, lengths = (t[1:] + t[:-1]) / 2, np.diff(t)
+    q = np.tile(start, (len(lengths), 1))
+    qd, qdd_start, qdd_end = np.zeros((3, *q.shape))
+    for i, curve in enumerate(curves):
+        if curve is not None:
+            displacement, qd[:, i], _ = curve.evaluate(t[:-1])
+            q[:, i] += displacement
+            qdd = curve.evaluate(middle)[2]
+            half_rise = 0.5 * lengths * curve.jerk_at(middle)
+            qdd_start[:, i], qdd_end[:, i] = qdd - half_rise, qdd + half_rise
+    return SegmentGuess(Cubic(q, qd, qdd_start, qdd_end, lengths[:, None]), arcs)
 
 
 @record
@@ -117,6 +149,17 @@ class SegmentChain:
     guesses: tuple[SegmentGuess, ...]
     ports: tuple[int, ...] = ()
     """Borders at which the tip passes the port of an eye. Joint 4 alone is fixed there."""
+
+    @classmethod
+    def joined(cls, chains: Sequence[SegmentChain]) -> SegmentChain:
+        """Return one chain of several. Each begins at the point where the previous one ends."""
+        first, *others = chains
+        return cls(
+            np.concatenate([first.points, *(chain.points[1:] for chain in others)]),
+            np.concatenate([first.fixed, *(chain.fixed[1:] for chain in others)]),
+            np.concatenate([chain.directions for chain in chains]),
+            tuple(guess for chain in chains for guess in chain.guesses),
+        )
 
     def structure(self, *, one_time_per_segment: bool, smooth: bool) -> NlpStructure:
         """Return the structure of the program. With `one_time_per_segment`, each segment has one time."""
@@ -137,39 +180,47 @@ class SegmentChain:
     ) -> SegmentChain:
         """Insert a border where joint 4 passes the port. The retina's row only holds beyond it.
 
-        If a segment begins or ends at the edge of the port, joint 4 stands there until the others
-        allow it to move on. In the guess it stands as long as it then moves. `is_outside` tells
-        whether the retina's row forbids joints (4,).
+        `is_outside` tells whether the retina's row forbids joints (4,).
         """
         points, fixed, ports = [self.points[0]], [self.fixed[0]], []
         directions: list[Array] = []
         guesses: list[SegmentGuess] = []
         for k, guess in enumerate(self.guesses):
-            ends = self.points[k : k + 2]
-            sides = np.tile(self.directions[k], (2, 1))
-            beyond = np.abs(ends[:, 3]) - port
-            inner = int(beyond.argmin())
-            at_edge = bool(abs(beyond[inner]) <= ROUNDING)
-            if beyond.max() > ROUNDING and (
-                is_outside(ends[inner]) if at_edge else beyond[inner] < 0
-            ):
-                sides[inner, 3] *= not at_edge
-                halves, position = guess.halves(
-                    3, np.copysign(port, ends[1 - inner, 3]) - ends[0, 3], least_count
-                )
-                ports.append(len(points))
-                points.append(ends[0] + position)
-                fixed.append((sides == 0).any(axis=0) | (np.arange(4) == 3))
-                guesses += halves
-                directions += [*sides]
-            else:
+            sides = self._sides_of_port(k, port, is_outside)
+            if len(sides) == 1:
                 guesses.append(guess)
-                directions.append(sides[0])
-            points.append(ends[1])
+            else:
+                deepest = self.points[k : k + 2, 3][np.abs(self.points[k : k + 2, 3]).argmax()]
+                depth = float(np.copysign(port, deepest))
+                guesses += guess.halves(3, depth, least_count)
+                meeting = guesses[-1].elements.u[0].copy()
+                meeting[3] = depth
+                ports.append(len(points))
+                points.append(meeting)
+                fixed.append((sides == 0).any(axis=0) | (np.arange(4) == 3))
+            directions += [*sides]
+            points.append(self.points[k + 1])
             fixed.append(self.fixed[k + 1])
         return SegmentChain(
             np.array(points), np.array(fixed), np.array(directions), tuple(guesses), tuple(ports)
         )
+
+    def _sides_of_port(self, k: int, port: float, is_outside: Callable[[Array], bool]) -> Array:
+        """Return the directions (1 or 2, 4) of segment k, before and after joint 4 passes the port.
+
+        If the segment begins or ends at the edge of the port, joint 4 stands there until the others
+        allow it to move on. In the guess it stands as long as it then moves.
+        """
+        ends, directions = self.points[k : k + 2], self.directions[k : k + 1]
+        beyond = np.abs(ends[:, 3]) - port
+        inner = int(beyond.argmin())
+        at_edge = bool(abs(beyond[inner]) <= ROUNDING)
+        waits_or_passes = is_outside(ends[inner]) if at_edge else bool(beyond[inner] < 0)
+        if beyond.max() <= ROUNDING or not waits_or_passes:
+            return directions
+        sides = np.tile(directions, (2, 1))
+        sides[inner, 3] *= not at_edge
+        return sides
 
     def within(self, port: float) -> Mask:
         """Return the segments (k,) in which the depth of the tip is at most `port`, m.

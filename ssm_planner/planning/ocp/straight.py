@@ -30,7 +30,6 @@ from ssm_planner.planning.ocp.mesh import Mesh
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
-    Guess,
     Method,
     NlpSolution,
     NlpStructure,
@@ -133,8 +132,7 @@ def solve_straight(
         structure=_structure(
             mesh, smooth=jerk, velocity_limits=bool(speed_limit.min() < UNLIMITED)
         ),
-        fractions=mesh.fractions,
-        times=mesh.times,
+        lengths=np.diff(mesh.instants) / mesh.instants[-1],
         joint_limits=joint_limits(strict or robot, cooling),
         time_scale=scale,
         method=method,
@@ -147,9 +145,8 @@ def solve_straight(
         starting=np.full(4, speeds[0] == 0.0),
         work=work or Work(),
     )
-    initial = Guess(mesh.elements(guess), mesh.times)
     takes = None if duration is None else duration / scale
-    fastest = find_fastest_motion(problem, initial, takes)
+    fastest = find_fastest_motion(problem, mesh.elements(guess), takes)
     return problem.result(find_best_motion(fastest, objective, takes), speeds[1])
 
 

@@ -20,7 +20,6 @@ from ssm_planner.elements.compiled import MappedElements, mapped_elements
 from ssm_planner.elements.element import ElementModel, element_functions
 from ssm_planner.planning.ocp.ipopt import IpoptProgram, Start, build_solvers, ipopt
 from ssm_planner.planning.ocp.nlp import (
-    InitialPoint,
     Multipliers,
     NlpData,
     NlpSolution,
@@ -149,23 +148,27 @@ class Transcription:
         sizes = {name: rows.numel() for name, rows in constraints.items()}
         return cls(structure, element, solver, native=native, parameters=s.layout, sizes=sizes)
 
-    def solve(self, data: NlpData, start: InitialPoint, *, confirming: bool = False) -> NlpSolution:
-        """Solve with Ipopt from an initial point.
+    def solve(
+        self,
+        data: NlpData,
+        elements: Array,
+        warm: NlpSolution | None = None,
+        *,
+        confirming: bool = False,
+    ) -> NlpSolution:
+        """Solve with Ipopt from elements (n, 4 m + 1).
 
-        The start is cold from a guess and warm from an earlier solution. `confirming` starts from a
-        solution of the structured solver.
+        The start is cold from a guess and `warm` from Ipopt's solution of a neighbouring program.
+        `confirming` starts from a solution of the structured solver.
         """
         n, m = self.structure.elements, self.structure.coordinates
         if confirming:
             data = self._as_structured(data)
-        start_kind: Start = (
-            "confirming" if confirming else "cold" if start.multipliers is None else "warm"
-        )
-        result, stats = ipopt(self.solver(start_kind), **self._inputs(data, start))
+        start_kind: Start = "confirming" if confirming else "cold" if warm is None else "warm"
+        result, stats = ipopt(self.solver(start_kind), **self._inputs(data, elements, warm))
         if self.native is not None:
             self.native.check()
         x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
-        point = InitialPoint(x, (lam_x, lam_g))
         states = x[: 4 * m * n].reshape(n, 4 * m)
         times = x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
@@ -173,21 +176,18 @@ class Transcription:
             str(stats["return_status"]),
             self.structure,
             elements,
-            times,
             iterations=int(stats["iter_count"]),
             residual=max(stats["iterations"][name][-1] for name in ("inf_pr", "inf_du")),
-            point=point,
+            ipopt_multipliers=(lam_x, lam_g),
             objective=float(result["f"]),
-            multipliers=self._multipliers(data, point),
+            multipliers=self._multipliers(data, lam_x, lam_g),
         )
 
-    def _multipliers(self, data: NlpData, point: InitialPoint) -> Multipliers:
+    def _multipliers(self, data: NlpData, of_x: Array, of_g: Array) -> Multipliers:
         """Return the multipliers of the path constraints and of the directions.
 
         CasADi's are negative at lower bounds.
         """
-        assert point.multipliers is not None
-        of_x, of_g = point.multipliers
         n, m = self.structure.elements, self.structure.coordinates
         within = np.zeros((n, m))
         start = self.sizes["dynamics"]
@@ -211,7 +211,7 @@ class Transcription:
         upper[:, positions][~needed] = np.inf
         return replace(data, lower=lower, upper=upper)
 
-    def _inputs(self, data: NlpData, start: InitialPoint) -> dict[str, Array]:
+    def _inputs(self, data: NlpData, elements: Array, warm: NlpSolution | None) -> dict[str, Array]:
         """Return the arguments of the solver."""
         limited = self.structure.moving & self.structure.velocity_limits
         bounds = {
@@ -230,15 +230,15 @@ class Transcription:
             **{name: getattr(data, name) for name in self.parameters.slices}
         )
         inputs = {
-            "x0": start.x,
+            "x0": self.structure.variables(elements),
             "p": np.concatenate([*map(np.ravel, data.element_parameters), own_parameters]),
             "lbx": np.append(data.lower.ravel(), data.least_times),
             "ubx": np.append(data.upper.ravel(), np.full(len(data.least_times), np.inf)),
             "lbg": np.concatenate([*lower, np.full(path_bound.size, -np.inf)]),
             "ubg": np.concatenate([*upper, path_bound]),
         }
-        if start.multipliers is not None:
-            inputs["lam_x0"], inputs["lam_g0"] = start.multipliers
+        if warm is not None and warm.ipopt_multipliers is not None:
+            inputs["lam_x0"], inputs["lam_g0"] = warm.ipopt_multipliers
         return inputs
 
 

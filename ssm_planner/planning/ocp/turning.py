@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.planning.lower_bound import SCurve, minimum_times
-from ssm_planner.planning.ocp.mesh import SegmentGuess, guess_of_curves
+from ssm_planner.planning.ocp.segments import SegmentChain, guess_of_curves
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.typing import Array, Mask, record
+from ssm_planner.typing import Array, record
 
 LEAST_SEGMENT = 4e-3
 """Smallest time between two borders of the guess, as a share of the duration.
@@ -25,20 +25,6 @@ The solver may reduce it to a hundredth.
 """
 BISECTIONS = 60
 """Number of bisections."""
-
-
-@record
-class SegmentGuesses:
-    """The segments of a motion between two points."""
-
-    guesses: tuple[SegmentGuess, ...]
-    """Guesses of the k segments."""
-    positions: Array
-    """q − start at the borders of the guess, (k + 1, joints)."""
-    fixed: Mask
-    """True where these positions are fixed, (k + 1, joints)."""
-    directions: Array
-    """Direction of every joint in every segment, (k, joints)."""
 
 
 @record
@@ -157,15 +143,17 @@ def braking(speed: Array, acceleration: Array, limits: Array) -> Array:
 
 
 def guess_with_reversals(
-    displacement: Array, speeds: tuple[Array, Array], limits: Array, *, count: int, least_count: int
-) -> SegmentGuesses:
+    start: Array, displacement: Array, speeds: Array, limits: Array, *, count: int, least_count: int
+) -> SegmentChain:
     """Return the guess for joints that move by `displacement` (m,) between two q̇ (m,).
 
     Parameters
     ----------
+    start : (m,) array
+        Joints at the start.
     displacement : (m,) array
         Displacements in rad and m.
-    speeds : ((m,), (m,)) arrays
+    speeds : (2, m) array
         q̇ at both ends.
     limits : (3, m) array
         Limits on velocity and acceleration, and the acceleration of `braking`.
@@ -176,12 +164,12 @@ def guess_with_reversals(
 
     Returns
     -------
-    SegmentGuesses
+    SegmentChain
         Segments between the reversals of all joints.
     """
     profiles = [
-        _Profile.from_limits(float(way), (float(start), float(end)), limit)
-        for way, start, end, limit in zip(displacement, *speeds, limits.T, strict=True)
+        _Profile.from_limits(float(way), (float(first), float(last)), limit)
+        for way, first, last, limit in zip(displacement, *speeds, limits.T, strict=True)
     ]
     slowest = max(
         (profile for profile in profiles if profile.moves), key=lambda profile: profile.duration
@@ -190,21 +178,26 @@ def guess_with_reversals(
     gap = LEAST_SEGMENT * duration
     curves = [profile.with_duration(duration) if profile.moves else None for profile in profiles]
     borders, directions = _reversals_in_order(profiles, duration)
+    switches = slowest.with_duration(duration).switches
     guesses = []
-    for start, end in pairwise(borders):
-        instants = [start]
-        for t in slowest.with_duration(duration).switches:
+    for begin, end in pairwise(borders):
+        instants = [begin]
+        for t in switches:
             if instants[-1] + gap < t < end - gap:
                 instants.append(float(t))
-        guesses.append(guess_of_curves(curves, [*instants, end], count / borders[-1], least_count))
-    positions = np.zeros((len(borders), len(curves)))
-    for i, curve in enumerate(curves):
-        if curve is not None:
-            positions[:, i] = curve.evaluate(np.array(borders))[0]
-    positions[-1] = displacement
+        guesses.append(
+            guess_of_curves(
+                start,
+                curves,
+                [*instants, end],
+                density=count / borders[-1],
+                least_count=least_count,
+            )
+        )
+    points = np.array([*(guess.elements.u[0] for guess in guesses), start + displacement])
     fixed = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
     fixed[[0, -1]] = True
-    return SegmentGuesses(tuple(guesses), positions, fixed, directions)
+    return SegmentChain(points, fixed, directions, tuple(guesses))
 
 
 def _reversals_in_order(profiles: list[_Profile], duration: float) -> tuple[list[float], Array]:

@@ -7,17 +7,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.planning.ocp.mesh import FEWEST, _element_ends, closed_form_guess
+from ssm_planner.planning.ocp.guesses import guess_from_rest
+from ssm_planner.planning.ocp.mesh import FEWEST, _element_ends
+from ssm_planner.planning.ocp.segments import SegmentGuess
 
 LIMITS = np.array([[0.5, 0.5, 1.0, 0.01], [2.0, 1.0, 3.0, 0.05], [30.0, 20.0, 50.0, 1.0]])
+START = np.array([0.1, -0.2, 0.3, -0.001])
 ways = st.lists(st.just(0.0) | st.floats(1e-9, 1.2), min_size=4, max_size=4).filter(
     lambda way: max(way) > 1e-3
 )
 
 
 def accelerations(way: np.ndarray, jerk: bool, count: int) -> np.ndarray:
-    made = closed_form_guess(way, LIMITS, jerk, count, 2)
-    return np.abs(made.states[2:]).max(axis=(0, 1))
+    made = guess_of(way, jerk, count).elements
+    return np.abs([made.a0, made.a1]).max(axis=(0, 1))
+
+
+def guess_of(way: np.ndarray, jerk: bool, count: int) -> SegmentGuess:
+    chain = guess_from_rest(START, way, LIMITS, jerk=jerk, count=count, least_count=2)
+    return chain.guesses[0]
 
 
 @given(ways, st.booleans(), st.integers(8, 60))
@@ -42,20 +50,21 @@ def test_its_halves_meet_where_one_joint_passes_a_place(
     way: list[float], share: float, jerk: bool, count: int
 ) -> None:
     way_ = np.array(way) * [1, -1, 1, -0.02]
-    whole = closed_form_guess(way_, LIMITS, jerk, count, 2)
-    (first, second), middle = whole.halves(3, share * way_[3], 2)
-    assert first.duration == pytest.approx(second.duration)
-    assert first.duration + second.duration == pytest.approx(whole.duration)
-    assert middle[3] == share * way_[3]
-    for half, reached in ((first, middle), (second, way_ - middle)):
-        assert sum(half.arcs) == len(half.instants) - 1 == len(half.states[0])
-        assert not half.states[0][0].any()
-        q, qd, qdd, after = (state[-1] for state in half.states)
-        h = half.instants[-1] - half.instants[-2]
-        end = q + h * qd + h**2 * (qdd / 3 + after / 6)
+    whole = guess_of(way_, jerk, count)
+    place = START[3] + share * way_[3]
+    first, second = whole.halves(3, place, 2)
+    duration = first.instants[-1]
+    assert duration == pytest.approx(second.instants[-1])
+    assert 2 * duration == pytest.approx(whole.instants[-1])
+    middle = second.elements.u[0]
+    assert middle[3] == pytest.approx(place, abs=1e-3 / count)
+    assert np.array_equal(first.elements.u[0], START)
+    for half, reached in ((first, middle), (second, START + way_)):
+        assert sum(half.arcs) == len(half.instants) - 1 == len(half.elements.u)
+        end = half.elements.end[0][-1]
         # the guess is of second order in the length of an element
         assert np.abs(end - reached)[:3].max() <= 4 / count**2 * np.abs(way_).max()
-        assert (np.diff(half.states[0][:, 3]) * way_[3] >= -1e-12).all()
+        assert (np.diff(half.elements.u[:, 3]) * way_[3] >= -1e-12).all()
 
 
 @given(

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssm_planner.elements.compiled import compiled
 from ssm_planner.errors import ProblemError
-from ssm_planner.interior.solve import available
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp import refinement, straight
 from ssm_planner.planning.ocp.free import find_best_free, solve_free
-from ssm_planner.planning.ocp.nlp import InitialPoint, NlpSolution
+from ssm_planner.planning.ocp.nlp import NlpSolution, stretched
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
@@ -29,11 +29,11 @@ from ssm_planner.reporting.text import verdicts
 from tests.support.random_problems import random_problem
 
 pytestmark = pytest.mark.skipif(
-    not available(), reason="the package is built without its compiled part"
+    not compiled(), reason="the package is built without its compiled part"
 )
 SAME = 1e-6
 """Share of the duration within which both solvers agree."""
-Solve = tuple[Any, Any, Any, InitialPoint, NlpSolution]
+Solve = tuple[Any, Any, Any, Any, NlpSolution | None, NlpSolution]
 
 
 @pytest.fixture
@@ -41,11 +41,9 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[Solve]:
     """What the structured solver was asked, and its answers."""
     found: list[Solve] = []
 
-    def noted(
-        structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any
-    ) -> NlpSolution:
+    def noted(structure: Any, element: Any, data: Any, start: Any, **options: Any) -> NlpSolution:
         solution = solve_structured(structure, element, data, start, **options)
-        found.append((structure, element, data, start, solution))
+        found.append((structure, element, data, start, options.get("warm"), solution))
         return solution
 
     monkeypatch.setattr(refinement, "solve_structured", noted)
@@ -56,9 +54,7 @@ def fast(problem: Problem) -> Problem:
     return unchecked(problem, planner="fast")
 
 
-def gives_up(
-    structure: Any, element: Any, data: Any, start: InitialPoint, **options: Any
-) -> NlpSolution:
+def gives_up(structure: Any, element: Any, data: Any, start: Any, **options: Any) -> NlpSolution:
     solution = solve_structured(structure, element, data, start, **options)
     return dataclasses.replace(solution, message=NOT_CONVERGED)
 
@@ -69,14 +65,14 @@ def agree(solves: list[Solve]) -> tuple[int, int]:
     Returns how many converged, and how many Ipopt solved too.
     """
     converged = compared = 0
-    for structure, element, data, start, own in solves:
+    for structure, element, data, start, _, own in solves:
         if not own.solved:
             continue
         converged += 1
-        ipopt = Transcription.build(structure, element).solve(data, InitialPoint(start.x))
+        ipopt = Transcription.build(structure, element).solve(data, start)
         if ipopt.solved and element.aim == "time":
             compared += 1
-            assert own.times.sum() <= (1 + SAME) * ipopt.times.sum()
+            assert own.duration <= (1 + SAME) * ipopt.duration
     return converged, compared
 
 
@@ -179,9 +175,9 @@ def test_a_solution_is_where_its_neighbour_starts(
         objective="time",
     )
     assert plan_motion(fast(problem)).status == "solved"
-    warm = [own for _, _, _, start, own in solves if start.structured is not None]
-    assert warm
-    assert all(own.solved and own.iterations <= 20 for own in warm)
+    warmly = [own for *_, warm, own in solves if warm is not None]
+    assert warmly
+    assert all(own.solved and own.iterations <= 20 for own in warmly)
 
 
 def durations(problem: Problem, **changes: Any) -> list[float]:
@@ -300,7 +296,9 @@ def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.M
 
     def longer(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
         found = solve(self, *given, confirming=confirming)
-        return dataclasses.replace(found, times=1.001 * found.times) if confirming else found
+        if not confirming:
+            return found
+        return dataclasses.replace(found, elements=stretched(found.elements, 1.001))
 
     monkeypatch.setattr(Transcription, "solve", longer)
     found = plan(problem)
@@ -338,7 +336,8 @@ def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
             return found
         elements = found.elements.copy()
         elements[:, 1:4] *= 1.01 if exceeds else 1.0
-        return dataclasses.replace(found, times=found.times * (1 - 1e-5), elements=elements)
+        elements[:, -1] *= 1 - 1e-5
+        return dataclasses.replace(found, elements=elements)
 
     monkeypatch.setattr(Transcription, "solve", shorter)
     found = plan(problem)

@@ -200,14 +200,16 @@ def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(
 def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) -> None:
     rng = np.random.default_rng(seed)
     way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4, [3.0] * 4])
-    speeds = rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)
-    found = guess_with_reversals(way, speeds, limits, count=40, least_count=2)
-    assert found.positions[-1] == pytest.approx(way)
+    speeds = np.stack([rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)])
+    start = rng.uniform(-1, 1, 4)
+    found = guess_with_reversals(start, way, speeds, limits, count=40, least_count=2)
+    assert found.points[0] == pytest.approx(start)
+    assert found.points[-1] == pytest.approx(start + way)
     for guess, sign in zip(found.guesses, found.directions, strict=True):
-        _, velocity, start, end = guess.states
+        velocity = guess.elements.v
         assert np.abs(velocity).max() <= 1 + 1e-9
-        assert np.abs([start, end]).max() <= 3 + 1e-9
-        slack = 3.0 * 2 * 4e-3 * sum(each.duration for each in found.guesses)
+        assert np.abs([guess.elements.a0, guess.elements.a1]).max() <= 3 + 1e-9
+        slack = 3.0 * 2 * 4e-3 * sum(each.instants[-1] for each in found.guesses)
         assert (velocity * sign >= -slack).all()
         assert (velocity[:, sign == 0] == 0).all()
 
