@@ -42,12 +42,12 @@ class Outcome:
     def duration(self) -> float:
         """Duration, s. Infinite without a certified motion."""
         trajectory = self.planned.trajectory
-        return np.inf if self.reason is not None or trajectory is None else trajectory.duration
+        return trajectory.duration if self.passed and trajectory is not None else np.inf
 
     @property
     def duration_or_reason(self) -> float | Reason:
         """Duration of the certified motion, s, or the reason why there is none."""
-        return self.duration if self.reason is None else self.reason
+        return self.reason or self.duration
 
     @property
     def excess_heat(self) -> float | None:
@@ -56,16 +56,12 @@ class Outcome:
         None if another limit is exceeded, or if nothing was checked.
         """
         certificate = self.certificate
-        if certificate is None or any(
-            violation.name != ContinuousTorque.name for violation in certificate.violations
-        ):
+        if certificate is None:
             return None
-        shares = [
-            (limit.worst / limit.limit) ** 2
-            for limit in certificate.limits
-            if limit.name == ContinuousTorque.name
-        ]
-        return max(shares) - 1 if shares else None
+        if any(limit.name != ContinuousTorque.name for limit in certificate.violations):
+            return None
+        rms = [limit for limit in certificate.limits if limit.name == ContinuousTorque.name]
+        return max(((limit.worst / limit.limit) ** 2 - 1 for limit in rms), default=None)
 
     @property
     def hot_joints(self) -> set[str]:
@@ -76,24 +72,24 @@ class Outcome:
 
 def plan_and_check(
     problem: Problem,
+    work: Work,
     progress: Progress = silent,
     on_motion: Callable[[Trajectory], None] = silent,
     cooling: Array | None = None,
     *,
     may_overheat: bool = True,
-    may_reverse: bool = True,
-    work: Work | None = None,
 ) -> Outcome:
     """Plan a problem and check the motion.
 
     If the check finds a limit exceeded, the limit is tightened by the excess and the problem is
-    planned again. A motion that tightening does not cure is planned again without reversals between
-    points.
+    planned again.
 
     Parameters
     ----------
     problem : Problem
         The problem.
+    work : Work
+        Counter of the work.
     progress : callable
         Called with messages.
     on_motion : callable
@@ -102,10 +98,6 @@ def plan_and_check(
         Weights of the motors' heat, as in `plan_motion`.
     may_overheat : bool
         Plan a motion even if no motion keeps the motors cool enough.
-    may_reverse : bool
-        Allow joints to reverse between points.
-    work : Work or None
-        Counter of the work.
 
     Returns
     -------
@@ -113,7 +105,6 @@ def plan_and_check(
         The last motion, with its certificate and the reason if it failed.
     """
     strict = problem
-    has_reversals = False
     for number in range(1, PLANNING_ROUNDS + 1):
         result = plan_motion(
             unchecked(strict, robot=problem.robot),
@@ -121,34 +112,18 @@ def plan_and_check(
             progress,
             cooling,
             may_overheat=may_overheat,
-            may_reverse=may_reverse,
             work=work,
         )
-        has_reversals = has_reversals or any(phase.turns_back for phase in result.phases)
-        if result.trajectory is None:
-            outcome = Outcome(result, None, result.reason)
-            break
-        on_motion(result.trajectory)
-        progress(
-            Step("independent check" if number == 1 else f"independent check, attempt {number}")
-        )
+        if result.trajectory is not None:
+            on_motion(result.trajectory)
+            attempt = f", attempt {number}" if number > 1 else ""
+            progress(Step(f"independent check{attempt}"))
         outcome = checked(problem, result)
-        if outcome.certificate is None or outcome.passed:
-            break
-        stricter = None if number == PLANNING_ROUNDS else tightened(strict, outcome.certificate)
+        certificate = outcome.certificate
+        stricter = None if certificate is None else tightened(strict, certificate)
         if stricter is None:
             break
         strict = stricter
-    if has_reversals and not outcome.passed:
-        return plan_and_check(
-            problem,
-            progress,
-            on_motion,
-            cooling,
-            may_overheat=may_overheat,
-            may_reverse=False,
-            work=work,
-        )
     return outcome
 
 

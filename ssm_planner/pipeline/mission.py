@@ -10,7 +10,6 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import count
-from typing import Literal
 
 from ssm_planner.atomic import first_interruption
 from ssm_planner.kinematics import Mechanism
@@ -27,7 +26,6 @@ from ssm_planner.planning.work import Work
 from ssm_planner.problem import Free, Joints, Problem
 from ssm_planner.progress import Progress, Step, silent
 
-StopAt = Literal["shortest", "nearest", "any"]
 SEARCH_BUDGET = 4.0
 """Work after which no faster motion is looked for, if there is a motion."""
 MAX_TARGETS = 8
@@ -41,7 +39,7 @@ def plan_mission(
     progress: Progress = silent,
     *,
     stoppable: bool = False,
-    stop_at: StopAt = "shortest",
+    first_suffices: bool = False,
 ) -> tuple[Outcome, Problem, bool]:
     """Return the shortest certified motion over all joints that reach the targets.
 
@@ -57,9 +55,8 @@ def plan_mission(
         Called with a message for every alternative, which states the best duration so far.
     stoppable : bool
         With a certified motion at hand, the first Ctrl-C ends the search.
-    stop_at : str
-        "shortest" searches all alternatives. "nearest" ends with a motion of the planner's own
-        joints, and "any" with the first motion.
+    first_suffices : bool
+        End with the first motion.
 
     Returns
     -------
@@ -75,11 +72,11 @@ def plan_mission(
         plan,
         work,
         progress,
-        any_suffices=stop_at == "any",
+        first_suffices,
         best=plan(problem),
         best_problem=problem,
     )
-    if search.best.passed and stop_at != "shortest":
+    if search.best.passed and first_suffices:
         return search.best, problem, False
     stoppable = stoppable and search.best.passed
     search.hint = "; Ctrl-C takes it" if stoppable else ""
@@ -103,7 +100,7 @@ class _Search:
     plan: Callable[[Problem], Outcome]
     work: Work
     progress: Progress
-    any_suffices: bool
+    first_suffices: bool
     best: Outcome
     best_problem: Problem
     hint: str = ""
@@ -128,12 +125,9 @@ class _Search:
         """
         problem, begin = self.problem, self.work.spent
         for target in [] if eye_forbids_target(problem) else targets(problem):
-            rescued, present = not self.best.passed, self.best_problem
-            self._search(present, target, begin)
-            if rescued and self.best.passed:
-                if self.any_suffices:
-                    return
-                self._search(present, target, begin)
+            self._search(self.best_problem, target, begin)
+            if self.first_suffices and self.best.passed:
+                return
         if problem.planner == "optimal" and self.best_problem is not problem:
             confirmed = self.plan(self.best_problem)
             if confirmed.duration < (1 + GAP) * self.best.duration:
@@ -165,7 +159,7 @@ class _Search:
             planner,
             self.work,
             best.duration * (1 - GAP),
-            gap=1.0 if self.any_suffices else GAP,
+            gap=1.0 if self.first_suffices else GAP,
             budget=SEARCH_BUDGET + begin - self.work.spent,
         )
         self.entries.setdefault(phases.index(planner.phase), []).extend(

@@ -25,7 +25,7 @@ from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.certified import Outcome, plan_and_check
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
-from ssm_planner.pipeline.mission import StopAt, plan_mission
+from ssm_planner.pipeline.mission import plan_mission
 from ssm_planner.pipeline.relaxation import changes_of_limits, find_relaxation
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
 from ssm_planner.planning.candidates.stop_first import stopping_point
@@ -393,50 +393,43 @@ def _attempt(
     on_motion: Callable[[Trajectory], None] = silent,
     *,
     may_overheat: bool = True,
-    may_reverse: bool = True,
 ) -> Outcome:
     """Plan and check a problem, and trade time for heat if a motor gets too hot.
 
-    `may_overheat` plans a motion even if no motion keeps the motors cool enough. `may_reverse`
-    allows joints to reverse between points.
+    `may_overheat` plans a motion even if no motion keeps the motors cool enough.
     """
 
     def plan_cooler(candidate: Problem, weights: Array) -> Outcome:
-        return plan_and_check(candidate, silent, silent, weights, work=work)
+        return plan_and_check(candidate, work, cooling=weights)
 
-    outcome = plan_and_check(
-        problem, progress, on_motion, may_overheat=may_overheat, may_reverse=may_reverse, work=work
-    )
-    if (
-        not outcome.hot_joints
-        or outcome.excess_heat is None
-        or exceeds_thermal_bound(problem) is not None
-    ):
+    outcome = plan_and_check(problem, work, progress, on_motion, may_overheat=may_overheat)
+    too_hot = outcome.hot_joints and outcome.excess_heat is not None
+    if not too_hot or exceeds_thermal_bound(problem) is not None:
         return outcome
     progress(Step("slowing down because a motor gets too hot"))
     return ThermalSearch(problem, outcome, plan_cooler).run() or outcome
 
 
-def _duration_or_reason(problem: Problem, work: Work) -> float | Reason:
-    """Return the duration of the plan of a problem, or the reason of the failure."""
-    attempt = partial(_attempt, work=work, may_overheat=False)
-    return plan_mission(problem, attempt, work)[0].duration_or_reason
+def _duration_or_reason(
+    problem: Problem, work: Work, *, first_suffices: bool = False
+) -> float | Reason:
+    """Return the duration of the plan of a problem, or the reason of the failure.
+
+    `first_suffices` ends with the first motion.
+    """
+    attempt = partial(_attempt, work=work)
+    outcome, _, _ = plan_mission(problem, attempt, work, first_suffices=first_suffices)
+    return outcome.duration_or_reason
 
 
 def _feasible(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:
     """Return the duration of a motion that is found soon, or the reason of the failure.
 
-    `any_suffices` ignores the heat of the objective and joints that reverse needlessly.
+    `any_suffices` ignores the heat of the objective.
     """
-    attempt = partial(_attempt, work=work)
-    if any_suffices:
-        # Reversals may make a motion short enough.
-        durations = (problem.duration, *(entry.duration for entry in problem.motion))
-        attempt = partial(attempt, may_reverse=any(durations))
-        if problem.objective == "time then heat":
-            problem = unchecked(problem, objective="time")
-    stop_at: StopAt = "any" if any_suffices else "nearest"
-    return plan_mission(quickly(problem), attempt, work, stop_at=stop_at)[0].duration_or_reason
+    if any_suffices and problem.objective == "time then heat":
+        problem = unchecked(problem, objective="time")
+    return _duration_or_reason(quickly(problem), work, first_suffices=True)
 
 
 def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, float]]:

@@ -35,15 +35,11 @@ from ssm_planner.planning.tolerances import ROUNDING, SAMPLES
 from ssm_planner.trajectory import quintics
 from ssm_planner.typing import Array, Mask, record
 
-HALF = 0.5
-"""Largest share of a piece that one rounding may take."""
 TURNS_BACK = 0.05
 """Smallest remaining share of |q'| in a corner.
 
 A path that turns back by more than about 174° cannot be passed at speed.
 """
-PER_PIECE = 400
-"""Grid intervals of TOPP-RA for every piece and every rounding."""
 
 
 @record
@@ -85,39 +81,35 @@ class BlendedPath(JointPath):
         """Values of s at the ends of pieces and roundings, (2 pieces,)."""
         return self._rates_and_breaks[1]
 
+    def _on_piece(self, k: int, s: Array) -> Array:
+        """Return q, q' and q'' at values of s (n,) on piece k, (3, n, 4)."""
+        rate, first = self._rates[k], self.cuts[k - 1, 1] if k else 0.0
+        samples = self.pieces[k].sample(first + rate * (s - self.breaks[2 * k]))
+        return np.stack([samples.q, rate * samples.dq, rate**2 * samples.ddq])
+
     @cached_property
     def _roundings(self) -> Array:
         """Coefficients (k, 6, 4) of the quintics in s, counted from the start of each rounding."""
-        ends = []
-        for side in (0, 1):
-            states = []
-            for i, cut in enumerate(self.cuts):
-                sample = self.pieces[i + side].sample(np.array([cut[1] if side else 1 - cut[0]]))
-                rate = self._rates[i + side]
-                states.append((sample.q[0], rate * sample.dq[0], rate**2 * sample.ddq[0]))
-            ends.append(tuple(np.array(column) for column in zip(*states, strict=True)))
-        return quintics(np.diff(self.breaks)[1::2], ends[0], ends[1])
+        starts, ends = self.breaks[1:-1:2], self.breaks[2:-1:2]
+        leaving = [self._on_piece(k, starts[[k]]) for k in range(len(starts))]
+        joining = [self._on_piece(k + 1, ends[[k]]) for k in range(len(ends))]
+        return quintics(ends - starts, tuple(np.hstack(leaving)), tuple(np.hstack(joining)))
 
     def sample(self, s: Array) -> PathSamples:
         """Return q, q' and q'' at s (n,)."""
         s = np.asarray(s, dtype=float)
         values = np.zeros((3, len(s), 4))
-        segment = np.clip(
-            np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2
-        )
-        starts = np.append(0.0, self.cuts[:, 1])
-        for k in np.unique(segment):
-            inside_k, index = segment == k, k // 2
-            local = s[inside_k] - self.breaks[k]
-            if k % 2:
-                polynomial = self._roundings[index]
-                for order in range(3):
-                    values[order][inside_k] = np.polynomial.polynomial.polyval(local, polynomial).T
-                    polynomial = np.polynomial.polynomial.polyder(polynomial)
+        part = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
+        for k in np.unique(part):
+            inside = part == k
+            if k % 2 == 0:
+                values[:, inside] = self._on_piece(k // 2, s[inside])
                 continue
-            rate = self._rates[index]
-            samples = self.pieces[index].sample(starts[index] + rate * local)
-            values[:, inside_k] = samples.q, rate * samples.dq, rate**2 * samples.ddq
+            polynomial = self._roundings[k // 2]
+            for order in range(3):
+                local = s[inside] - self.breaks[k]
+                values[order, inside] = np.polynomial.polynomial.polyval(local, polynomial).T
+                polynomial = np.polynomial.polynomial.polyder(polynomial)
         return PathSamples(s, *values)
 
     @cached_property
@@ -132,7 +124,7 @@ class BlendedPath(JointPath):
     @property
     def intervals(self) -> int:
         """Number of grid intervals for TOPP-RA."""
-        return int(np.clip(PER_PIECE * (len(self.breaks) - 1), FEW, MANY))
+        return int(np.clip(SAMPLES * (len(self.breaks) - 1), FEW, MANY))
 
 
 def rounded(
@@ -158,7 +150,7 @@ def rounded(
             for path, from_end in ((incoming, True), (outgoing, False))
         ]
         limit = min(reach for _, reach in shares)
-        if not all(0 < share <= HALF for share, _ in shares):
+        if not all(np.isfinite(share) for share, _ in shares):
             reason = "the rounding of the corner would take more than half of an adjacent motion"
             allowed = f"up to {np.floor(1e7 * limit) / 1e4:g} mm here"
             if limit <= ROUNDING:
@@ -183,8 +175,8 @@ def rounded(
 def _share(path: ClosedPath, distance: float, from_end: bool) -> tuple[float, float]:
     """Return the share of a piece after which its tip is `distance` away from the corner.
 
-    The share is infinite if the tip never is. The second value is the largest distance within half
-    of the piece, m.
+    The share is infinite if the tip is nowhere that far away within half of the piece. The second
+    value is the largest distance there, m.
     """
 
     def distance_from_corner(shares: Array) -> Array:
@@ -192,9 +184,9 @@ def _share(path: ClosedPath, distance: float, from_end: bool) -> tuple[float, fl
         return np.asarray(np.linalg.norm(tips - corner, axis=1))
 
     corner = tip_position(path.mechanism, path.sample(np.array([1.0 if from_end else 0.0])).q)[0]
-    shares = np.linspace(0.0, 1.0, SAMPLES)
+    shares = np.linspace(0.0, 0.5, SAMPLES)
     distances = distance_from_corner(shares)
-    reach = float(distances[shares <= HALF].max())
+    reach = float(distances.max())
     beyond = np.flatnonzero(distances >= distance)
     if not len(beyond):
         return np.inf, reach

@@ -17,8 +17,6 @@ dynamics/transmission.py (the friction law).
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from ssm_planner.dynamics import (
@@ -37,8 +35,6 @@ from ssm_planner.typing import Array, Indices, Mask, record
 
 ACTIVE = 0.998
 """Share of its limit from which on a row counts as binding."""
-CEILING, NONE = -1, -2
-"""Values in place of a row index: the speed ceiling binds, or nothing binds."""
 
 
 @record
@@ -50,14 +46,6 @@ class PathTerm:
 
     __array_ufunc__ = None
     """Makes array * term a term instead of an array of objects."""
-
-    @classmethod
-    def from_coefficients(cls, points: int, **coefficients: Array | float) -> PathTerm:
-        """Build a term from coefficients by name, each (points,) or a number. Others are 0."""
-        values = np.zeros((4, points))
-        for name, value in coefficients.items():
-            values["abck".index(name)] = value
-        return cls(values)
 
     def __add__(self, other: PathTerm | Array | float) -> PathTerm:
         if isinstance(other, PathTerm):
@@ -95,10 +83,7 @@ class LinearConstraints:
     @classmethod
     def from_rows(cls, rows: list[tuple[PathTerm, float]], ceiling: Array) -> LinearConstraints:
         """Build the constraints from pairs (term, limit) with term ≤ limit, in their order."""
-        values = np.empty((4, len(ceiling), len(rows)))
-        for row, (term, limit) in enumerate(rows):
-            values[:, :, row] = term.values / limit
-        a, b, c, k = values
+        a, b, c, k = np.stack([term.values / limit for term, limit in rows], axis=-1)
         return cls(a, b, c, k, ceiling)
 
     def tangent(self, speed_squared: Array) -> LinearConstraints:
@@ -107,74 +92,25 @@ class LinearConstraints:
         The tangent at x₀ gives √x ≤ √x₀/2 + x/(2 √x₀).
         """
         root = np.sqrt(speed_squared)[:, None]
-        k = self.k[:, self.curved]
-        b, c = self.b.copy(), self.c.copy()
-        b[:, self.curved] += k / (2 * root)
-        c[:, self.curved] += k * (root / 2)
-        return LinearConstraints(self.a, b, c, np.broadcast_to(0.0, c.shape), self.ceiling)
+        b = self.b + self.k / (2 * root)
+        c = self.c + self.k * (root / 2)
+        return LinearConstraints(self.a, b, c, np.zeros_like(c), self.ceiling)
 
-    @cached_property
-    def curved(self) -> Indices:
-        """Indices of the rows with a nonzero k."""
-        return np.flatnonzero(self.k.any(axis=0))
+    def active(self, grid: Array, speed_squared: Array) -> Indices:
+        """Return the index of the row that binds on each grid interval, (n − 1,).
 
-    def active(self, grid: Array, speed_squared: Array) -> Array:
-        """Return the row that binds on each grid interval, or CEILING or NONE, (n − 1,)."""
+        The bound ṡ² ≤ ceiling counts as the last row. The index −1 means that nothing binds.
+        """
 
         def middle(values: Array) -> Array:
             return (values[1:] + values[:-1]) / 2
 
         acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
         x = middle(speed_squared)[:, None]
-        value = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c)
-        if len(self.curved):
-            value += middle(self.k) * np.sqrt(x)
-        row = np.argmax(value, axis=1)
-        maximum = value[np.arange(len(row)), row]
-        of_ceiling = x[:, 0] / middle(self.ceiling)
-        row[of_ceiling > maximum] = CEILING
-        return np.where(np.maximum(maximum, of_ceiling) > ACTIVE, row, NONE)
-
-
-@record
-class _TorqueLaw:
-    """Terms of the torque of one motor for friction coefficients mu (n,).
-
-    With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor velocity w = r
-    q̇, the torque in the direction of motion σ is the larger of two linear functions
-    (`transmission.TorqueRows`),
-
-        σ τ = max_k [slope_k σF + σ (inertia ẇ + coulomb + viscous w)].
-
-    For driving, σ τ ≤ limit holds for both functions, which is exact. For braking, −σ τ ≤ limit,
-    one function suffices, because each bounds σ τ from below. The one that is larger at the given
-    ṡ² is taken, with ṡ ≥ ṡ² / √ceiling.
-    """
-
-    slopes: tuple[Array, Array]
-    effort: PathTerm
-    """σF."""
-    motor: PathTerm
-    """σ (inertia ẇ + coulomb + viscous w)."""
-
-    @cached_property
-    def driving(self) -> list[PathTerm]:
-        """Terms that must stay below the limit in driving."""
-        return [(slope * self.effort + self.motor).without_negative_k() for slope in self.slopes]
-
-    def braking(self, speed_squared: Array, ceiling: Array) -> PathTerm:
-        """Return the braking term of the function that is larger at ṡ² (n,).
-
-        `ceiling` (n,) is the largest ṡ².
-        """
-        _, b, c, _ = self.effort.values
-        mesh = b * speed_squared + c
-        first, second = self.slopes
-        larger = np.where(first * mesh > second * mesh, first, second)
-        values = (larger * self.effort + self.motor).without_negative_k().values
-        values[1] += values[3] / np.sqrt(ceiling)
-        values[3] = 0.0
-        return PathTerm(-values)
+        values = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c)
+        values += middle(self.k) * np.sqrt(x)
+        values = np.hstack([values, x / middle(self.ceiling)[:, None]])
+        return np.where(values.max(axis=1) > ACTIVE, values.argmax(axis=1), -1)
 
 
 @record
@@ -222,7 +158,7 @@ class PathLimits:
         """Return the rows for the joints' accelerations and the motors' torques.
 
         The rows of acceleration are ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max, and (2) of `braking_travel`.
-        Those of torque are described at `_TorqueLaw`.
+        Those of torque are described at `_torque_terms`.
 
         Parameters
         ----------
@@ -244,10 +180,9 @@ class PathLimits:
             limit = np.inf if joint.motor is None else joint.motor.max_torque
             for load, drive, sides in self.robot.actuations(i):
                 mu = self._friction_coefficient(drive, i, speed_squared, static_start)
-                law = self._torque_law(drive, i, mu, self.loads[load])
-                rows += [(term, limit) for term in law.driving] if 1 in sides else []
-                if -1 in sides:
-                    rows.append((law.braking(speed_squared, self.ceiling), limit))
+                driving, braking = self._torque_terms(drive, i, mu, self.loads[load], speed_squared)
+                rows += [(term, limit) for term in driving] if 1 in sides else []
+                rows += [(braking, limit)] if -1 in sides else []
         return LinearConstraints.from_rows(rows, self.ceiling)
 
     def _friction_coefficient(
@@ -255,40 +190,64 @@ class PathLimits:
     ) -> Array:
         """Return μ (n,) of the drive of joint i at ṡ² (n,), static where the joint starts."""
         friction = friction_of(drive)
-        w: Array | float = 0.0  # The law does not depend on the velocity.
-        if friction.stribeck_speed is not None:
-            w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
-        starts = self.starts[:, i] if static_start else np.zeros_like(self.starts[:, i])
-        return np.where(
-            starts,
-            np.asarray(breakaway_coefficient(friction, w)),
-            friction_coefficient(friction, w),
-        )
+        w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
+        static = self.starts[:, i] & static_start
+        moving = friction_coefficient(friction, w)
+        return np.asarray(np.where(static, breakaway_coefficient(friction, w), moving))
 
-    def _torque_law(
-        self, drive: Drive, i: int, mu: Array, load: tuple[Array, Array, Array]
-    ) -> _TorqueLaw:
-        """Return the torque law of joint i for friction coefficients mu (n,)."""
+    def _torque_terms(
+        self,
+        drive: Drive,
+        i: int,
+        mu: Array,
+        load: tuple[Array, Array, Array],
+        speed_squared: Array,
+    ) -> tuple[list[PathTerm], PathTerm]:
+        """Return the terms of the torque of motor i for friction coefficients mu (n,).
+
+        With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor velocity w = r
+        q̇, the torque in the direction of motion σ is the larger of two linear functions
+        (`transmission.TorqueRows`),
+
+            σ τ = max_k [slope_k σF + σ (inertia ẇ + coulomb + viscous w)].
+
+        For driving, σ τ ≤ limit holds for both functions, which is exact. For braking, −σ τ ≤
+        limit, one function suffices, because each bounds σ τ from below. The one that is larger at
+        the given ṡ² (n,) is taken, with ṡ ≥ ṡ² / √ceiling.
+
+        Returns
+        -------
+        driving : list of PathTerm
+            Terms that must stay below the limit in driving.
+        braking : PathTerm
+            Term that must stay below the limit in braking.
+        """
         sigma = self.directions[:, i]
         dq = self.samples.dq[:, i]
-        ddq = self.samples.ddq[:, i]
         qd = self._term(k=sigma * np.abs(dq))
-        qdd = self._term(a=dq, b=ddq)
-        tau_rigid = self._term(
-            **{name: matrix[:, i] for name, matrix in zip("abc", load, strict=True)}
-        )
+        qdd = self._term(a=dq, b=self.samples.ddq[:, i])
+        a, b, c = (matrix[:, i] for matrix in load)
+        effort = sigma * output_effort(drive, self._term(a, b, c), qd, qdd, sigma)
         rows = motor_torque_rows(drive, sigma, mu)
-        first, second = (np.asarray(slope) for slope in rows.slope)
-        effort = sigma * output_effort(drive, tau_rigid, qd, qdd, sigma)
-        return _TorqueLaw(
-            (first, second),
-            effort,
-            sigma * rows.torque(self._term(), drive.ratio * qd, drive.ratio * qdd),
-        )
+        motor = sigma * rows.torque(self._term(), drive.ratio * qd, drive.ratio * qdd)
+        driving = [(slope * effort + motor).without_negative_k() for slope in rows.slope]
+        _, b, c, _ = effort.values
+        at_speed = b * speed_squared + c
+        first, second = (slope * at_speed for slope in rows.slope)
+        a, b, c, k = np.where(first > second, driving[0].values, driving[1].values)
+        return driving, -self._term(a, b + k / np.sqrt(self.ceiling), c)
 
-    def _term(self, **coefficients: Array | float) -> PathTerm:
-        """Build a term at all points."""
-        return PathTerm.from_coefficients(len(self.ceiling), **coefficients)
+    def _term(
+        self,
+        a: Array | float = 0.0,
+        b: Array | float = 0.0,
+        c: Array | float = 0.0,
+        k: Array | float = 0.0,
+    ) -> PathTerm:
+        """Build a term from coefficients, each (n,) or a number."""
+        values = np.zeros((4, len(self.ceiling)))
+        values[0], values[1], values[2], values[3] = a, b, c, k
+        return PathTerm(values)
 
 
 def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:

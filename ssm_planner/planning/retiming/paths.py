@@ -37,11 +37,6 @@ CORNER = np.radians(30)
 """Angle between two sides of a polyline, in joints scaled by their velocities, above which it is no
 smooth curve.
 """
-PARTS, DIGITS = 200, 5
-"""Number of parts into which the interval of a reversal is divided, and number of divisions.
-
-They give 1e-14.
-"""
 BESIDE = 1e-4
 """Distance of a grid point from the break beside it, as a share of the piece."""
 
@@ -275,8 +270,8 @@ def _tip_curve(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
 
 def sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:
     """Return the root between two points where a function of s (n,) has different signs."""
-    for _ in range(DIGITS):
-        s = np.linspace(low, high, PARTS + 1)
+    for _ in range(5):  # The last interval is 1e-13 of the first.
+        s = np.linspace(low, high, SAMPLES)
         values = function(s)
         roots = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
         if not len(roots):  # The root is within rounding of one of the ends.
@@ -323,12 +318,13 @@ class MotionPath(JointPath):
         breaks.
         """
         breaks = self.trajectory.breaks / self.trajectory.duration
-        shares = np.diff(breaks)
-        counts = np.maximum(np.round(shares * max(points - 2 * len(shares), 0)).astype(int), 1)
-        element = np.repeat(np.arange(len(shares)), counts + 1)
-        number = np.arange(len(element)) - np.repeat(np.cumsum(counts + 1) - counts - 1, counts + 1)
-        position = BESIDE + (1 - 2 * BESIDE) * number / counts[element]
-        return np.concatenate([[0.0], breaks[element] + position * shares[element], [1.0]])
+        between = max(points - 2 * (len(breaks) - 1), 0)
+        grid = [0.0]
+        for start, end in pairwise(breaks):
+            count = max(round((end - start) * between), 1)
+            shares = np.linspace(BESIDE, 1 - BESIDE, count + 1)
+            grid.extend(start + (end - start) * shares)
+        return np.append(grid, 1.0)
 
     def sample(self, s: Array) -> PathSamples:
         """Return q, q' and q'' at s (n,)."""
@@ -409,12 +405,10 @@ class SplinePath(JointPath):
     @cached_property
     def directions(self) -> tuple[Array, Array]:
         """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
-        slope = self._spline.derivative()
         moving = np.flatnonzero(np.ptp(self.points, axis=0) >= ROUNDING)
-        roots = np.concatenate([np.zeros(0), *(slope.roots(extrapolate=False)[i] for i in moving)])
-        knots = np.unique(np.round(roots[np.isfinite(roots)], 12))
-        knots = np.array([0.0, *knots[(knots > 1e-6) & (knots < 1 - 1e-6)], 1.0])
-        knots = with_knots(self.nodes, knots[1:-1]) if self.pieces else knots
+        roots = self._spline.derivative().roots(extrapolate=False)
+        reversals = np.concatenate([roots[i] for i in moving])
+        knots = with_knots(self.breaks, reversals[np.isfinite(reversals)])
         return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq)
 
     @property

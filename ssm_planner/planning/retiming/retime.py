@@ -15,16 +15,14 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.kinematics import tool_speed
-from ssm_planner.planning.retiming.constraints import LinearConstraints, PathLimits
+from ssm_planner.planning.retiming.constraints import PathLimits
 from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest_profile
-from ssm_planner.planning.tolerances import GAP, ROUNDING
+from ssm_planner.planning.tolerances import GAP, ROUNDING, SAMPLES
 from ssm_planner.problem import Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Trajectory, hermite
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, Indices, record
 
-COARSE = 200
-"""Number of grid intervals of the rough motion that determines where grid points lie."""
 UNIFORM = 0.1
 """Share of the grid points that is uniform in s."""
 PASSES = 12
@@ -37,20 +35,14 @@ SLOWER = 1 / 16
 
 @record
 class Retiming:
-    """Result of TOPP-RA.
+    """Result of TOPP-RA: ṡ² at the grid points s, (n + 1,) each."""
 
-    `status` is "solved" or "infeasible", with a message. `speed_squared` is ṡ² at the grid points
-    s, (n + 1,) each.
-    """
-
-    status: str
-    message: str
-    duration: float
     s: Array
     speed_squared: Array
-    passes: int
-    active: Array
-    """Row that binds on each grid interval, (n,). −1: the speed ceiling. −2: nothing."""
+    active: Indices
+    """Row that binds on each grid interval, (n,), as `LinearConstraints.active`."""
+    passes: int = 0
+    """Number of passes until the last motion. 0 without a motion."""
     converged: bool = False
     """True if the last pass changed the duration by a share of less than GAP.
 
@@ -60,12 +52,27 @@ class Retiming:
     @property
     def solved(self) -> bool:
         """True if there is a motion."""
-        return self.status == "solved"
+        return self.passes > 0
+
+    @property
+    def status(self) -> str:
+        """The word "solved" or "infeasible"."""
+        return "solved" if self.solved else "infeasible"
+
+    @property
+    def message(self) -> str:
+        """Reason why there is no motion."""
+        return "" if self.solved else "TOPP-RA finds no motion along the path within the limits"
 
     @property
     def times(self) -> Array:
         """Time at each grid point, (n + 1,), s."""
         return _times(self.s, self.speed_squared)
+
+    @property
+    def duration(self) -> float:
+        """Duration, s. Infinite without a motion."""
+        return float(self.times[-1]) if self.solved else np.inf
 
 
 def retime(
@@ -95,15 +102,14 @@ def retime(
     Retiming
         The motion, or the status "infeasible".
     """
-    rough = retime(path, robot, COARSE, limits, speeds) if points > COARSE else None
+    # A rough motion determines where grid points lie.
+    few = SAMPLES // 2
+    rough = retime(path, robot, few, limits, speeds) if points > few else None
     grid = _grid(path.directions[0], points, rough)
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
-    # The tangents of the rough motion have nearly converged, and its passes cost a fifth.
-    tangent = (
-        path_limits.ceiling
-        if rough is None or not rough.solved
-        else np.interp(grid, rough.s, rough.speed_squared)
-    )
+    tangent = path_limits.ceiling
+    if rough is not None and rough.solved:
+        tangent = np.interp(grid, rough.s, rough.speed_squared)
     return _retimed(grid, path_limits, tangent, speeds, static=speeds[0] == 0.0)
 
 
@@ -118,14 +124,14 @@ def stays_at(retiming: Retiming, path: JointPath, speed: float) -> bool:
 
 
 def retime_motion(
-    path: MotionPath, robot: Robot, limits: TaskLimits, points: int = FEW, speed_ratio: float = 1.0
+    path: MotionPath, robot: Robot, limits: TaskLimits, speed_ratio: float = 1.0
 ) -> Retiming:
     """Return the time-optimal motion along the path of a motion.
 
     It is about as fast as that motion, or faster if the motion was no optimum. `speed_ratio` is ṡ
     at both ends relative to that of the motion.
     """
-    grid = path.grid(points)
+    grid = path.grid(FEW)
     speed = speed_ratio / path.trajectory.duration
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
     # Where all joints rest nothing limits ṡ.
@@ -176,57 +182,29 @@ def _retimed(
 
     The first tangents are taken at ṡ² = tangent (n,).
     """
-    message = "TOPP-RA finds no motion along the path within the limits"
-    solution = Retiming(
-        "infeasible",
-        message,
-        duration=np.inf,
-        s=grid,
-        speed_squared=np.zeros_like(grid),
-        passes=0,
-        active=np.full(len(grid) - 1, -2),
-    )
-    latest_rows: LinearConstraints | None = None
+    result = Retiming(grid, np.zeros_like(grid), np.zeros(len(grid) - 1, dtype=int))
     for count in range(1, PASSES + 1):
         rows = path_limits.constraints(tangent, static_start=static)
-        linear = rows.tangent(_lifted(tangent))
+        # The square root has no tangent at 0.
+        linear = rows.tangent(np.maximum(tangent, 1e-12 * tangent.max()))
         squares = fastest_profile(grid, linear, speeds)
+        if squares is None and result.solved:
+            break
         if squares is None:
-            if solution.solved:
-                break
             # A tangent at high speed overestimates viscous friction at low speed. A tangent nearer
             # to rest may be feasible.
             tangent = tangent * SLOWER
             continue
-        duration = float(_times(grid, squares)[-1])
         # Tangents only overestimate. If no row with a tangent binds, they do not change the motion.
-        active = linear.active(grid, squares)
-        converged = (
-            abs(solution.duration - duration) <= GAP * duration
-            or not np.isin(active, rows.curved).any()
-        )
-        solution = Retiming(
-            "solved",
-            "",
-            duration=duration,
-            s=grid,
-            speed_squared=squares,
-            passes=count,
-            active=solution.active,
-            converged=converged,
-        )
-        latest_rows = rows
+        has_tangent = np.append(rows.k.any(axis=0), [False, False])
+        exact = not has_tangent[linear.active(grid, squares)].any()
+        duration = float(_times(grid, squares)[-1])
+        converged = exact or abs(result.duration - duration) <= GAP * duration
+        result = Retiming(grid, squares, rows.active(grid, squares), count, converged)
         if converged:
             break
         tangent = squares
-    if latest_rows is None:
-        return solution
-    return replace(solution, active=latest_rows.active(grid, solution.speed_squared))
-
-
-def _lifted(speed_squared: Array) -> Array:
-    """Return ṡ² (n,) at which tangents are taken. The square root has no tangent at 0."""
-    return np.maximum(speed_squared, 1e-12 * speed_squared.max())
+    return result
 
 
 def _times(grid: Array, speed_squared: Array) -> Array:

@@ -12,6 +12,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.retiming.blends import BlendedPath, rounded
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
 from ssm_planner.planning.retiming.retime import motion_along, retime_motion
+from ssm_planner.planning.tolerances import SAMPLES
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
@@ -42,12 +43,12 @@ def slow_motion(mechanism: Mechanism, way: float) -> MotionPath:
 
 def test_a_slow_motion_is_faster_along_its_own_path(mechanism: Mechanism, robot: Robot) -> None:
     path = slow_motion(mechanism, 0.2)
-    found = retime_motion(path, robot, NONE, 100)
+    found = retime_motion(path, robot, NONE)
     assert found.solved
     assert found.duration < 3.0
     assert np.sqrt(found.speed_squared[[0, -1]]) == pytest.approx([1 / 3, 1 / 3])
     assert np.sqrt(found.speed_squared.max()) <= 10 / 3 * (1 + 1e-9)
-    slower = retime_motion(path, robot, NONE, 100, speed_ratio=0.5)
+    slower = retime_motion(path, robot, NONE, speed_ratio=0.5)
     assert np.sqrt(slower.speed_squared[[0, -1]]) == pytest.approx([1 / 6, 1 / 6])
     motion = motion_along(path, found)
     assert motion.duration == pytest.approx(found.duration, rel=1e-2)
@@ -115,7 +116,7 @@ def test_a_corner_is_left_and_joined_at_its_distance(mechanism: Mechanism, dista
         assert np.all(middle * sign >= -1e-7)
         assert np.array_equal(sign != 0, np.abs(middle[5]) > 1e-9)
     assert path.branch == before.branch == behind.branch
-    assert path.intervals == 400 * 3
+    assert path.intervals == SAMPLES * 3
     turning = path.turning_point
     for joint in range(4):
         for k in range(len(knots) - 2):
