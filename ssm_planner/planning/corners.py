@@ -15,6 +15,7 @@ motion σ, the motor torque σ τ is at every instant a convex function of the l
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -33,12 +34,6 @@ EASE = 0.01
 """Share of the largest torque by which sets may exceed the selected ones, which are then raised by
 the excess.
 """
-BEYOND = 1.1
-"""Multiple of the largest torque up to which sets are distinguished."""
-MOST = 8
-"""Largest number of sets selected for a drive."""
-SPEEDS = np.array([0.0, 0.01, 0.1, 0.25, 0.5, 0.75, 1.0])
-"""Grid of speeds, divided by the largest motor speed."""
 EFFORTS = np.linspace(-1.6, 1.6, 33)
 """Grid of efforts, divided by the effort at which the smallest friction takes the motor's largest
 torque.
@@ -52,19 +47,20 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
     """
     if problem.friction is None and problem.payload is None:
         return robot
-    drives = [_drives(joint, problem.friction) for joint in robot.joints]
     loaded = [with_payload(robot, mass) for mass in (0.0, *(problem.payload or ())[1:])]
 
-    def with_drives(k: int) -> tuple[Robot, ...]:
+    def with_drives(drives: list[Drive | None]) -> tuple[Robot, ...]:
         pairs = zip(robot.joints, drives, strict=True)
-        joints = tuple(
-            unchecked(joint, drive=choices[min(k, len(choices) - 2)] if k >= 0 else choices[-1])
-            for joint, choices in pairs
-        )
+        joints = tuple(unchecked(joint, drive=drive) for joint, drive in pairs)
         return tuple(unchecked(load, joints=joints) for load in loaded)
 
-    corners = [corner for k in range(max(map(len, drives)) - 1) for corner in with_drives(k)]
-    return unchecked(robot, corners=tuple(corners), lightest=with_drives(-1))
+    bounding = [_drives(joint, problem.friction) for joint in robot.joints]
+    corners: tuple[Robot, ...] = ()
+    for k in range(max(map(len, bounding)) - 1):
+        corners += with_drives([drives[min(k, len(drives) - 2)] for drives in bounding])
+    return unchecked(
+        robot, corners=corners, lightest=with_drives([drives[-1] for drives in bounding])
+    )
 
 
 def _drives(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
@@ -92,63 +88,49 @@ def bounding_drives(
         Largest speed (rad/s) and torque (N·m) of the motor.
     """
     sets = spread_of(drive).within(share)
-    plain_drive = unchecked(
-        drive,
-        friction=unchecked(friction_of(drive), posterior=None, covariance=None),
-        friction_ranges={},
-    )
-    needed = np.minimum(_torques(plain_drive, sets, speed, torque), BEYOND * torque)
+    friction = friction_of(drive)
+    without_spread = unchecked(friction, posterior=None, covariance=None)
+    plain_drive = unchecked(drive, friction=without_spread, friction_ranges={})
+    needed = np.minimum(_torques(plain_drive, sets, speed, torque), torque)
     envelope = needed.max(axis=0)
-    bound = np.full(needed.shape[1], -np.inf)
+    bound = np.full(len(envelope), -np.inf)
     selected: list[int] = []
-    while len(selected) < MOST and np.max(envelope - bound) > EASE * torque:
-        selected.append(int(np.argmax(needed[:, int(np.argmax(envelope - bound))])))
+    while np.max(envelope - bound) > EASE * torque:
+        worst = np.argmax(envelope - bound)
+        selected.append(int(np.argmax(needed[:, worst])))
         bound = np.maximum(bound, needed[selected[-1]])
-    beyond = 1.15 * float(np.max(envelope - bound))
-    drives = [
-        _raised(plain_drive, {name: float(column[k]) for name, column in sets.items()}, beyond)
-        for k in selected
-    ]
+    excess = 1.15 * float(np.max(envelope - bound))
+    drives = []
+    for k in selected:
+        values = {name: float(column[k]) for name, column in sets.items()}
+        values["b_c"] = values.get("b_c", friction.b_c) + excess
+        drives.append(drive_with(plain_drive, values))
     smallest = {name: float(column.min()) for name, column in sets.items()}
     if LAW in smallest:
         smallest[LAW] = float(LAWS.index("coulomb"))
     return (*drives, drive_with(plain_drive, smallest))
 
 
-def _raised(drive: Drive, values: dict[str, float], torque: float) -> Drive:
-    """Return the drive with these friction parameters, and bearing friction raised by `torque`."""
-    b_c = values.get("b_c", friction_of(drive).b_c) + torque
-    return drive_with(drive, {**values, "b_c": b_c})
-
-
 def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) -> Array:
     """Return σ τ of every set on a grid, (sets, grid points), N·m.
 
-    The grid contains motor speeds, efforts and directions, in motion and at breakaway.
+    The grid contains motor speeds, efforts and directions, in motion and at breakaway. Apart from
+    Stribeck friction, the torque is linear in the speed.
     """
     up, _ = mesh_coefficients(drive, sets.get("mu", np.array([friction_of(drive).mu])))
-    speeds = {*(speed * SPEEDS).tolist()}
-    speeds |= {
-        factor * value
-        for value in np.unique(sets.get("stribeck_speed", []))[::50]
-        for factor in (0.3, 1.0, 2.0)
-    }
-    w, effort, direction, start = (
-        grid.ravel()
-        for grid in np.meshgrid(
-            sorted(speeds), torque / float(np.min(up)) * EFFORTS, [-1.0, 1.0], [0.0, 1.0]
-        )
-    )
-    keep = (start == 0.0) | (w == 0.0)
-    w = w[keep]
-    effort = effort[keep]
-    direction = direction[keep]
-    start = start[keep]
-    columns = {name: column[:, None] for name, column in sets.items()}
-    motion = direction * w / drive.ratio, np.zeros_like(w), direction
+    efforts = torque / float(np.min(up)) * EFFORTS
+    stribeck = np.unique(sets.get("stribeck_speed", []))[::50]
+    speeds = np.concatenate([np.linspace(0.0, speed, 5), 0.3 * stribeck, stribeck, 2 * stribeck])
+    states = [(0.0, True), *((w, False) for w in speeds.tolist())]
+    grid = [(*state, effort, sign) for state, effort, sign in product(states, efforts, (-1.0, 1.0))]
+    w, start, effort, direction = np.array(grid).T
+    of_sets = drive_with(drive, {name: column[:, None] for name, column in sets.items()})
     torques, _ = drive_torque(
-        drive_with(drive, columns), direction * effort, *motion, breakaway=start > 0
+        of_sets,
+        direction * effort,
+        direction * w / drive.ratio,
+        np.zeros_like(w),
+        direction,
+        breakaway=start > 0,
     )
-    return np.asarray(
-        direction * np.broadcast_to(torques, (len(next(iter(sets.values()), [0])), len(w)))
-    )
+    return np.atleast_2d(direction * torques)

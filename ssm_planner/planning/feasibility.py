@@ -15,7 +15,6 @@ import numpy as np
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import (
-    Mechanism,
     eye_limits,
     joint_rates,
     task_from_joints,
@@ -24,9 +23,9 @@ from ssm_planner.kinematics import (
     tip_position,
 )
 from ssm_planner.planning.phases import Phase, reversal_ranges, straight_path
-from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.reason import Reason, exceeded
 from ssm_planner.planning.retiming.constraints import braking_travel
-from ssm_planner.planning.retiming.paths import JointPath
+from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem import (
     TASK,
@@ -34,7 +33,6 @@ from ssm_planner.problem import (
     JointPosition,
     JointVelocity,
     Limit,
-    Problem,
     RetinaClearance,
     TaskRange,
     in_words,
@@ -75,38 +73,33 @@ class _Places:
         return _Places(self.phase, s, self.phase.path.sample(s).q)
 
 
+def _worst(limit: Limit, values: Array) -> tuple[int, float]:
+    """Return the index of the value (n,) that exceeds a limit most, and the value."""
+    k = int(np.argmax(np.maximum(limit.low - values, values - limit.high)))
+    return k, float(values[k])
+
+
 def _excess(
-    places: _Places | str, limit: Limit, values: Array, tolerance: float, words: str
+    places: _Places, limit: Limit, values: Array, words: str, tolerance: float = ROUNDING
 ) -> Reason | None:
-    """Return the worst of values (n,) beyond a limit. None if all are within a tolerance of it.
+    """Return the worst of values (n,) at places beyond a limit, or None.
 
-    `places` are the samples of the values, or the text that describes their place. `words` is the
-    message, with {value} and {bound} in the limit's unit.
+    `words` is the message, with {value} and {bound} in the limit's unit.
     """
-    over = np.maximum(limit.low - values, values - limit.high)
-    if over.max(initial=-np.inf) <= tolerance:
-        return None
-    k = int(np.argmax(over))
-    value, location = float(values[k]), places if isinstance(places, str) else places.location(k)
-    bound = limit.bound(value)
-    shown = words.format(value=in_words(value, limit.unit), bound=in_words(bound, limit.unit))
-    # A clearance that is too small is the available value, not the required one.
-    required, available = (bound, value) if limit.is_floor else (value, bound)
-    return Reason(limit, location, required, available, f"{shown} ({location})")
+    k, worst = _worst(limit, values)
+    return exceeded(limit, worst, places.location(k), words, tolerance)
 
 
-def infeasible_place(
-    problem: Problem, mechanism: Mechanism, phases: Sequence[Phase]
-) -> Reason | None:
+def infeasible_place(phases: Sequence[Phase]) -> Reason | None:
     """Return the reason for the first place that a limit forbids, or None.
 
     The limits are the ranges of joints and task coordinates, the retina's clearance and the lens.
     """
 
     def reasons(phase: Phase) -> Iterator[Reason | None]:
-        yield from _beyond_ranges(problem, mechanism, phase)
-        yield _past_boundary(problem, mechanism, phase)
-        yield blocked_by_eye(problem, mechanism, phase)
+        yield from _beyond_ranges(phase)
+        yield from _past_boundary(phase)
+        yield blocked_by_eye(phase)
 
     return _first_reason(chain.from_iterable(map(reasons, phases)))
 
@@ -116,63 +109,62 @@ def _first_reason(reasons: Iterable[Reason | None]) -> Reason | None:
     return next(filter(None, reasons), None)
 
 
-def _beyond_ranges(problem: Problem, mechanism: Mechanism, phase: Phase) -> Iterator[Reason | None]:
+def _beyond_ranges(phase: Phase) -> Iterator[Reason | None]:
     """Yield the reasons of joints and task coordinates, or None for those within their range."""
     places = _Places.of_phase(phase)
     ends = "{value}, but its range ends at {bound}"
-    for joint, values in zip(problem.robot.joints, places.q.T, strict=True):
+    for joint, values in zip(phase.problem.robot.joints, places.q.T, strict=True):
         words = f"joint {joint.name} would have to reach {ends}"
-        yield _excess(places, joint.limit(JointPosition), values, ROUNDING, words)
-    wrapped = task_from_joints(mechanism, places.q)
-    task = np.stack(task_of_joints(NUMPY, mechanism, places.q.T), axis=1)
+        yield _excess(places, joint.limit(JointPosition), values, words)
+    wrapped = task_from_joints(phase.mechanism, places.q)
+    task = np.stack(task_of_joints(NUMPY, phase.mechanism, places.q.T), axis=1)
     continuous = task + 2 * np.pi * np.round((phase.start - task[0]) / (2 * np.pi)) * (1, 0, 1, 0)
-    for limit in problem.limits:
+    for limit in phase.problem.limits:
         if isinstance(limit, TaskRange):
             # A range of a turn or more excludes no angle, so values may be wrapped.
             of_turn = limit.high - limit.low >= 2 * np.pi
             values = (wrapped if of_turn else continuous)[:, TASK.index(limit.coordinate)]
-            yield _excess(
-                places, limit, values, SAME, f"{limit.coordinate} would have to be {ends}"
-            )
+            words = f"{limit.coordinate} would have to be {ends}"
+            yield _excess(places, limit, values, words, SAME)
 
 
-def _past_boundary(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
-    """Return the tilt range if joint 2 must leave it at the workspace boundary.
+def _past_boundary(phase: Phase) -> Iterator[Reason | None]:
+    """Yield the tilt range if joint 2 must leave it at the workspace boundary.
 
     Tilt depends on joint 2 alone. Its extremes are where the branches of the inverse kinematics
     meet, at δ + k π. Every motion between points on both sides of an extreme passes it.
     """
+    mechanism, problem = phase.mechanism, phase.problem
     limit = problem.limit(TaskRange.name_of("tilt"), None)
     if phase.path is not None or limit is None:
-        return None
+        return
     for k, (start, end) in enumerate(pairwise(phase.points)):
         low, high = sorted((float(start[1]), float(end[1])))
-        first = np.ceil((low - mechanism.delta) / np.pi)
-        extremes = mechanism.delta + np.pi * np.arange(first, (high - mechanism.delta) / np.pi)
-        joints = np.tile(start, (len(extremes), 1))
-        joints[:, 1] = extremes
         location = f"{phase.motion.name}, between its points {k} and {k + 1}"
         words = (
             f"joint {problem.robot.joints[1].name} passes the workspace boundary between "
             f"{in_words(low, 'rad')} and {in_words(high, 'rad')}, where tilt is {{value}}, "
             "but the range of tilt ends at {bound}"
         )
-        tilts = task_from_joints(mechanism, joints)[:, 1]
-        reason = _excess(location, limit, tilts, SAME, words)
-        if reason is not None:
-            return reason
-    return None
+        first = np.ceil((low - mechanism.delta) / np.pi)
+        extremes = mechanism.delta + np.pi * np.arange(first, (high - mechanism.delta) / np.pi)
+        joints = np.tile(start, (len(extremes), 1))
+        joints[:, 1] = extremes
+        if len(extremes):
+            tilt = _worst(limit, task_from_joints(mechanism, joints)[:, 1])[1]
+            yield exceeded(limit, tilt, location, words, SAME)
 
 
-def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
+def blocked_by_eye(phase: Phase) -> Reason | None:
     """Return the retina or the lens if a phase comes too near to it.
 
     A path is sampled again about its worst sample, because the distance has a sharp corner at the
     port.
     """
-    if problem.eye is None:
+    eye = phase.problem.eye
+    if eye is None:
         return None
-    for limit in problem.eye.limits:
+    for limit in eye.limits:
         words = (
             "the tip would come within {value} of the retina, but the clearance is {bound}"
             if isinstance(limit, RetinaClearance)
@@ -180,28 +172,30 @@ def blocked_by_eye(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reas
             "lens from its centre, but at least {bound} is required"
         )
         places = _Places.of_phase(phase)
-        for _ in range(1 if phase.path is None else 2):
-            values, _ = eye_limits(NUMPY, problem.eye, tip_position(mechanism, places.q).T)[
-                limit.name
-            ]
-            reason = _excess(places, limit, values, ROUNDING, words)
+        for _ in range(2):
+            tips = tip_position(phase.mechanism, places.q)
+            values, _ = eye_limits(NUMPY, eye, tips.T)[limit.name]
+            reason = _excess(places, limit, values, words)
             if reason is not None:
                 return reason
             places = places.refined(int(np.argmin(values)))
     return None
 
 
-def nearest_to_eye(problem: Problem, path: JointPath) -> Array:
-    """Return the joints (4,) where a path is nearest to retina or lens, or deepest in them."""
+def nearest_to_eye(phase: Phase) -> Array:
+    """Return the joints (4,) nearest to retina or lens, or deepest in them, between two points.
+
+    The joints move along a straight line.
+    """
+    path = PolylinePath(phase.mechanism, phase.points)
     q = path.overview.q
-    if problem.eye is None:
-        return np.asarray(q[0])
-    limits = eye_limits(NUMPY, problem.eye, tip_position(path.mechanism, q).T).values()
+    assert phase.problem.eye is not None
+    limits = eye_limits(NUMPY, phase.problem.eye, tip_position(phase.mechanism, q).T).values()
     ratios = [values / smallest for values, smallest in limits if smallest > 0]
-    return np.asarray(q[int(np.argmin(np.min(ratios, axis=0)))]) if ratios else np.asarray(q[0])
+    return np.asarray(q[int(np.argmin(np.min(ratios, axis=0)))])
 
 
-def straight_instead(problem: Problem, mechanism: Mechanism, phase: Phase) -> Phase | None:
+def straight_instead(phase: Phase) -> Phase | None:
     """Return a free phase from rest to rest as a straight line in task coordinates.
 
     None if the line is not possible, or if a limit forbids a place on it.
@@ -210,15 +204,15 @@ def straight_instead(problem: Problem, mechanism: Mechanism, phase: Phase) -> Ph
     lines_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING
     if len(phase.points) != 2 or not phase.begins_and_ends_at_rest or not lines_differ:
         return None
-    path = straight_path(problem, mechanism, phase.start, phase.end, phase.q_start)
+    path = straight_path(phase.problem, phase.mechanism, phase.start, phase.end, phase.q_start)
     if np.abs(path.overview.q[-1] - phase.points[-1]).max() > ROUNDING:
         return None
     straight = replace(phase, path=path)
-    return straight if infeasible_place(problem, mechanism, (straight,)) is None else None
+    return straight if infeasible_place((straight,)) is None else None
 
 
 def with_boundary_rates(
-    problem: Problem, mechanism: Mechanism, phases: tuple[Phase, ...]
+    phases: tuple[Phase, ...],
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """Return the phases with q̇ at the start of the first and at the end of the last one.
 
@@ -233,27 +227,29 @@ def with_boundary_rates(
     moving = [
         k for k, phase in enumerate(phases) if phase.motion.duration is not None or not phase.stands
     ]
+    first, last = moving[0], moving[-1]
     result = list(phases)
-    ends = ((moving[0], 0, "start_rate"), (moving[-1], -1, "end_rate"))
-    for k, side, key in ends:
-        qd = _end_velocity(problem, mechanism, (result[k], side), key)
-        result[k] = replace(result[k], qd_end=qd) if side else replace(result[k], qd_start=qd)
-    acceleration = np.array(problem.start_acceleration)
-    result[moving[0]] = replace(result[moving[0]], qdd_start=acceleration)
-    too_fast = (_too_fast(problem, mechanism, (result[k], side), key) for k, side, key in ends)
-    too_near = (_too_near(problem, mechanism, result[k]) for k, *_ in ends)
-    return tuple(result), _first_reason(chain(too_fast, too_near))
+    qd = _end_velocity(result[first], 0)
+    acceleration = np.array(phases[0].problem.start_acceleration)
+    result[first] = replace(result[first], qd_start=qd, qdd_start=acceleration)
+    qd = _end_velocity(result[last], -1)
+    result[last] = replace(result[last], qd_end=qd)
+    reasons = chain(
+        _too_fast(result[first], 0),
+        _too_fast(result[last], -1),
+        _too_near(result[first]),
+        _too_near(result[last]),
+    )
+    return tuple(result), _first_reason(reasons)
 
 
-def _end_velocity(
-    problem: Problem, mechanism: Mechanism, end: tuple[Phase, int], key: str
-) -> Array:
+def _end_velocity(phase: Phase, side: int) -> Array:
     """Return q̇ (4,) at the start (side 0) or the end (side −1) of a phase, from the task rates.
 
-    `end` is the phase with the side, and `key` is that of the rates in the problem file. Raises
-    ProblemError for rates that do not point along the path of the phase.
+    Raises ProblemError for rates that do not point along the path of the phase.
     """
-    phase, side = end
+    key = ("start_rate", "end_rate")[side]
+    problem, mechanism = phase.problem, phase.mechanism
     rate = np.array([getattr(problem, key).get(name, 0.0) for name in TASK])
     if not rate.any():
         return np.zeros(4)
@@ -278,69 +274,57 @@ def _end_velocity(
     return np.where(still, 0.0, qd)
 
 
-def _too_fast(
-    problem: Problem, mechanism: Mechanism, end: tuple[Phase, int], key: str
-) -> Reason | None:
-    """Return the limit that velocities at an end exceed: a velocity, or the distance to stop."""
-    phase, side = end
-    qd = phase.qd_end if side else phase.qd_start
-    location = f"{phase.motion.name}, {key.replace('_', ' ')}"
-    for joint, speed in zip(problem.robot.joints, np.abs(qd).tolist(), strict=True):
+def _too_fast(phase: Phase, side: int) -> Iterator[Reason | None]:
+    """Yield the limits that velocities at an end exceed: velocities, and the distance to stop."""
+    qd = (phase.qd_start, phase.qd_end)[side]
+    location = f"{phase.motion.name}, {('start', 'end')[side]} rate"
+    for joint, speed in zip(phase.problem.robot.joints, np.abs(qd).tolist(), strict=True):
+        words = f"joint {joint.name} would move at {{value}}, but its limit is {{bound}}"
         limit = joint.limit(JointVelocity)
-        if speed > joint.velocity * (1 + ROUNDING):
-            text = (
-                f"joint {joint.name} would move at {in_words(speed, limit.unit)}, but its limit is "
-                f"{in_words(limit.largest, limit.unit)} ({location})"
-            )
-            return Reason(limit, location, speed, limit.largest, text)
-    stop = problem.stop_travel
-    if stop is None:
-        return None
-    travel = float(braking_travel(mechanism, problem.robot, phase.points[[side]], qd[None])[0])
-    if travel <= stop.largest * (1 + ROUNDING):
-        return None
-    text = (
-        f"the tip needs {in_words(travel, stop.unit)} to stop, but only "
-        f"{in_words(stop.largest, stop.unit)} are allowed ({location})"
-    )
-    return Reason(stop, location, travel, stop.largest, text)
+        yield exceeded(limit, speed, location, words, ROUNDING * limit.largest)
+    stop = phase.problem.stop_travel
+    if stop is not None:
+        travel = braking_travel(
+            phase.mechanism, phase.problem.robot, phase.points[[side]], qd[None]
+        )
+        words = "the tip needs {value} to stop, but only {bound} are allowed"
+        yield exceeded(stop, float(travel[0]), location, words, ROUNDING * stop.largest)
 
 
-def _too_near(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
-    """Return the limit of a joint whose displacement is too short for its change of velocity.
+def _too_near(phase: Phase) -> Iterator[Reason | None]:
+    """Yield the limits of joints whose displacement is too short for their change of velocity.
 
     A path allows |q̇₁² − q̇₀²| ≤ 2 q̈_max |Δq|. A free motion may overshoot, and needs the range to
     do so.
     """
     if phase.path is None:
-        return _beyond_room(problem, mechanism, phase)
+        yield from _beyond_room(phase)
+        return
     distances = np.abs(np.diff(phase.path.overview.q, axis=0)).sum(axis=0)
     changes = np.abs(phase.qd_start**2 - phase.qd_end**2)
-    for i, joint in enumerate(problem.robot.joints):
-        if changes[i] <= 2 * joint.acceleration * distances[i] * (1 + ROUNDING):
-            continue
+    for i in np.flatnonzero(changes):
+        joint = phase.problem.robot.joints[i]
         limit = joint.limit(JointAcceleration)
-        needed = float(changes[i] / (2 * distances[i]))
+        room = in_words(distances[i], joint.limit(JointPosition).unit)
         speeds = (
             in_words(abs(float(qd[i])), joint.limit(JointVelocity).unit)
             for qd in (phase.qd_start, phase.qd_end)
         )
-        text = (
-            f"joint {joint.name} has {in_words(distances[i], joint.limit(JointPosition).unit)} to "
-            f"change its velocity from {' to '.join(speeds)}. This requires "
-            f"{in_words(needed, limit.unit)}, but its limit is "
-            f"{in_words(joint.acceleration, limit.unit)} ({phase.motion.name})"
+        words = (
+            f"joint {joint.name} has {room} to change its velocity from {' to '.join(speeds)}. "
+            "This requires {value}, but its limit is {bound}"
         )
-        return Reason(limit, phase.motion.name, needed, joint.acceleration, text)
-    return None
+        needed = float(changes[i] / (2 * distances[i]))
+        yield exceeded(limit, needed, phase.motion.name, words, ROUNDING * limit.largest)
 
 
-def _beyond_room(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason | None:
-    """Return the range that a joint must leave to stop, or to reach its velocity at the end.
+def _beyond_room(phase: Phase) -> Iterator[Reason | None]:
+    """Yield the ranges that joints must leave to stop, or to reach their velocity at the end.
 
     The range may be that of tilt or depth.
     """
-    ranges = reversal_ranges(problem, mechanism, phase.points)
+    problem = phase.problem
+    ranges = reversal_ranges(problem, phase.mechanism, phase.points)
     ends = (
         (phase.qd_start, 0, "cannot stop before"),
         (-phase.qd_end, -1, "would have to start from"),
@@ -357,13 +341,11 @@ def _beyond_room(problem: Problem, mechanism: Mechanism, phase: Phase) -> Reason
         if limit.contains(value) and task_range is not None:
             # The task coordinate that follows this joint alone leaves its range.
             limit, name = task_range, coordinate
-            value = float(task_from_joints(mechanism, reached[None])[0, TASK.index(name)])
-        velocity, acceleration = joint.limit(JointVelocity), joint.limit(JointAcceleration)
-        text = (
-            f"{name} {phrase} {in_words(value, limit.unit)}, because joint {joint.name} moves at "
-            f"{in_words(abs(float(qd[i])), velocity.unit)} and accelerates by at most "
-            f"{in_words(joint.acceleration, acceleration.unit)}, but its range ends at "
-            f"{in_words(limit.bound(value), limit.unit)} ({phase.motion.name})"
+            value = float(task_from_joints(phase.mechanism, reached[None])[0, TASK.index(name)])
+        speed = in_words(abs(float(qd[i])), joint.limit(JointVelocity).unit)
+        acceleration = in_words(joint.acceleration, joint.limit(JointAcceleration).unit)
+        words = (
+            f"{name} {phrase} {{value}}, because joint {joint.name} moves at {speed} and "
+            f"accelerates by at most {acceleration}, but its range ends at {{bound}}"
         )
-        return Reason(limit, phase.motion.name, value, limit.bound(value), text)
-    return None
+        yield exceeded(limit, value, phase.motion.name, words, -np.inf)

@@ -57,12 +57,12 @@ def lower_bound(
 
 
 def least_times(robot: Robot, displacements: Array, distances: Array, limits: TaskLimits) -> Array:
-    """Return the times (n,) of motions from rest to rest, s.
+    """Return the times (...) of motions from rest to rest, s.
 
-    Every joint moves by `displacements` (n, 4) and the tip by `distances` (n,). The time is that of
-    the slowest joint alone, as `rest_to_rest` gives it, or of the tip at its largest speed.
+    Every joint moves by `displacements` (..., 4) and the tip by `distances` (...). The time is that
+    of the slowest joint alone, as `rest_to_rest` gives it, or of the tip at its largest speed.
     """
-    times = rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=1)
+    times = rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=-1)
     return np.maximum(times, distances / _tip_speed(limits))
 
 

@@ -25,19 +25,19 @@ from ssm_planner.dynamics import (
 from ssm_planner.planning.feasibility import blocked_by_eye
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.reason import Reason
+from ssm_planner.planning.reason import Reason, exceeded
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples, joint_starts
 from ssm_planner.planning.tolerances import ROUNDING, SAMPLES
-from ssm_planner.problem import ContinuousTorque, Drive, MotorTorque, Problem, Robot, in_words
+from ssm_planner.problem import ContinuousTorque, Drive, MotorTorque, Robot
 from ssm_planner.typing import Array, record
 
 
-def no_motion(problem: Problem, phase: Phase, path: JointPath, message: str) -> Reason:
+def no_motion(phase: Phase, path: JointPath, message: str) -> Reason:
     """Return what prevents a motion: a weak motor, the eye, or the solver's message."""
-    reason = motor_too_weak(problem, phase, path, SAMPLES)
+    reason = motor_too_weak(phase, path, SAMPLES)
     if reason is not None:
         return reason
-    blocked = blocked_by_eye(problem, path.mechanism, replace(phase, path=path))
+    blocked = blocked_by_eye(replace(phase, path=path))
     if blocked is not None:
         text = f"{blocked.message}; no path around it was found ({message})"
         return replace(blocked, message=text)
@@ -53,27 +53,20 @@ def _overloaded(
 ) -> Reason | None:
     """Return the motor whose torque is exceeded by the largest factor, or None.
 
-    `needs` are joint, needed torque (N·m) and place. `words` is the message, with {joint}, {needed}
-    and {available}.
+    `needs` are joint, needed torque (N·m) and place. `words` continues the message after the name
+    of the joint, with {value} and {bound}.
     """
-    reasons = []
+    worst, result = 0.0, None
     for i, needed, location in needs:
         limit = robot.joints[i].limit(kind)
-        if needed > limit.largest * (1 + ROUNDING):
-            text = words.format(
-                joint=robot.joints[i].name,
-                needed=in_words(needed, limit.unit),
-                available=in_words(limit.largest, limit.unit),
-            )
-            text += f" ({location})" if location else ""
-            factor = needed / limit.largest
-            reasons.append((factor, Reason(limit, location, needed, limit.largest, text)))
-    return max(reasons, key=lambda pair: pair[0])[1] if reasons else None
+        text = f"the motor of joint {robot.joints[i].name} {words}"
+        reason = exceeded(limit, needed, location, text, ROUNDING * limit.largest)
+        if reason is not None and needed / limit.largest > worst:
+            worst, result = needed / limit.largest, reason
+    return result
 
 
-def motor_too_weak(
-    problem: Problem, phase: Phase, path: JointPath, samples: int = 0
-) -> Reason | None:
+def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | None:
     """Return the motor that is too weak to start moving against gravity and friction, or None.
 
     The knots of the path are tested, and `samples` evenly spaced points. A motor that is too weak
@@ -82,7 +75,8 @@ def motor_too_weak(
     """
     knots, signs = path.directions
     at = path.sample(np.union1d(np.linspace(0.0, 1.0, samples), knots))
-    gravity = RigidBody.from_robot(problem.robot).gravity_load(at.q)
+    robot = phase.problem.robot
+    gravity = RigidBody.from_robot(robot).gravity_load(at.q)
     starts = joint_starts(at, knots, signs)
     # At a knot the joint must arrive as well as leave.
     segments = [
@@ -91,7 +85,7 @@ def motor_too_weak(
     ]
 
     def needs() -> Iterator[tuple[int, float, str]]:
-        for i, drive, _ in motorised(problem.robot.joints):
+        for i, drive, _ in motorised(robot.joints):
             friction = friction_of(drive)
             slow = np.asarray(friction_coefficient(friction, 0.0))
             mu = np.where(starts[:, i], breakaway_coefficient(friction), slow)
@@ -104,15 +98,15 @@ def motor_too_weak(
             yield i, float(torque[k]), f"{phase.motion.name}, {100 * at.s[k]:.0f} % of the way"
 
     return _overloaded(
-        problem.robot,
+        robot,
         MotorTorque,
         needs(),
-        "the motor of joint {joint} is too weak to move at all: against gravity and friction it "
-        "needs {needed}, but it has only {available}",
+        "is too weak to move at all: against gravity and friction it needs {value}, but it has "
+        "only {bound}",
     )
 
 
-def motor_too_weak_to_brake(problem: Problem, phase: Phase) -> Reason | None:
+def motor_too_weak_to_brake(phase: Phase) -> Reason | None:
     """Return the motor that is too weak at the velocity at which a phase begins.
 
     No accelerations within the limits help then. If the load resists, a motor that cannot hold the
@@ -120,7 +114,7 @@ def motor_too_weak_to_brake(problem: Problem, phase: Phase) -> Reason | None:
     convex in the effort, and the effort is linear in the accelerations. The minimum is bounded from
     below on a grid.
     """
-    robot, qd = problem.robot, phase.qd_start
+    robot, qd = phase.problem.robot, phase.qd_start
     if not qd.any():
         return None
     largest = robot.accelerations
@@ -146,12 +140,12 @@ def motor_too_weak_to_brake(problem: Problem, phase: Phase) -> Reason | None:
         robot,
         MotorTorque,
         needs(),
-        "the motor of joint {joint} is too weak for the speed at the start: even at the largest "
-        "deceleration of the joint it needs {needed}, but it has only {available}",
+        "is too weak for the speed at the start: even at the largest deceleration of the joint it "
+        "needs {value}, but it has only {bound}",
     )
 
 
-def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
+def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
     """Return the motor whose continuous torque every motion exceeds, however slow it is.
 
     None if not certain.
@@ -166,7 +160,7 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
     of them infinite. A phase without a given duration in which the joint may rest allows any RMS.
     Stribeck friction is taken at its smallest, and ripple is left out.
     """
-    pause, robot = problem.duty, problem.robot
+    pause, robot = phases[0].problem.duty, phases[0].problem.robot
     if pause is None:
         return None
     bounds = [phase.motion.duration or lower_bound(robot, phase.points) for phase in phases]
@@ -183,8 +177,8 @@ def motor_too_hot(problem: Problem, phases: Sequence[Phase]) -> Reason | None:
         robot,
         ContinuousTorque,
         needs(),
-        "the motor of joint {joint} would run at an RMS torque of at least {needed}, however "
-        "slowly it moves, because of friction and load alone; its continuous torque is {available}",
+        "would run at an RMS torque of at least {value}, however slowly it moves, because of "
+        "friction and load alone; its continuous torque is {bound}",
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -34,17 +35,22 @@ METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipo
 class PhasePlanner(PhaseTask):
     """The solvers for one phase of a problem."""
 
+    def with_problem(self, **changes: Any) -> PhasePlanner:
+        """Return a copy with changes of the problem."""
+        problem = unchecked(self.problem, **changes)
+        return replace(self, phase=replace(self.phase, problem=problem))
+
     @property
     def for_time(self) -> PhasePlanner:
         """Copy that looks for the fastest motion, without objective and requested duration."""
         untimed = replace(self.phase, motion=unchecked(self.phase.motion, duration=None))
-        return replace(self, problem=unchecked(self.problem, objective="time"), phase=untimed)
+        return replace(self, phase=untimed).with_problem(objective="time")
 
     @property
     def unconfirmed(self) -> PhasePlanner:
         """Copy that does without Ipopt's confirmation."""
-        planner = "fast" if self.problem.planner == "optimal" else self.problem.planner
-        return replace(self, problem=unchecked(self.problem, planner=planner))
+        optimal = self.problem.planner == "optimal"
+        return self.with_problem(planner="fast") if optimal else self
 
     def along_path(self, path: JointPath) -> PlannedPhase | Reason:
         """Return the motion along a path, by optimal control or timed by TOPP-RA alone."""
@@ -81,16 +87,15 @@ class PhasePlanner(PhaseTask):
             Return the fastest motion as the first solver finds it. `best_free` makes it final.
         """
         phase = self.phase
-        direct = PolylinePath(self.mechanism, phase.points)
-        at_rest = phase.begins_and_ends_at_rest
         # Joints that already move need not break away, and may come from the other side.
-        reason = motor_too_weak(self.problem, phase, direct) if at_rest else None
-        if reason is not None:
-            return reason
+        if phase.begins_and_ends_at_rest:
+            reason = motor_too_weak(phase, self._direct)
+            if reason is not None:
+                return reason
         solve = partial(
             solve_free,
             self.problem,
-            self.mechanism,
+            phase.mechanism,
             phase.points,
             strict=self.strict,
             cooling=self.cooling,
@@ -106,16 +111,18 @@ class PhasePlanner(PhaseTask):
         fewer = ELEMENTS if count is None and len(phase.points) == 2 else None
         by_ipopt = borders is None or borders.guess is None
         motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
-        return self.phase_result(direct, slowed_to_stop(self, motion))
+        return self.phase_result(self._direct, slowed_to_stop(self, motion))
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
         """Return the motion for the objective from a free motion with `fastest_only`."""
-        phase = self.phase
-        motion = find_best_free(
-            fastest.motion, self.problem.objective, phase.motion.duration, cutoff
-        )
-        direct = PolylinePath(self.mechanism, phase.points)
-        return self.phase_result(direct, slowed_to_stop(self, motion))
+        duration = self.phase.motion.duration
+        motion = find_best_free(fastest.motion, self.problem.objective, duration, cutoff)
+        return self.phase_result(self._direct, slowed_to_stop(self, motion))
+
+    @property
+    def _direct(self) -> JointPath:
+        """Straight lines from point to point."""
+        return PolylinePath(self.phase.mechanism, self.phase.points)
 
     def phase_result(self, path: JointPath, motion: PhaseSolution) -> PlannedPhase | Reason:
         """Return the phase with the motion of a solver.
@@ -124,13 +131,13 @@ class PhasePlanner(PhaseTask):
         requested.
         """
         if not motion.solved:
-            if self.estimate_only:
+            if self.approximate:
                 return Reason(message=motion.message)
-            return no_motion(self.problem, self.phase, path, motion.message)
+            return no_motion(self.phase, path, motion.message)
         duration = self.phase.motion.duration
         if duration is not None and motion.duration > duration * (1 + SAME):
             return duration_too_short(self.phase.motion.name, duration, motion.duration)
-        return PlannedPhase(self.phase, motion, duration or self.lower_bound)
+        return PlannedPhase(self.phase, motion, duration or self.phase.lower_bound)
 
     def _solved(
         self,
@@ -144,9 +151,9 @@ class PhasePlanner(PhaseTask):
         The methods are the structured solver with the confirmation that the planner asks for, the
         same on `fewer` elements, and Ipopt alone if `by_ipopt` is true.
         """
-        method: Method = "estimated" if self.estimate_only else METHODS[self.problem.planner]
+        method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
         attempts: list[dict[str, object]] = [{"method": method if compiled() else "Ipopt"}]
-        if not self.estimate_only and by_ipopt and method != "Ipopt" and compiled():
+        if not self.approximate and by_ipopt and method != "Ipopt" and compiled():
             attempts += [{"method": method, "count": fewer}] * (
                 fewer is not None and method == "confirmed"
             )
@@ -164,8 +171,7 @@ class PhasePlanner(PhaseTask):
         """
 
         def with_tip_speed(limit_speed: float) -> PhasePlanner:
-            limits = (*self.problem.limits, TipSpeed(limit_speed))
-            return replace(self, problem=unchecked(self.problem, limits=limits))
+            return self.with_problem(limits=(*self.problem.limits, TipSpeed(limit_speed)))
 
         def is_feasible(limit_speed: float) -> bool:
             limits = with_tip_speed(limit_speed).problem.task_limits
@@ -184,10 +190,10 @@ class PhasePlanner(PhaseTask):
     def _optimal(self, path: JointPath) -> PlannedPhase | Reason:
         """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA."""
         problem = self.problem
-        speeds = path.speed_at(0.0, self.phase.qd_start), path.speed_at(1.0, self.phase.qd_end)
+        speeds = self.phase.speeds_along(path)
         retiming = retime(path, problem.robot, path.intervals, problem.task_limits, speeds)
         if not retiming.solved:
-            return no_motion(problem, self.phase, path, retiming.message)
+            return no_motion(self.phase, path, retiming.message)
         solve = partial(
             solve_straight,
             problem.robot,

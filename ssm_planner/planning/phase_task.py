@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import field
-from functools import cached_property
 
-from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.prechecks import least_duration
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Problem, Robot
 from ssm_planner.typing import Array, record
@@ -43,8 +40,6 @@ class PlannedPhase:
 class PhaseTask:
     """Requirements on the motion of a phase."""
 
-    problem: Problem
-    mechanism: Mechanism
     strict: Robot
     """The robot with the limits that the motion must keep.
 
@@ -53,18 +48,13 @@ class PhaseTask:
     phase: Phase
     cooling: Array | None = None
     """Weights (4,) of the motors' heat relative to time. None: heat does not count."""
-    estimate_only: bool = False
-    """True if the structured solver alone estimates the duration, in few rounds."""
+    approximate: bool = False
+    """True if an estimate of the duration by the structured solver in few rounds suffices."""
     may_reverse: bool = True
     """True if joints may reverse where they need not."""
     work: Work = field(default_factory=Work)
 
-    @cached_property
-    def lower_bound(self) -> float:
-        """Duration that no motion between the ends of the phase can beat, s."""
-        return least_duration(self.problem, self.mechanism, self.phase)
-
     @property
-    def minimises_time_only(self) -> bool:
-        """True if the fastest motion is sought: no duration and no heat weights are given."""
-        return self.phase.motion.duration is None and self.cooling is None
+    def problem(self) -> Problem:
+        """Problem of the phase."""
+        return self.phase.problem

@@ -16,7 +16,7 @@ from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.prechecks import bounded_duration, feasible_phases
+from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.planning.reason import Reason, duration_too_short, durations_disagree
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
@@ -84,21 +84,18 @@ def plan_motion(
     ProblemError
         If a point is out of reach, or if no motion goes anywhere.
     """
-    mechanism = Mechanism.from_robot(problem.robot)
     robot = with_corners(problem, problem.robot)
-    original, problem = problem, unchecked(problem, robot=robot)
+    problem = unchecked(problem, robot=robot)
     strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
     may_reverse = may_reverse and problem.stop_travel is None
-    phases, reason = feasible_phases(problem, mechanism)
+    phases, reason = feasible_phases(problem, Mechanism.from_robot(robot))
     work = work or Work()
 
     def planner(phase: Phase) -> PhasePlanner:
-        return PhasePlanner(
-            problem, mechanism, strict, phase, cooling, may_reverse=may_reverse, work=work
-        )
+        return PhasePlanner(strict, phase, cooling, may_reverse=may_reverse, work=work)
 
     if reason is None and not may_overheat:
-        reason = motor_too_hot(original, phases)
+        reason = motor_too_hot(phases)
     if reason is None and problem.duration is not None:
         phases, reason = _with_durations(phases, problem.duration, planner, progress)
     if reason is not None:
@@ -110,29 +107,21 @@ def plan_motion(
         solution, evaluations = plan_phase(planner(phase))
         entries.append(tuple(item.to_dict(solution) for item in evaluations))
         if isinstance(solution, Reason):
-            status = ("infeasible", "not converged")[solution.limit is None]
+            status = "not converged" if solution.limit is None else "infeasible"
             return PlannerResult(status, None, tuple(solutions), solution, tuple(entries))
         solutions.append(solution)
     return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(entries))
 
 
-def plan_phase(
-    planner: PhasePlanner, cutoff: float = np.inf
-) -> tuple[PlannedPhase | Reason, list[PhaseEvaluation]]:
-    """Return the fastest motion of a phase, or the reason of the failure, and its candidates.
-
-    Motions that take `cutoff` seconds or longer are of no use.
-    """
+def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[PhaseEvaluation]]:
+    """Return the fastest motion of a phase, or the reason of the failure, and its candidates."""
     phase = planner.phase
     if phase.stands:
         duration = phase.motion.duration or 0.0
         motion = (np.array([0.0, duration]), hold(phase.q_start)) if duration else ()
-        standing = PhaseSolution("solved", "", 0, *motion)
-        return PlannedPhase(phase, standing, duration), []
-    reason = motor_too_weak_to_brake(planner.problem, phase) if phase.path is None else None
-    return (
-        (reason, []) if reason is not None else find_fastest(KINDS, planner, planner.work, cutoff)
-    )
+        return PlannedPhase(phase, PhaseSolution("solved", "", 0, *motion), duration), []
+    reason = motor_too_weak_to_brake(phase) if phase.path is None else None
+    return (reason, []) if reason is not None else find_fastest(KINDS, planner, planner.work)
 
 
 def joined(phases: Sequence[PlannedPhase]) -> Trajectory:
@@ -152,40 +141,23 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
     returned unchanged. The result is infinite if the motion would not be shorter than `cutoff`
     seconds, or if none is found.
     """
-    mechanism = Mechanism.from_robot(problem.robot)
-    phases, reason = feasible_phases(problem, mechanism)
-    cutoff = min(cutoff, np.inf if problem.duration is None else problem.duration * (1 + SAME))
     of_time = unchecked(problem, objective="time")
-    planners = [
-        PhasePlanner(
-            of_time,
-            mechanism,
-            problem.robot,
-            phase,
-            estimate_only=True,
-            may_reverse=False,
-            work=work or Work(),
-        )
-        for phase in phases
-    ]
-    takes = [bounded_duration(problem, mechanism, phase) for phase in phases]
-    if reason is not None or sum(takes) >= cutoff:
+    phases, reason = feasible_phases(of_time, Mechanism.from_robot(problem.robot))
+    if reason is not None:
         return np.inf
+    if problem.duration is not None:
+        cutoff = min(cutoff, problem.duration * (1 + SAME))
+    work = work or Work()
+    takes = [phase.least_duration for phase in phases]
     # Whether there is a motion along a line is known soon, so paths come first.
     for k in sorted(range(len(phases)), key=lambda k: phases[k].path is None):
-        takes[k] = _estimated_duration(planners[k], cutoff - sum(takes) + takes[k])
         if sum(takes) >= cutoff:
             return np.inf
-    return problem.duration or sum(takes)
-
-
-def _estimated_duration(planner: PhasePlanner, cutoff: float) -> float:
-    """Estimate how long a phase takes, s. Infinite if it takes `cutoff` seconds or longer."""
-    if planner.phase.stands:
-        return planner.phase.motion.duration or 0.0
-    result, _ = plan_phase(planner)
-    duration = np.inf if isinstance(result, Reason) else result.duration
-    return duration if duration < cutoff else np.inf
+        result, _ = plan_phase(
+            PhasePlanner(problem.robot, phases[k], approximate=True, may_reverse=False, work=work)
+        )
+        takes[k] = np.inf if isinstance(result, Reason) else result.duration
+    return np.inf if sum(takes) >= cutoff else problem.duration or sum(takes)
 
 
 def _with_durations(
@@ -200,11 +172,7 @@ def _with_durations(
     fastest motions.
     """
     planners = [planner(phase).for_time for phase in phases]
-    bounds = (
-        bounded_duration(solver.problem, solver.mechanism, phase)
-        for solver, phase in zip(planners, phases, strict=True)
-    )
-    if sum(bounds) > duration * (1 + SAME):
+    if sum(phase.least_duration for phase in phases) > duration * (1 + SAME):
         # The duration is too short. Only the amount is needed for the message, so Ipopt need not
         # confirm it.
         planners = [solver.unconfirmed for solver in planners]

@@ -27,13 +27,13 @@ BETWEEN = 2e-5
 def retimed(task: PhaseTask, path: JointPath) -> PlannedPhase | Reason:
     """Return a motion along a path that TOPP-RA alone has timed."""
     phase, robot = task.phase, with_margin(task.strict, BETWEEN)
-    speeds = path.speed_at(0.0, phase.qd_start), path.speed_at(1.0, phase.qd_end)
+    speeds = phase.speeds_along(path)
     retiming = retime(path, robot, path.intervals, task.problem.task_limits, speeds)
     if not retiming.solved:
-        return no_motion(task.problem, phase, path, retiming.message)
+        return no_motion(phase, path, retiming.message)
     pieces = retimed_pieces(path, retiming, speeds[1])
     motion = PhaseSolution("solved", "", 0, *pieces, solver=TOPPRA)
-    return PlannedPhase(phase, motion, task.lower_bound)
+    return PlannedPhase(phase, motion, phase.lower_bound)
 
 
 def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
@@ -47,9 +47,9 @@ def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
         return motion
     trajectory = Trajectory(motion.breaks, motion.coefficients, ())
     knots = motion.border_instants / trajectory.duration
-    path = MotionPath(task.mechanism, trajectory, knots, motion.directions)
+    path = MotionPath(task.phase.mechanism, trajectory, knots, motion.directions)
     samples = path.trajectory.sample(np.linspace(0.0, motion.duration, FEW))
-    travel = braking_travel(task.mechanism, task.problem.robot, samples.q, samples.qd)
+    travel = braking_travel(task.phase.mechanism, task.problem.robot, samples.q, samples.qd)
     return motion if travel.max() <= limit.largest else _with_toppra_timing(task, motion, path)
 
 

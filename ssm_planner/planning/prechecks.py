@@ -1,16 +1,12 @@
-"""Checks before any solver runs: phases, feasibility of places, and lower bounds of durations."""
+"""Checks before any solver runs: phases, and feasibility of places."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from ssm_planner.kinematics import Mechanism, task_rates
+from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.feasibility import infeasible_place, with_boundary_rates
-from ssm_planner.planning.lower_bound import lower_bound, rate_bound
 from ssm_planner.planning.motor_strength import motor_too_hot
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.tolerances import SAME
 from ssm_planner.problem import LensClearance, Problem, RetinaClearance
 
 
@@ -31,9 +27,9 @@ def feasible_phases(
     reasons = []
     for q in start_configurations(problem, mechanism):
         phases = phases_from(problem, mechanism, q)
-        reason = infeasible_place(problem, mechanism, phases)
+        reason = infeasible_place(phases)
         if reason is None:
-            return with_boundary_rates(problem, mechanism, phases)
+            return with_boundary_rates(phases)
         reasons.append(reason)
         if isinstance(reason.limit, (RetinaClearance, LensClearance)):
             # All joint solutions bring the tip to the same place, so other start configurations
@@ -57,26 +53,4 @@ def exceeds_thermal_bound(problem: Problem) -> Reason | None:
     None if that is not certain without planning.
     """
     phases, reason = feasible_phases(problem, Mechanism.from_robot(problem.robot))
-    return None if reason is not None else motor_too_hot(problem, phases)
-
-
-def least_duration(problem: Problem, mechanism: Mechanism, phase: Phase) -> float:
-    """Return a duration that no motion between the ends of a phase can beat, s."""
-    speeds = np.stack([phase.qd_start, phase.qd_end])
-    rates = task_rates(mechanism, phase.points[[0, -1]], speeds)
-    by_rates = rate_bound(
-        problem.robot, np.stack([phase.start, phase.end]), rates, problem.task_limits
-    )
-    return max(lower_bound(problem.robot, phase.points, speeds, problem.task_limits), by_rates)
-
-
-def bounded_duration(problem: Problem, mechanism: Mechanism, phase: Phase) -> float:
-    """Return the least duration of a phase, s: the requested one, or its lower bound.
-
-    It is infinite if the requested duration is shorter than the bound.
-    """
-    duration = phase.motion.duration
-    if phase.stands:
-        return duration or 0.0
-    bound = least_duration(problem, mechanism, phase)
-    return bound if duration is None else duration if bound <= duration * (1 + SAME) else np.inf
+    return None if reason is not None else motor_too_hot(phases)

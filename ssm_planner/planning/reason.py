@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ssm_planner.problem import ConstantSpeed, Duration, Limit
+from ssm_planner.problem import ConstantSpeed, Duration, Limit, in_words
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import frozen
 
@@ -55,6 +55,24 @@ class Reason(ShortRepr):
             "relaxation": self.relaxation,
             "message": self.message,
         }
+
+
+def exceeded(
+    limit: Limit, value: float, where: str | None, words: str, tolerance: float
+) -> Reason | None:
+    """Return the reason if a value is beyond a limit by more than a tolerance, else None.
+
+    `words` is the message, with {value} and {bound} in the limit's unit.
+    """
+    if limit.low - tolerance <= value <= limit.high + tolerance:
+        return None
+    bound = limit.bound(value)
+    text = words.format(value=in_words(value, limit.unit), bound=in_words(bound, limit.unit))
+    if where is not None:
+        text += f" ({where})"
+    # A clearance that is too small is the available value, not the required one.
+    required, available = (bound, value) if limit.is_floor else (value, bound)
+    return Reason(limit, where, required, available, text)
 
 
 def duration_too_short(name: str, requested: float, needed: float) -> Reason:

@@ -23,12 +23,8 @@ from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem import TASK, Dwell, Eye, Free, Motion, Problem, Scan, Tip
 from ssm_planner.typing import Array, Indices
 
-STARTS, MANY = 8, 300
-"""Number of first spots from which an order is sought, and number of spots above which only one is
-tried.
-"""
-SWEEPS = 50
-"""Largest number of improvement rounds."""
+STARTS = 8
+"""Number of first spots from which a short order is sought."""
 
 
 def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> list[Motion]:
@@ -193,18 +189,9 @@ def _soonest(problem: Problem, mechanism: Mechanism, tips: Array, spin: float, q
     column = np.argmax(solutions.valid & (solutions.branch == mechanism.branch_of(q)), axis=1)
     joints = np.vstack([q, solutions.joints[np.arange(len(tips)), column]])
     positions = np.vstack([tip_position(mechanism, q[None]), tips])
-    times = np.array(
-        [
-            least_times(
-                problem.robot,
-                joints - from_joints,
-                np.linalg.norm(positions - position, axis=1),
-                problem.task_limits,
-            )
-            for from_joints, position in zip(joints, positions, strict=True)
-        ]
-    )
-    return shortest_order(times)
+    displacements = joints[:, None] - joints
+    distances = np.linalg.norm(positions[:, None] - positions, axis=2)
+    return shortest_order(least_times(problem.robot, displacements, distances, problem.task_limits))
 
 
 def shortest_order(times: Array) -> Indices:
@@ -218,19 +205,22 @@ def shortest_order(times: Array) -> Indices:
     Source: D. S. Johnson, L. A. McGeoch, The Traveling Salesman Problem: A Case Study in Local
     Optimization, 1997.
     """
-    tours = [np.arange(len(times))]
-    for start in np.argsort(times[0, 1:])[: STARTS if len(times) <= MANY else 1] + 1:
-        tour = [0, int(start)]
-        unvisited = np.ones(len(times), dtype=bool)
-        unvisited[tour] = False
-        while unvisited.any():
-            tour.append(int(np.argmin(np.where(unvisited, times[tour[-1]], np.inf))))
-            unvisited[tour[-1]] = False
-        tours.append(np.array(tour))
+    nearest = np.argsort(times[0, 1:])[:STARTS] + 1
+    tours = [np.arange(len(times)), *(_nearest_neighbours(times, int(k)) for k in nearest)]
     improved = [_improved(tour, times) for tour in tours]
-    return np.asarray(
-        min(improved, key=lambda tour: float(times[tour[:-1], tour[1:]].sum()))[1:] - 1
-    )
+    durations = [float(times[tour[:-1], tour[1:]].sum()) for tour in improved]
+    return np.asarray(improved[int(np.argmin(durations))][1:] - 1)
+
+
+def _nearest_neighbours(times: Array, first: int) -> Indices:
+    """Return the tour from place 0 to `first`, and from there always to the nearest new place."""
+    tour = [0, first]
+    unvisited = np.ones(len(times), dtype=bool)
+    unvisited[tour] = False
+    while unvisited.any():
+        tour.append(int(np.argmin(np.where(unvisited, times[tour[-1]], np.inf))))
+        unvisited[tour[-1]] = False
+    return np.array(tour)
 
 
 def _improved(tour: Indices, times: Array) -> Indices:
@@ -239,7 +229,8 @@ def _improved(tour: Indices, times: Array) -> Indices:
     # A place that takes no time from anywhere follows the last one, which leaves the end open.
     times = np.pad(times, (0, 1))
     tour = np.append(tour, n)
-    for _ in range(SWEEPS):
+    previous = tour[:0]
+    while not np.array_equal(tour, previous):
         previous = tour
         for i in range(1, n - 1):
             # Reverse the places i … j.
@@ -252,8 +243,6 @@ def _improved(tour: Indices, times: Array) -> Indices:
         for length in (1, 2, 3):
             for i in range(1, n - length + 1):
                 tour = _move_run(tour, i, length, times)
-        if np.array_equal(tour, previous):
-            break
     return tour[:-1]
 
 

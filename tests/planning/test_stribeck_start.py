@@ -54,13 +54,15 @@ def test_a_motor_too_weak_for_it_is_named(tilt_insert: Problem) -> None:
         directions=(np.array([0.0, 1.0]), np.array([[sign, 0.0, 0.0, 0.0]])),
         sample=lambda s: SimpleNamespace(s=s, q=np.where(s[:, None] == 0.0, q[most], q[least])),
     )
-    phase = SimpleNamespace(motion=SimpleNamespace(name="motion 1"))
     needed = abs(float(breakaway_torque(drive, load[most], sign, mu=0.4)))
     motor = dataclasses.replace(joint.motor, max_torque=0.99 * needed)
     weak = dataclasses.replace(
         robot, joints=(dataclasses.replace(joint, drive=drive, motor=motor), *robot.joints[1:])
     )
-    reason = motor_too_weak(SimpleNamespace(robot=weak), phase, path)
+    phase = SimpleNamespace(
+        motion=SimpleNamespace(name="motion 1"), problem=SimpleNamespace(robot=weak)
+    )
+    reason = motor_too_weak(phase, path)
     assert reason is not None
     assert reason.joint == joint.name
     assert reason.required == pytest.approx(needed, rel=1e-12)

@@ -154,7 +154,7 @@ class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
     @property
     def bound(self) -> float:
         """Duration that no motion between the ends of the phase can beat, s."""
-        return self.planner.lower_bound
+        return self.planner.phase.lower_bound
 
 
 PhaseEvaluation = Evaluation[PhasePlanner, PlannedPhase]

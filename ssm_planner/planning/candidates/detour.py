@@ -13,7 +13,6 @@ from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.problem import LensClearance, RetinaClearance
 from ssm_planner.typing import record
 
@@ -41,7 +40,7 @@ class Detour(PhaseCandidate):
         if (
             latest is None
             or latest.failed is None
-            or planner.estimate_only
+            or planner.approximate
             or len(planner.phase.points) != 2
         ):
             return
@@ -61,8 +60,7 @@ class Detour(PhaseCandidate):
         """
         planner = self.planner
         start, end = planner.phase.points
-        line = PolylinePath(planner.mechanism, planner.phase.points)
-        over = nearest_to_eye(planner.problem, line)
+        over = nearest_to_eye(planner.phase)
         depth = DEPTHS[self.share] * min(start[3], end[3], key=abs)
         over_eye = Borders(np.stack([start, np.append(over[:3], depth), end]), (1,))
         return planner.free(over_eye)

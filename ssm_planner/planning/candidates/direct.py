@@ -32,9 +32,8 @@ class Direct(PhaseCandidate):
         Ipopt thus confirms only the motion that is taken, and heat is reduced only in that one.
         """
         planner = self.planner
-        may_have_rivals = (
-            planner.may_reverse and planner.phase.path is None and planner.minimises_time_only
-        )
+        fastest = planner.phase.motion.duration is None and planner.cooling is None
+        may_have_rivals = planner.may_reverse and planner.phase.path is None and fastest
         return planner.free(cutoff=cutoff, fastest_only=True) if may_have_rivals else None
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:

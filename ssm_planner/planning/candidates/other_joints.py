@@ -20,7 +20,7 @@ from ssm_planner.planning.candidates.candidate import Candidate, Evaluation
 from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase, other_ends
 from ssm_planner.planning.planner import estimated_duration
-from ssm_planner.planning.prechecks import bounded_duration, feasible_phases, least_duration
+from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
 from ssm_planner.planning.work import Work
@@ -98,7 +98,7 @@ class JointsPlanner:
 
     def known_duration(self, phase: Phase) -> float:
         """Return the duration of a phase if the best motion contains it, else its bound, s."""
-        bound = bounded_duration(self.problem, self.mechanism, phase)
+        bound = phase.least_duration
         if self.best is None or phase.motion.duration is not None or phase.stands:
             return bound
         same = (
@@ -111,7 +111,7 @@ class JointsPlanner:
     def joints(self) -> list[Array]:
         """Return other joints (4,) at the target."""
         present = self.phase.points[-1]
-        ends = other_ends(self.problem, self.mechanism, self.phase, self.target[1])
+        ends = other_ends(self.phase, self.target[1])
         if not self.spin_free:
             return ends
         ends = [self._least_spun(q) for q in [present, *ends]]
@@ -138,11 +138,7 @@ class JointsPlanner:
         configurations[:, 2] = values
         tasks = task_from_joints(self.mechanism, configurations, near=phase.start)
         bounds = [
-            least_duration(
-                problem,
-                self.mechanism,
-                replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task),
-            )
+            replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task).lower_bound
             for joints, task in zip(configurations, tasks, strict=True)
         ]
         return configurations, np.array(bounds)

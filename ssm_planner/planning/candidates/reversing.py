@@ -74,7 +74,7 @@ class Reversing(PhaseCandidate):
         faster = initial and refine_directions(planner.phase, initial, solve)
         if faster is None:
             return NONE_PAYS
-        return PlannedPhase(planner.phase, faster, planner.lower_bound)
+        return PlannedPhase(planner.phase, faster, planner.phase.lower_bound)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion with the reversals that save most."""

@@ -49,7 +49,7 @@ class StopFirst(PhaseCandidate):
         stopping = replace(phase, points=np.stack([phase.q_start, stop]), qd_end=at_rest)
         points = np.vstack([stop, phase.points[1:]])
         onward = replace(phase, points=points, qd_start=at_rest, qdd_start=at_rest)
-        reason = infeasible_place(planner.problem, planner.mechanism, (stopping, onward))
+        reason = infeasible_place((stopping, onward))
         if reason is not None:
             return reason
         motions = []
@@ -72,7 +72,7 @@ class StopFirst(PhaseCandidate):
         )
         name = f"{phase.motion.name}, stops first"
         labelled = replace(phase, motion=replace(phase.motion, name=name))
-        return PlannedPhase(labelled, motion, planner.lower_bound)
+        return PlannedPhase(labelled, motion, phase.lower_bound)
 
 
 def stopping_point(robot: Robot, q: Array, qd: Array) -> Array:

@@ -32,7 +32,7 @@ class TaskLine(PhaseCandidate):
             return
         phase = planner.phase
         if phase.path is None and not phase.stands:
-            line = straight_instead(planner.problem, planner.mechanism, phase)
+            line = straight_instead(phase)
             if line is not None:
                 yield cls(planner, line)
 

@@ -294,7 +294,7 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
         there = starting_from(weak, shipped, at)
         mechanism = Mechanism.from_geometry(robot.geometry)
         (phase,), _ = planner.feasible_phases(there, mechanism)
-        reason = planner.motor_too_weak_to_brake(there, phase)
+        reason = planner.motor_too_weak_to_brake(phase)
         assert (reason is None) == (share > 1)
         if reason is not None:
             assert reason.required <= least
