@@ -119,6 +119,7 @@ front.canvas.addEventListener("pointermove", (event) => {
   }
   if (nearest === null) return;
   const parts = data.names.map((name) => [column(name), column(name).at[nearest]]).filter(([, value]) => value !== null);
+  byId("number").textContent = data.number[nearest];
   byId("chosen").textContent =
     `Candidate ${data.number[nearest]}: ` + parts.map(([of, value]) => `${of.title} ${label(of, value)}`).join("; ");
   front.paint();
