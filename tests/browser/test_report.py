@@ -704,3 +704,14 @@ def test_the_landing_page_is_short(browser: Any) -> None:
     assert page.query_selector("article img")
     assert "ssm-planner plan" in page.inner_text("article pre")
     page.close()
+
+
+def test_the_study_names_the_candidate_under_the_pointer(visit: Open, study: Path) -> None:
+    opened = visit(study.as_uri(), ready="true")
+    page = opened.page
+    opened.wait("typeof front !== 'undefined' && Boolean(front.places)")
+    number, x, y = page.evaluate("(([i, x, y]) => [data.number[i], x, y])(front.places[3])")
+    page.locator("#front").hover(position={"x": x, "y": y})
+    assert page.inner_text("#chosen").startswith(f"Candidate {number}:")
+    assert f"study show {number} " in page.inner_text("header code")
+    assert opened.said == []
