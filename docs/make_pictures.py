@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 RESULTS = HERE.parent / "results"
 DRAWN = "document.querySelector('canvas') !== null"
 """Condition in JavaScript that the scene of a report is drawn."""
-PLANNED = "document.getElementById('cancel').disabled"
+PLANNED = "document.querySelector('.outcome') !== null"
 """Condition in JavaScript that the view has planned its motion."""
 SCENE = (20, 250, 640, 680)
 """Box of the mechanism in the picture of a report, pixels."""

@@ -13,6 +13,7 @@ from .files import (
     find as find,
     follow as follow,
     of_data as of_data,
+    of_text as of_text,
     read as read,
     shipped_folder as shipped_folder,
 )

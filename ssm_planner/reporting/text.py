@@ -614,13 +614,12 @@ def sizing_lines(sizing: Sizing) -> list[str]:
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
     """Describe the largest payload and the shortest duration, one line each."""
-    mass = "" if payload.value is None else f"{payload.value:.4g} kg"
-    times = "" if duration.value is None else f"{duration.value:.4f} times the present one"
     lines = []
-    for question, answer, value in (
-        ("largest payload", payload, mass),
-        ("shortest duration", duration, times),
+    for question, answer, form in (
+        ("largest payload", payload, "{:.4g} kg"),
+        ("shortest duration", duration, "{:.4f} times the present one"),
     ):
+        value = "" if answer.value is None else form.format(answer.value)
         text = {
             "found": f"{value} (then joint {answer.joint}: {answer.binds})",
             "never": f"none: joint {answer.joint}: {answer.binds} is exceeded for every value",
@@ -635,17 +634,7 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
 
     `selection` is the object `selection` in the output of `size --json`.
     """
-    head = (
-        "motor",
-        "gear",
-        "adequate",
-        "binds",
-        "margin",
-        "g",
-        "mm",
-        "load/rotor inertia",
-        "to bus mJ",
-    )
+    head = "motor, gear, adequate, binds, margin, g, mm, load/rotor inertia, to bus mJ"
     lines = []
     for joint in selection:
         answers = [answer for row in joint["adequate"] for answer in row]
@@ -659,21 +648,14 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
         rows = []
         for pair in joint["best"]:
             margin = None if pair["binds"] is None else pair["margins"].get(pair["binds"])
-            quantities = (
-                (pair["mass"], 1e3),
-                (pair["length"], 1e3),
-                (pair["inertia_ratio"], 1.0),
-                (pair["energy_to_bus"], 1e3),
-            )
+            scales = {"mass": 1e3, "length": 1e3, "inertia_ratio": 1.0, "energy_to_bus": 1e3}
             cells = (
-                NOTHING if value is None else number(scale * value) for value, scale in quantities
+                NOTHING if pair[key] is None else number(scale * pair[key])
+                for key, scale in scales.items()
             )
-            adequate, binds = (
-                VERDICT_LABELS[pair["adequate"]],
-                plain_words(pair["binds"] or NOTHING),
-            )
-            rows.append((pair["motor"], pair["gear"], adequate, binds, percent(margin), *cells))
-        lines += Table(head, rows, range(4, len(head))).lines() if rows else ["no pair remains"]
+            answer = VERDICT_LABELS[pair["adequate"]], plain_words(pair["binds"] or NOTHING)
+            rows.append((pair["motor"], pair["gear"], *answer, percent(margin), *cells))
+        lines += Table(head.split(", "), rows, range(4, 9)).lines() if rows else ["no pair remains"]
         reasons = [f"{plain_words(name)} {count}" for name, count in joint["reasons"].items()]
         missing = {
             f"{plain_words(name)}: {needs}"
@@ -686,17 +668,7 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
 
 
 def _requirements(sizing: Sizing) -> Table:
-    head = (
-        "joint",
-        "peak mN·m",
-        "RMS mN·m",
-        "mean mN·m",
-        "peak rpm",
-        "peak rad/s²",
-        "peak W",
-        "mean W",
-        "Joule W",
-    )
+    head = "joint, peak mN·m, RMS mN·m, mean mN·m, peak rpm, peak rad/s², peak W, mean W, Joule W"
     rows = []
     for joint in sizing.joints:
         r, confidence = joint.requirement, sizing.conditions.confidence
@@ -707,7 +679,7 @@ def _requirements(sizing: Sizing) -> Table:
         motion = 1e3 * r.mean_torque, RPM * r.peak_speed, r.peak_acceleration
         cells = (number(value, 4) for value in (*motion, r.peak_power, r.mean_power))
         rows.append((r.joint, peak, rms, *cells, number(r.joule_power)))
-    return Table(head, rows, range(1, len(head)))
+    return Table(head.split(", "), rows, range(1, 9))
 
 
 def _split(sizing: Sizing) -> Table:
@@ -832,14 +804,6 @@ def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
         )
         for motor in result.motors
     ]
-    header = (
-        "motor",
-        "peak mN·m",
-        "largest mN·m",
-        "saturated",
-        "following error inc",
-        "window inc",
-        "tripped",
-    )
+    header = "motor, peak mN·m, largest mN·m, saturated, following error inc, window inc, tripped"
     errors_table = Table(("joint", "largest error", "rms", "unit"), errors, (1, 2))
-    return errors_table, Table(header, motors, (1, 2, 4, 5))
+    return errors_table, Table(header.split(", "), motors, (1, 2, 4, 5))

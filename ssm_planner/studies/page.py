@@ -58,6 +58,8 @@ def write_study_page(
     original, *candidates = rows
     content = _content(study, candidates, front)
     content["own"] = against_own(study, original, front)
+    reports = sorted(path.parent.glob("candidate_*/*/report.html"))
+    content["reports"] = [report.relative_to(path.parent).as_posix() for report in reports]
     text = render("study.html", _data(study, candidates, front), **content, unfinished=not finished)
     write_text(path, text)
     return path
@@ -71,7 +73,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     return {
         "title": study.name,
         "file": study.file or "FILE",
-        "headline": f"No candidate beats the {len(front)} on the front in {objectives}.",
+        "headline": f"The front of {objectives} contains {len(front)} of {len(rows)} candidates.",
         "summary": f"{len(rows)} candidates: {counts_text}.",
         "notes": study.notes,
         "fallen": _rejections(rows),

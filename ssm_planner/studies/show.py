@@ -13,8 +13,9 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.reporting import write_report
 from ssm_planner.studies.evaluation import plans_of
-from ssm_planner.studies.run import STORE
-from ssm_planner.studies.store import Candidate, Store
+from ssm_planner.studies.page import write_study_page
+from ssm_planner.studies.run import PAGE, STORE
+from ssm_planner.studies.store import Candidate, Store, pareto
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import JsonObject
 
@@ -46,8 +47,8 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     """Write the robot file, the plans and the pages of a candidate, and return their paths.
 
     The files are written into `folder`/candidate_N, where `folder` contains the results of the
-    study. Raises ProblemError for a motion without a plan, and ExportError if a file cannot be
-    written.
+    study. The page of the study then has links to the pages of the candidate. Raises ProblemError
+    for a motion without a plan, and ExportError if a file cannot be written.
     """
     row = candidate(folder, number)
     target = folder / f"candidate_{number}"
@@ -63,6 +64,9 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
             raise ProblemError(f"candidate {number}: the motion {name} cannot be planned: {reason}")
         paths += write_folder(plan, target / name).values()
         paths.append(write_report(plan, target / name / "report.html"))
+    with Store(folder / STORE) as store:
+        rows = store.rows()
+    write_study_page(study, rows, pareto(rows[1:], study.minimise), folder / PAGE, finished=True)
     return paths
 
 

@@ -65,19 +65,33 @@ class Job:
 
 
 class Jobs:
-    """The planning runs of one server."""
+    """The planning runs of one server, and its studies by the path of their page."""
 
     def __init__(self, study: Study) -> None:
-        self.study = study
+        self.studies = {"/": study}
         self._jobs: dict[str, Job] = {}
         self._lock = threading.Lock()
         self._workers: Workers | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
+    def study(self, request: JsonObject) -> Study:
+        """Return the study whose page made a request. Raises ProblemError."""
+        return _named(self.studies, request, "of")
+
+    def edit(self, request: JsonObject) -> JsonObject:
+        """Answer {text}, a problem in YAML, with {page}, the path of a page for this problem.
+
+        Raises ProblemError.
+        """
+        page = f"/{secrets.token_urlsafe(16)}"
+        self.studies[page] = self.study(request).edit(str(request.get("text")))
+        return {"page": page}
+
     def start(self, request: JsonObject) -> JsonObject:
         """Start to plan the motion of a request, and return the name of the run as {job}.
 
-        The keys of the request are those of `Study.problem_content`, and two more. `relaxed`
+        The keys of the request are those of `Study.problem_content`, and three more. `of` is the
+        path of the page, "/" or one from `edit`. `relaxed`
         replaces an infeasible problem by its relaxation. It is true, or a share in `SHARES` by
         which the change of the limits is multiplied. `pinned` is another request, whose
         motion A is planned for comparison with the motion B of this request. A run in progress is
@@ -86,7 +100,7 @@ class Jobs:
         """
         named = {"A": request.get("pinned"), "B": request}
         requests = [
-            (name, self.study.requested_problem(each), each.get("relaxed"))
+            (name, self.study(each).requested_problem(each), each.get("relaxed"))
             for name, each in named.items()
             if isinstance(each, dict)
         ]
@@ -108,11 +122,11 @@ class Jobs:
 
         Raises ProblemError.
         """
-        return self._job(request, "job").to_dict()
+        return _named(self._jobs, request, "job").to_dict()
 
     def cancel(self, request: JsonObject) -> JsonObject:
         """Kill the planner's process and answer {job} as `progress` does. Raises ProblemError."""
-        job = self._job(request, "job")
+        job = _named(self._jobs, request, "job")
         with self._lock:
             self._cancel(job, "cancelled")
         return job.to_dict()
@@ -147,13 +161,6 @@ class Jobs:
             self._end()
         self._folder.cleanup()
 
-    def _job(self, request: JsonObject, key: str) -> Job:
-        """Return the run that a request names. Raises ProblemError."""
-        job = self._jobs.get(str(request.get(key)))
-        if job is None:
-            raise ProblemError("no such plan", key=key)
-        return job
-
     def _finish(self, job: Job, future: Future[Outcome]) -> None:
         """Record the outcome of a run unless it was cancelled."""
         error = future.exception()
@@ -172,6 +179,17 @@ class Jobs:
         if self._workers is not None:
             self._workers.shutdown(wait=False, cancel_futures=True)
             self._workers = None
+
+
+def _named(items: Mapping[str, T], request: JsonObject, key: str) -> T:
+    """Return the study or the run that a request names. The page "/" has a study.
+
+    Raises ProblemError.
+    """
+    item = items.get(str(request.get(key, "/")))
+    if item is None:
+        raise ProblemError("no such plan or page", key=key)
+    return item
 
 
 def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outcome:

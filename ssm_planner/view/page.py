@@ -22,6 +22,7 @@ from ssm_planner.loading import (
     Section,
     entries,
     follow,
+    of_text,
     plain_node,
     problem_from,
     read,
@@ -29,7 +30,7 @@ from ssm_planner.loading import (
 )
 from ssm_planner.problem import JOINTS, TASK, Problem, Task
 from ssm_planner.reporting import COLOURS, link_sides, mechanism_scene, render
-from ssm_planner.studies.study import Choice, Variable, Varied, changed_robot
+from ssm_planner.studies.study import GEARS, Choice, Variable, Varied, changed_robot
 from ssm_planner.studies.study_file import robot_content
 from ssm_planner.typing import JsonObject, Range, record
 from ssm_planner.units import display_unit, quantity
@@ -78,6 +79,7 @@ def view_page(study: Study, token: str) -> str:
         title=f"{start['name']} – mechanism" if start["name"] else "Mechanism",
         parts=study.variables if start["can_plan"] else (),
         joints=JOINTS,
+        start=start,
     )
 
 
@@ -86,9 +88,11 @@ class Study:
     """State of the view.
 
     problem: a problem with a robot, or None for the paper's mechanism without limits and motors.
+    edited: content that replaces that of the problem's file.
     """
 
     problem: Problem | None
+    edited: Section | None = None
 
     @property
     def robot_mechanism(self) -> Mechanism:
@@ -117,9 +121,14 @@ class Study:
 
         It thus means the same elsewhere. Raises ProblemError if the problem has no file.
         """
-        file = read(self._file)
+        file = self.edited or read(self._file)
         name = {} if self.problem is None else {"name": self.problem.name}
         return name | file.value | {"robot": robot_content(follow(file, "robot"))}
+
+    def edit(self, text: str) -> Study:
+        """Return the study of YAML that replaces the problem file. Raises ProblemError."""
+        section = Section(self._file, of_text(text).root)
+        return Study(problem_from(section), section)
 
     @property
     def _file(self) -> Path:
@@ -133,7 +142,7 @@ class Study:
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
-        """Variables of a study that the page offers: motors, gear ratios, leads and friction."""
+        """Variables of a study that the page offers: motors, gears, ratios, leads and friction."""
         folder = shipped_folder()
         motors = entries(folder / "motors") | entries(folder / "catalogues" / "motors_24v.csv")
         parts: list[Variable] = []
@@ -141,8 +150,14 @@ class Study:
             if "motor" in joint:
                 own = {"": joint["motor"]}
                 parts.append(Choice(f"joints.{name}.motor", own | motors))
+            drive = joint.get("drive", {})
+            for gear in GEARS:
+                if drive.get("kind", "").endswith(gear):
+                    catalogue = entries(folder / "catalogues" / f"{gear}s.csv", gear=True)
+                    own = {"": {"name": drive["name"]}}
+                    parts.append(Choice(f"joints.{name}.drive.{gear}", own | catalogue))
             for group, key in PARTS:
-                value = joint.get("drive", {}).get(group, {}).get(key)
+                value = drive.get(group, {}).get(key)
                 text, _, unit = str(_value_of(value)).partition(" ")
                 with suppress(ValueError):
                     size = float(text)
@@ -200,15 +215,16 @@ class Study:
             elif value in list(part.contents):
                 design[path] = value
             else:
-                raise ProblemError("no such motor", key=path, value=value)
+                raise ProblemError("no such part", key=path, value=value)
         return design
 
     def start(self) -> JsonObject:
         """Return the initial values of the page, such as angles, ranges and joints."""
         mechanism = self.robot_mechanism
         low, high = tilt_interval(mechanism)
-        ranges = {} if self.problem is None else dict(self.problem.ranges)
-        start = None if self.problem is None else self.problem.start
+        problem = self.problem
+        ranges = {} if problem is None else dict(problem.ranges)
+        start = None if problem is None else problem.start
         coordinates = start.set_coordinates if isinstance(start, Task) else {}
         pose = [
             coordinates.get(name, mechanism.home_tilt if name == "tilt" else 0.0) for name in TASK
@@ -216,7 +232,7 @@ class Study:
         ends = ranges.get("tilt", (low, high))
         values: JsonObject = {"alpha": mechanism.alpha, "beta": mechanism.beta}
         values |= {"low": ends[0], "high": ends[1], **dict(zip(TASK, pose, strict=True))}
-        if self.problem is not None:
+        if problem is not None:
             values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
             for part in self.variables:
                 values[part.path] = part.low * SPAN if isinstance(part, Varied) else ""
@@ -224,8 +240,8 @@ class Study:
             "values": values,
             "depth_range": list(ranges.get("depth", (0.0, 0.03))),
             "joints": list(JOINTS),
-            "can_plan": self.problem is not None,
-            "name": None if self.problem is None else self.problem.name,
+            "can_plan": problem is not None,
+            "name": None if problem is None else problem.name,
         }
 
     def workspace(self, request: JsonObject) -> JsonObject:
@@ -237,11 +253,10 @@ class Study:
         required = tilt_range(request)
         low, high = tilt_interval(mechanism)
         margin = min(required[0] - low, high - required[1])
-        ranges: dict[str, Range] = {} if self.problem is None else dict(self.problem.ranges)
-        eye = None if self.problem is None else self.problem.eye
-        sides = (
-            link_sides(self.problem.robot, mechanism) if own and self.problem is not None else None
-        )
+        problem = self.problem
+        ranges: dict[str, Range] = {} if problem is None else dict(problem.ranges)
+        eye = None if problem is None else problem.eye
+        sides = link_sides(problem.robot, mechanism) if own and problem is not None else None
         return {
             "tilt_range": [low, high],
             "reached": margin >= 0.0,
@@ -346,22 +361,15 @@ class Study:
         }
 
 
-def number(request: JsonObject, key: str, low: float, high: float, unit: str = "rad") -> float:
-    """Return a finite number of a request within a range; unit: SI unit of the range.
-
-    Raises ProblemError.
-    """
-    return _number_within(request.get(key), key, low, high, unit)
-
-
 def pose(request: JsonObject, key: str) -> Pose:
     """Return four task coordinates of a request, rad and m. Raises ProblemError."""
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
+    placed = {f"{key}.{name}": value for name, value in zip(TASK, values, strict=True)}
     roll, tilt, spin, depth = (
-        _number_within(value, f"{key}.{name}", -largest, largest, "m" if name == "depth" else "rad")
-        for name, value, largest in zip(TASK, values, LARGEST_POSE, strict=True)
+        number(placed, place, -largest, largest, "m" if place.endswith("depth") else "rad")
+        for place, largest in zip(placed, LARGEST_POSE, strict=True)
     )
     return roll, tilt, spin, depth
 
@@ -371,18 +379,19 @@ def tilt_range(request: JsonObject) -> Range:
     ends = request.get("tilt_range")
     if not isinstance(ends, list) or len(ends) != 2:
         raise ProblemError("not a range", key="tilt_range", value=ends, allowed="[low, high]")
-    low, high = (_number_within(end, "tilt_range", -math.pi, math.pi, "rad") for end in ends)
+    low, high = (number({"tilt_range": end}, "tilt_range", -math.pi, math.pi) for end in ends)
     if not low < high:
         raise ProblemError("the lower end is not below the upper", key="tilt_range")
     return low, high
 
 
-def _number_within(value: object, key: str, low: float, high: float, si: str) -> float:
-    """Return a number within its range; rounding beyond an end gives the end.
+def number(request: JsonObject, key: str, low: float, high: float, unit: str = "rad") -> float:
+    """Return a finite number of a request within a range; unit: SI unit of the range.
 
-    Raises ProblemError.
+    Rounding beyond an end gives the end. Raises ProblemError.
     """
-    unit, scale = display_unit(si, "°")
+    value = request.get(key)
+    unit, scale = display_unit(unit, "°")
     allowed = f"{scale * low:.6g} to {scale * high:.6g} {unit}"
     if not isinstance(value, (int, float)) or isinstance(value, bool):
         raise ProblemError("not a number", key=key, value=value, allowed=allowed)

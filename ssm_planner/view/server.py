@@ -21,7 +21,7 @@ from ssm_planner.view.jobs import Jobs
 from ssm_planner.view.page import Study, view_page
 
 ADDRESS = "127.0.0.1"
-LONGEST = 16384
+LONGEST = 262144
 """Largest number of bytes of a request."""
 HEADERS = {
     "Cache-Control": "no-store",
@@ -52,17 +52,18 @@ class ViewServer(ThreadingHTTPServer):
     def __init__(self, study: Study, port: int = 0) -> None:
         self.jobs = Jobs(study)  # created first, so that server_close works if the socket fails
         super().__init__((ADDRESS, port), Handler)
-        self.study = study
         self.token = secrets.token_urlsafe(24)
         self.hosts = {f"{name}:{self.server_port}" for name in (ADDRESS, "localhost")}
+        jobs = self.jobs
         self.answers: dict[str, Answer] = {
-            "/workspace": study.workspace,
-            "/ik": study.ik,
-            "/plan": self.jobs.start,
-            "/progress": self.jobs.progress,
-            "/cancel": self.jobs.cancel,
-            "/suggest": study.suggest,
-            "/yaml": study.problem_file,
+            "/workspace": lambda request: jobs.study(request).workspace(request),
+            "/ik": lambda request: jobs.study(request).ik(request),
+            "/plan": jobs.start,
+            "/progress": jobs.progress,
+            "/cancel": jobs.cancel,
+            "/suggest": lambda request: jobs.study(request).suggest(request),
+            "/yaml": lambda request: jobs.study(request).problem_file(request),
+            "/edit": jobs.edit,
         }
 
     def server_close(self) -> None:
@@ -133,8 +134,9 @@ class Handler(BaseHTTPRequestHandler):
         """Send the page, or the report or plan of a run."""
         if not self._known_host():
             return
-        if self.path == "/":
-            self._send(HTTPStatus.OK, view_page(self.server.study, self.server.token), "text/html")
+        study = self.server.jobs.studies.get(self.path)
+        if study is not None:
+            self._send(HTTPStatus.OK, view_page(study, self.server.token), "text/html")
             return
         kind, _, identity = self.path.removeprefix("/").partition("/")
         text = self.server.jobs.text(kind, identity) if kind in KINDS else None

@@ -199,6 +199,11 @@ def test_comparison_shows_both(visit: Open, slower: Path, comparison: Path) -> N
             np.rad2deg(q[1]), abs=0.00051
         )
     assert "+25.00 %" in page.inner_text("header")
+    conclusion = page.inner_text("header .lead")
+    assert page.inner_text("header").startswith(conclusion), "it comes first"
+    assert f"{load_plan(slower).duration:.4f}" in conclusion
+    assert "B is not certified." in conclusion
+    assert page.evaluate("document.documentElement.scrollHeight") <= 6000
     assert page.evaluate("SSM.scene.robots.length") == 2
     assert opened.said == []
 
@@ -267,6 +272,29 @@ def test_the_eye_is_drawn_and_can_be_looked_at(visit: Open, in_eye: Path, tmp_pa
         assert lens[:3, 3] == pytest.approx(eye.lens.centre)
         page.evaluate("scrollTo(0, document.body.scrollHeight)")
         page.wait_for_timeout(200)
+        assert opened.said == []
+
+
+def test_a_comparison_draws_every_eye_once(visit: Open, in_eye: Path, tmp_path: Path) -> None:
+    plan = load_plan(in_eye)
+    larger = replace(plan.problem.eye, radius=plan.problem.eye.radius + 5e-4)
+    other = replace(plan, problem=replace(plan.problem, eye=larger))
+    for second, radii in (
+        (plan, [[plan.limits.eye.radius], []]),
+        (other, [[plan.limits.eye.radius], [larger.radius]]),
+    ):
+        opened = visit(write_comparison(plan, second, tmp_path / "both.html").as_uri())
+        opened.page.wait_for_timeout(200)
+        drawn = opened.page.evaluate(
+            """SSM.scene.robots.map(({ base }) => {
+          const found = [];
+          base.traverse(({ name, geometry }) => name === "retina" && found.push(geometry.parameters.radius));
+          return found;
+        })"""
+        )
+        assert [pytest.approx(each) for each in radii] == drawn
+        labels = opened.page.locator("#scene .labels span").all_inner_texts()
+        assert labels.count("retina") == sum(map(len, radii))
         assert opened.said == []
 
 
@@ -676,3 +704,14 @@ def test_the_landing_page_is_short(browser: Any) -> None:
     assert page.query_selector("article img")
     assert "ssm-planner plan" in page.inner_text("article pre")
     page.close()
+
+
+def test_the_study_names_the_candidate_under_the_pointer(visit: Open, study: Path) -> None:
+    opened = visit(study.as_uri(), ready="true")
+    page = opened.page
+    opened.wait("typeof front !== 'undefined' && Boolean(front.places)")
+    number, x, y = page.evaluate("(([i, x, y]) => [data.number[i], x, y])(front.places[3])")
+    page.locator("#front").hover(position={"x": x, "y": y})
+    assert page.inner_text("#chosen").startswith(f"Candidate {number}:")
+    assert f"study show {number} " in page.inner_text("header code")
+    assert opened.said == []

@@ -439,3 +439,45 @@ def test_axe_finds_nothing_serious(visit: Open, server: ViewServer, width: int) 
     opened.page.click("#pin")
     opened.wait(f"document.querySelectorAll('#outcome tr:first-child td').length === 2 && {IDLE}")
     assert serious(opened.page) == [], "with curves of two plans, some below the window"
+
+
+def test_a_text_is_edited_in_place(visit: Open, server: ViewServer) -> None:
+    """A wrong line is refused beside the text; a right one plans, against the motion that is pinned."""
+    opened = visit(server.url)
+    page = opened.page
+    opened.wait(PLANNED, seconds=60)
+    time = page.inner_text("#outcome tr:first-child td")
+    page.click("#pin")
+    opened.wait(f"document.querySelectorAll('#outcome tr:first-child td').length === 2 && {IDLE}")
+    page.click("#source summary")
+    opened.wait("document.getElementById('text').value !== ''")
+    text = page.input_value("#text")
+    page.fill("#text", text.replace("velocity: 65 deg/s", "velocity: 65 deg", 1))
+    page.click("#apply")
+    opened.wait("document.getElementById('text-error').textContent.includes('not a speed')")
+    assert page.inner_text("#outcome tr:nth-child(2) td:last-child") == time
+    page.fill("#text", text.replace("velocity: 65 deg/s", "velocity: 40 deg/s"))
+    page.click("#apply")
+    page.wait_for_url(lambda url: not url.startswith(f"{server.url}#"))
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    cells = page.locator("#outcome tr").nth(1).locator("td").all_inner_texts()
+    assert cells[0] == time
+    assert float(cells[1].split()[0]) > float(cells[0].split()[0])
+    assert all("400" in text for text in opened.said)
+
+
+def test_a_gear_hides_the_ratio_that_it_replaces(visit: Open, server: ViewServer) -> None:
+    opened = visit(server.url)
+    page = opened.page
+    opened.wait(PLANNED, seconds=60)
+    ratio = page.locator("[id='joints.roll.drive.geometry.ratio']")
+    motors = page.inner_text("#outcome tr:last-child td")
+    page.select_option("[id='joints.roll.drive.worm']", "worm m0.3 1:80")
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    assert not ratio.is_visible()
+    assert page.inner_text("#outcome tr:last-child td") != motors
+    page.select_option("[id='joints.roll.drive.worm']", "")
+    opened.wait(f"{PLANNED} && {IDLE}", seconds=60)
+    assert ratio.is_visible()
+    assert page.inner_text("#outcome tr:last-child td") == motors
+    assert opened.said == []

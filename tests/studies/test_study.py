@@ -6,6 +6,7 @@ import math
 import os
 import pickle
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -28,6 +29,7 @@ from ssm_planner.studies.page import correlation_ratio, write_study_page
 from ssm_planner.studies.run import STORE, StudyError, StudyResult
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.screens import Screens
+from ssm_planner.studies.show import write_candidate
 from ssm_planner.studies.store import Candidate, Store, pareto
 from ssm_planner.studies.study import Search, Varied
 from ssm_planner.studies.study_file import load_study, study_from
@@ -506,6 +508,15 @@ def test_the_page_shows_front_reasons_and_what_moves_the_objectives(tmp_path):
     assert result.own.state == "done"
     assert result.better
     assert all(row.figures["duration"] <= result.own.figures["duration"] for row in result.better)
+    assert 'href="candidate_' not in text
+    best = result.front[0].number
+    write_candidate(of, tmp_path, best)
+    linked = (tmp_path / "study.html").read_text(encoding="utf-8")
+    (link,) = re.findall(r'href="(candidate_.*?)"', linked)
+    assert link == f"candidate_{best}/tilt_insert/report.html"
+    assert (tmp_path / link).is_file()
+    line = f'<p>Play the motions of a candidate: <a href="{link}">candidate {best}, tilt insert</a>.</p>'
+    assert linked.replace(line, "") == text, "all else stays"
 
 
 def test_explained_variance_is_that_of_a_known_law():

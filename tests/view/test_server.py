@@ -86,7 +86,7 @@ def ask(server: ViewServer, path: str, body: Any) -> dict[str, Any]:
 
 def own_motion(server: ViewServer, **more: Any) -> dict[str, Any]:
     """Request for the motion of the problem file."""
-    own = server.study.robot_mechanism
+    own = server.jobs.study({}).robot_mechanism
     return {"alpha": own.alpha, "beta": own.beta, "own": True, **more}
 
 
@@ -199,7 +199,7 @@ def test_bad_values_are_named(
 
 
 def test_branches_reach_the_pose(server: ViewServer) -> None:
-    mechanism, _ = server.study.mechanism(ANGLES)
+    mechanism, _ = server.jobs.study({}).mechanism(ANGLES)
     assert (mechanism.alpha, mechanism.beta) == pytest.approx(tuple(ANGLES.values()), abs=1e-12)
     found = ask(server, "/ik", {**ANGLES, "pose": POSE})
     rotation, position = pose_from_task(mechanism, [POSE])
@@ -345,7 +345,7 @@ def test_waypoints_and_dwells_are_planned_and_saved(
     }
     path = tmp_path / "saved.yaml"
     path.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
-    saved, made = load_problem(path), server.study.requested_problem(request)
+    saved, made = load_problem(path), server.jobs.study({}).requested_problem(request)
     assert saved.start == made.start
     assert [step.kind for step in saved.motion] == ["straight", "dwell", "straight"]
     ends = [
@@ -368,7 +368,7 @@ def test_other_angles_are_planned_with_the_links_of_the_robot(
         "motion": [{"pose": [0.0, math.radians(-100), 0.0, 0.004]}],
         "tilt_range": [math.radians(-130), math.radians(-81)],
     }
-    made = server.study.requested_problem(request)
+    made = server.jobs.study({}).requested_problem(request)
     turned, original = made.robot, tilt_insert.robot
     mechanism = Mechanism.from_geometry(turned.geometry)
     assert (mechanism.alpha, mechanism.beta) == pytest.approx(
@@ -382,7 +382,7 @@ def test_other_angles_are_planned_with_the_links_of_the_robot(
     # the z axis of every body stays on its joint
     for body, axis in zip(turned.bodies, turned.geometry.axes, strict=True):
         assert body.frame[:, 2] == pytest.approx(axis, abs=1e-12)
-    drawn = server.study.ik({**request, "pose": request["motion"][0]["pose"]})["branches"]
+    drawn = server.jobs.study({}).ik({**request, "pose": request["motion"][0]["pose"]})["branches"]
     answer = finished(server, ask(server, "/plan", request)["job"])
     assert "check passed" in answer["message"]
     planned = tmp_path / "plan.json"
@@ -477,11 +477,11 @@ def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) ->
         )
     )
     ((_, expected),) = problems_of(study, study.design([0.0] * 4))
-    made = server.study.requested_problem(own_motion(server, design=design))
+    made = server.jobs.study({}).requested_problem(own_motion(server, design=design))
     assert without_files(made.robot) == without_files(expected.robot)
     assert (
         made.robot.joints[1].drive
-        != server.study.requested_problem(own_motion(server)).robot.joints[1].drive
+        != server.jobs.study({}).requested_problem(own_motion(server)).robot.joints[1].drive
     )
 
 
@@ -490,7 +490,7 @@ def test_a_saved_design_plans_the_same_elsewhere(server: ViewServer, tmp_path: P
     answer = finished(server, ask(server, "/plan", request)["job"])
     saved = tmp_path / "elsewhere.yaml"
     saved.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
-    problem, made = load_problem(saved), server.study.requested_problem(request)
+    problem, made = load_problem(saved), server.jobs.study({}).requested_problem(request)
     assert without_files(problem.robot) == without_files(made.robot)
     assert problem.robot.bodies[3].mass == pytest.approx(0.09964338 + 0.05, abs=1e-12)
     assert str(PROBLEMS) not in saved.read_text(encoding="utf-8")
@@ -520,7 +520,7 @@ def test_a_pinned_plan_is_compared_with_the_present_one(server: ViewServer) -> N
     alone = finished(server, ask(server, "/plan", pinned)["job"])["desk"]
     assert alone["names"] == ["B"]
     assert alone["ends"][0] == pytest.approx(desk["ends"][0])
-    motor = server.study.requested_problem(pinned).robot.joints[0].motor
+    motor = server.jobs.study({}).requested_problem(pinned).robot.joints[0].motor
     assert motor is not None
     use = np.maximum(
         np.abs(channel(alone, 0, "tau0")) / motor.max_torque,
@@ -570,8 +570,8 @@ def test_the_eye_is_drawn_where_the_problem_has_one(tilt_insert: Problem) -> Non
 
 def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:
     with ViewServer(Study(None)) as alone:
-        assert alone.study.start()["can_plan"] is False
-        assert alone.study.ik({**ANGLES, "pose": POSE})["reachable"]
+        assert alone.jobs.study({}).start()["can_plan"] is False
+        assert alone.jobs.study({}).ik({**ANGLES, "pose": POSE})["reachable"]
         with pytest.raises(ProblemError, match="problem file"):
             alone.jobs.start({"own": True})
 
@@ -582,3 +582,52 @@ def test_port_in_use_is_bad_input(server: ViewServer) -> None:
     pages.view_arguments(parser)
     with pytest.raises(ProblemError, match="cannot be used"):
         pages.run_view(parser.parse_args(["--no-browser", "--port", str(server.server_port)]))
+
+
+def test_a_text_replaces_the_problem_and_names_its_faults(server: ViewServer) -> None:
+    """The page of an edited text has its values; the page before it and a pinned motion keep theirs."""
+    text = ask(server, "/yaml", own_motion(server))["text"]
+    slow = text.replace("ratio:\n            value: 120", "ratio:\n            value: 90")
+    slow = slow.replace("velocity: 65 deg/s", "velocity: 40 deg/s")
+    page = ask(server, "/edit", {"text": slow})["page"]
+    assert page != "/"
+    status, html = send(server, "GET", page)
+    assert status == 200
+    assert f'"{RATIO}":90' in html.replace(".0", "")
+    edited, before = (server.jobs.study({"of": each}) for each in (page, "/"))
+    assert edited.requested_problem(own_motion(server)).robot.joints[0].velocity == pytest.approx(
+        math.radians(40.0)
+    )
+    assert before.requested_problem(own_motion(server)).robot.joints[0].velocity == pytest.approx(
+        math.radians(65.0)
+    )
+    request = own_motion(server, of=page, pinned=own_motion(server, of="/"))
+    answer = finished(server, ask(server, "/plan", request)["job"])
+    times = next(row for row in answer["desk"]["rows"] if row[0].strip() == "time")
+    assert answer["desk"]["names"] == ["A", "B"]
+    assert float(times[1].split()[0]) < float(times[2].split()[0]), "B is slower than A"
+    line = 1 + text[: text.index("velocity:")].count("\n")
+    for wrong, message in (
+        (text.replace("velocity: 65 deg/s", "velocity: 65 deg", 1), f":{line}: robot.joints.roll"),
+        ("start: [1", "line 2: not valid YAML"),
+        ("- a", "a list"),
+    ):
+        status, answer_text = send(server, "POST", "/edit", {"text": wrong})
+        assert status == 400
+        assert message in json.loads(answer_text)["error"]
+    status, answer_text = send(server, "POST", "/ik", {**ANGLES, "pose": POSE, "of": "/elsewhere"})
+    assert status == 400
+    assert "no such" in json.loads(answer_text)["error"]
+
+
+def test_a_gear_of_a_catalogue_replaces_that_of_the_robot(server: ViewServer) -> None:
+    study = server.jobs.study({})
+    (path,) = (part.path for part in study.variables if part.path == "joints.roll.drive.worm")
+    design = {path: "worm m0.3 1:80"}
+    drive = study.requested_problem(own_motion(server, design=design)).robot.joints[0].drive
+    own = study.requested_problem(own_motion(server, design={path: ""})).robot.joints[0].drive
+    assert drive is not None
+    assert own is not None
+    assert drive.ratio == pytest.approx(80.0)
+    assert own.ratio == pytest.approx(120.0)
+    assert own.friction == drive.friction

@@ -29,7 +29,9 @@ SSM.download = (name, content, type) => {
 // text of a node, written where it changed
 SSM.say = (node, text) => { if (node.said !== text) node.textContent = node.said = text; };
 
-SSM.data = () => JSON.parse(document.getElementById("data").textContent);
+const byId = (name) => document.getElementById(name);
+
+SSM.data = () => JSON.parse(byId("data").textContent);
 
 // base64 of little-endian doubles, which is how every machine with a browser holds them
 SSM.decode = (text) => {
@@ -53,8 +55,8 @@ SSM.channels = (encoded) => {
 };
 
 SSM.joints = (channels, index) => [0, 1, 2, 3].map((i) => channels[`q${i}`][index]);
-// places of the tip, one after the other
-SSM.trace = (channels) => Float32Array.from({ length: 3 * channels.t.length }, (_, i) => channels[`tip${i % 3}`][Math.floor(i / 3)]);
+// places of the tip
+SSM.trace = (channels) => Array.from(channels.t, (_, i) => SSM.vector([0, 1, 2].map((k) => channels[`tip${k}`][i])));
 
 const fixed = (value, digits) => {
   const text = value.toFixed(digits);
@@ -65,12 +67,12 @@ const rounded = (value, digits) => String(Number(value.toPrecision(digits))).rep
 
 SSM.dashes = [[], [9, 5], [10, 4, 2, 4], [2, 4], [12, 3, 2, 3, 2, 3]];
 
-SSM.calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+SSM.calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 // in dark mode: as far apart, and light enough on dark
 SSM.night = { "#0072B2": "#56B4E9", "#D55E00": "#FF9A4D", "#009E73": "#35D0A2", "#000000": "#E8EBEE", "#A0457E": "#E08CC4",
   "#8c2d1a": "#ff9d85", "#a8482c": "#ffb08f", "#1c5f92": "#8cc8f5" };
-SSM.scheme = window.matchMedia("(prefers-color-scheme: dark)");
+SSM.scheme = matchMedia("(prefers-color-scheme: dark)");
 SSM.printing = false;
 SSM.dark = () => SSM.scheme.matches && !SSM.printing;
 // for a style, and for a canvas
@@ -79,14 +81,14 @@ SSM.tone = (colour) => (SSM.dark() && SSM.night[colour]) || colour;
 const ink = (name) => SSM.inks[SSM.dark() ? 1 : 0][name];
 SSM.inks = [
   { text: "#333b45", grid: "#e3e7ec", tick: "#c3cad3", limit: "#5b6470", stripe: "#eef1f5", paper: "#ffffff", regions: ["#e7ebf0", "#c9d8e6"], scene: 0xf7f8fa },
-  { text: "#c6ced7", grid: "#2b333d", tick: "#47525e", limit: "#9aa5b1", stripe: "#1e252d", paper: "#14191f", regions: ["#222a33", "#2c4255"], scene: 0x1a2027 },
+  { text: "#c6ced7", grid: "#2b333d", tick: "#47525e", limit: "#9aa5b1", stripe: "#1e252d", paper: "#14191f", regions: ["#222a33", "#2c4255"], scene: 0x46515d },
 ];
 
 // once for everything drawn on a canvas: another colour scheme, and paper
 SSM.whenRedrawn = (redraw) => {
   SSM.scheme.addEventListener("change", redraw);
   for (const [name, printing] of [["beforeprint", true], ["afterprint", false]]) {
-    window.addEventListener(name, () => { SSM.printing = printing; redraw(); });
+    addEventListener(name, () => { SSM.printing = printing; redraw(); });
   }
 };
 

@@ -20,7 +20,7 @@ SSM.map = (grid, map, data, channels, player) => {
     return [Math.min(...values) < -1e-9 ? -end : -0.06 * end, Math.max(...values) > 1e-9 ? end : 0.06 * end];
   };
   const ranges = { x: span([...speed], map.speed.at(-1), "rpm"), y: span([...torque], Math.max(...map.largest), "mN·m") };
-  const beyond = notes.length ? `regions reach ${notes.join(" and ")}` : null;
+  const beyond = notes.length ? `regions reach ${notes.join(" and ")}` : "";
   const key = (swatch, text) => element("span", { class: "key" }, swatch, text);
   const square = (fill) => {
     const node = element("span", { class: "square" });
@@ -31,7 +31,7 @@ SSM.map = (grid, map, data, channels, player) => {
   const caption = element("figcaption", {}, element("strong", {}, data.joints[map.joint].name),
     element("span", {}, `${map.motor}${map.placeholder ? " (placeholder figures)" : ""}`),
     key(SSM.swatch(colour, []), "motion"), value, key(square(1), "continuous"), key(square(0), "short term"),
-    element("span", { class: "note" }, beyond ?? ""));
+    element("span", { class: "note" }, beyond));
   grid.append(element("figure", {}, caption, holder));
   const dot = element("div", { class: "dot" });
   const draw = (u) => {
@@ -51,9 +51,10 @@ SSM.map = (grid, map, data, channels, player) => {
     value.textContent = `${fixed(torque[index], 3)} mN·m at ${fixed(speed[index], 0)} rpm`;
   };
   player.listen(mark);
-  SSM.whenRedrawn(() => u.setSize({ width: SSM.printing ? 680 : Math.max(200, holder.clientWidth), height: 230 }));
+  const fit = () => SSM.fit(u, holder, 230);
+  SSM.whenRedrawn(fit);
   new ResizeObserver(() => {
-    if (holder.clientWidth && holder.clientWidth !== u.width) u.setSize({ width: holder.clientWidth, height: 230 });
+    fit();
     mark(player.index);
   }).observe(holder);
 };
@@ -78,7 +79,7 @@ SSM.region = (u, speed, torque, fill) => {
 SSM.curve = (u, x, y, colour) => {
   u.ctx.save();
   u.ctx.strokeStyle = colour;
-  u.ctx.lineWidth = 1.8 * (window.devicePixelRatio || 1);
+  u.ctx.lineWidth = 1.8 * devicePixelRatio;
   u.ctx.lineJoin = "round";
   u.ctx.beginPath();
   for (let i = 0; i < x.length; i++) u.ctx.lineTo(u.valToPos(x[i], "x", true), u.valToPos(y[i], "y", true));

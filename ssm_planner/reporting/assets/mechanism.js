@@ -103,13 +103,12 @@ SSM.rail = (out, r, material) => {
   return rail;
 };
 
-SSM.axisLine = (axis, length, colour) => {
-  const ends = [axis.clone().multiplyScalar(-length), axis.clone().multiplyScalar(length)];
-  const material = new THREE.LineDashedMaterial({ color: colour, dashSize: 0.008, gapSize: 0.004 });
-  const line = new THREE.Line(new BufferGeometry().setFromPoints(ends), material);
-  line.computeLineDistances();
-  return line;
-};
+// dash: its length, or 0 for a solid line
+SSM.line = (points, colour, dash = 0) =>
+  new THREE.Line(new BufferGeometry().setFromPoints(points),
+    new THREE.LineDashedMaterial({ color: colour, dashSize: dash || 1, gapSize: dash / 2 })).computeLineDistances();
+
+SSM.axisLine = (axis, length, colour) => SSM.line([-length, length].map((x) => axis.clone().multiplyScalar(x)), colour, 0.008);
 
 // edges of a range of tilts and the meridian between them, as thin lines
 SSM.band = ({ name, rows, columns, vertices }, side, colour) => {
@@ -120,20 +119,9 @@ SSM.band = ({ name, rows, columns, vertices }, side, colour) => {
   const thin = (points, radius) => new Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), 2 * points.length, radius, 6),
     new MeshBasicMaterial({ color: paint }));
   const along = (row) => Array.from({ length: columns }, (_, j) => at(row, j));
-  const lines = [0, last].map((row) => new THREE.Line(new BufferGeometry().setFromPoints(along(row)), new THREE.LineBasicMaterial({ color: paint })));
+  const lines = [0, last].map((row) => SSM.line(along(row), paint));
   lines.push(thin(Array.from({ length: rows }, (_, i) => at(i, middle)), name === "allowed" ? 0.0014 : 0.0007));
   return { lines, end: at(last, middle) };
-};
-
-SSM.tipPath = (points, colour, ghost) => {
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(points), 3));
-  const material = ghost
-    ? new THREE.LineDashedMaterial({ color: colour, dashSize: 0.001, gapSize: 0.0007 })
-    : new THREE.LineBasicMaterial({ color: colour });
-  const line = new THREE.Line(geometry, material);
-  if (ghost) line.computeLineDistances();
-  return line;
 };
 
 // places where a phase ends and the tool stands: the spots of a scan, and stops
@@ -148,14 +136,14 @@ SSM.stops = (points) => [true, false].map((spots) => {
   return new Mesh(together, new MeshBasicMaterial({ color: spots ? "#1fae5b" : "#e0a100" }));
 });
 
-// eye: see Eye of problem/problem.py; base frame, the columns of the lens frame are the directions of its semi-axes.
+// paint: the colour of all its surfaces, or a false value for their own. eye: see Eye of problem/problem.py; base frame, the columns of the lens frame are the directions of its semi-axes.
 // Retina, clearance and lens are the plan's; sclera, cornea, iris and macula are of usual size, to show which eye it is.
-SSM.eye = (eye) => {
+SSM.eye = (eye, paint) => {
   const group = new Group();
   const centre = SSM.vector(eye.centre);
   const front = (eye.lens ? SSM.vector(eye.lens.centre).sub(centre) : centre.clone().negate()).normalize();
   const surface = (name, radius, colour, { opacity = 1, side = 0, from = 0, to = Math.PI, at = 0, light = true } = {}) => {
-    const options = { color: colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side };
+    const options = { color: paint || colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side };
     const material = light ? new MeshLambertMaterial(options) : new MeshBasicMaterial(options);
     const mesh = new Mesh(new SphereGeometry(radius, SSM.fine(40), SSM.fine(24), 0, 2 * Math.PI, from, to - from), material);
     mesh.name = name;

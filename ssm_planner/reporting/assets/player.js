@@ -19,7 +19,7 @@ SSM.Player = class {
     container.replaceChildren(this.button, this.range, this.speed, this.clock, this.saves, ...this.#strip());
     this.set(0);
     document.addEventListener("keydown", (event) => this.#key(event));
-    window.addEventListener("hashchange", () => this.linked());
+    addEventListener("hashchange", () => this.linked());
   }
 
   // goes to the instant and the camera that the address names
@@ -60,7 +60,7 @@ SSM.Player = class {
 
   // the phases beside the slider, each named as far as there is room; for a reader of screens the slider says them
   #strip() {
-    const [first, end] = [this.times[0], this.times[this.times.length - 1] - this.times[0]];
+    const [first, end] = [this.times[0], this.times.at(-1) - this.times[0]];
     this.cursor = SSM.cursor();
     const parts = this.phases.map((phase) => {
       const part = element("span", { class: "phase", title: `${phase.name}: ${phase.start.toFixed(3)}–${phase.end.toFixed(3)} s` });
@@ -97,7 +97,7 @@ SSM.Player = class {
       t += ((now - before) / 1000) * Number(this.speed.value);
       before = now;
       this.at(t);
-      if (t >= this.times[this.times.length - 1]) this.pause();
+      if (t >= this.times.at(-1)) this.pause();
       else requestAnimationFrame(step);
     };
     requestAnimationFrame(step);

@@ -2,7 +2,7 @@
 "use strict";
 SSM.Plots = class {
   // folded: sections that begin with one of these words are closed
-  constructor(container, player, colours, phases, folded = /^$/) {
+  constructor(container, player, colours, phases, folded = /^(Joints|Motors|Part|Steady)/) {
     Object.assign(this, { container, player, colours, phases, folded, all: [], section: null });
     this.sizes = new ResizeObserver((entries) => entries.forEach(({ target }) => target.resize?.()));
     this.seen = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
@@ -16,9 +16,7 @@ SSM.Plots = class {
         document.querySelectorAll("details:not(.licences)").forEach((each) => { each.open = true; });
         container.querySelectorAll("figure").forEach((figure) => figure.build?.());
       }
-      for (const { u, holder } of this.all) {
-        u.setSize({ width: SSM.printing ? 680 : Math.max(200, holder.clientWidth), height: SSM.height(holder) });
-      }
+      for (const { u, holder } of this.all) SSM.fit(u, holder);
     });
     player.listen((index) => this.all.forEach((plot) => plot.visible && plot.mark(index)));
   }
@@ -59,7 +57,7 @@ SSM.Plots = class {
     const u = new uPlot(options, [times, ...lines.map(({ values }) => values)], holder);
     const keys = lines.map((line, i) => this.#key(u, line, i, lines.length > 1 || line.keyed));
     const reset = element("button", { type: "button", class: "tool", hidden: true,
-      onclick: () => u.setScale("x", { min: times[0], max: times[times.length - 1] }) }, "Reset zoom");
+      onclick: () => u.setScale("x", { min: times[0], max: times.at(-1) }) }, "Reset zoom");
     holder.before(this.#caption(panel, keys, reset, figure, holder));
     holder.setAttribute("aria-label", SSM.inWords(panel, lines, extremes));
     this.#attach(u, holder, figure, keys, reset);
@@ -97,7 +95,7 @@ SSM.Plots = class {
     const plot = { u, holder, reset, visible: true, mark: (index) => {
       const x = u.valToPos(this.player.times[index], "x");
       line.style.transform = `translateX(${x}px)`;
-      line.style.display = x < -1 || x > u.bbox.width / (window.devicePixelRatio || 1) + 1 ? "none" : "block";
+      line.style.display = x < -1 || x > u.bbox.width / devicePixelRatio + 1 ? "none" : "block";
       for (const key of keys) key.mark(index);
     } };
     const follow = (event) => {
@@ -108,8 +106,7 @@ SSM.Plots = class {
     u.over.addEventListener("pointermove", follow);
     u.over.addEventListener("pointerdown", (event) => event.pointerType !== "mouse" && follow(event));
     holder.resize = () => {
-      const height = SSM.height(holder);
-      if (!SSM.printing && holder.clientWidth && (holder.clientWidth !== u.width || height !== u.height)) u.setSize({ width: holder.clientWidth, height });
+      if (!SSM.printing && holder.clientWidth) SSM.fit(u, holder);
       plot.mark(this.player.index);
     };
     this.sizes.observe(holder);
@@ -126,8 +123,8 @@ SSM.Plots = class {
     const { times } = this.player;
     for (const plot of this.all) {
       const other = plot.u.scales.x;
-      if (plot.u !== u && (Math.abs(other.min - min) > 1e-9 || Math.abs(other.max - max) > 1e-9)) plot.u.setScale("x", { min, max });
-      plot.reset.hidden = min <= times[0] + 1e-9 && max >= times[times.length - 1] - 1e-9;
+      if (plot.u !== u && (other.min !== min || other.max !== max)) plot.u.setScale("x", { min, max });
+      plot.reset.hidden = min <= times[0] && max >= times.at(-1);
     }
     for (const plot of this.all) plot.mark(this.player.index);
   }
@@ -172,6 +169,9 @@ SSM.section = (container, title, content, folded) => {
 };
 
 SSM.ends = ({ low, high }) => [low, high].filter((end) => end !== null);
+
+// gives a plot the width of its holder, or that of paper
+SSM.fit = (u, holder, height = SSM.height(holder)) => u.setSize({ width: SSM.printing ? 680 : Math.max(200, holder.clientWidth), height });
 
 SSM.height = (holder) => (holder.closest(".large") && !SSM.printing ? 420 : 190);
 
@@ -218,7 +218,7 @@ SSM.axis = (label, size, unit = "") => ({
 SSM.shade = (u, phases) => {
   const { ctx } = u;
   const { left, top, width, height } = u.bbox;
-  const ratio = window.devicePixelRatio || 1;
+  const ratio = devicePixelRatio;
   ctx.save();
   ctx.font = `${11 * ratio}px system-ui, sans-serif`;
   ctx.textAlign = "center";
@@ -246,7 +246,7 @@ SSM.clip = ({ ctx, bbox: { left, top, width, height } }) => {
 SSM.drawLimits = (u, panel, colours) => {
   const { ctx } = u;
   const { left, width } = u.bbox;
-  const ratio = window.devicePixelRatio || 1;
+  const ratio = devicePixelRatio;
   SSM.clip(u);
   ctx.lineWidth = 1.2 * ratio;
   for (const limit of panel.limits) {

@@ -4,24 +4,24 @@
   const data = SSM.data();
   const channels = SSM.channels(data.channels);
   const times = channels.t;
-  const player = new SSM.Player(document.getElementById("player"), times, data.phases);
+  const player = new SSM.Player(byId("player"), times, data.phases);
   player.listen(SSM.cells(data, (name) => channels[name]));
   player.listen(SSM.active(document.querySelector(".chips"), data, times));
-  SSM.timeline(document.getElementById("active"), data, player);
-  const plots = new SSM.Plots(document.getElementById("plots"), player, data.colours, data.phases, /^(Joint|Motor|Part|Steady)/);
+  SSM.timeline(byId("active"), data, player);
+  const plots = new SSM.Plots(byId("plots"), player, data.colours, data.phases);
   for (const panel of data.panels) {
     plots.add(panel, times, () => panel.series.map(({ channel, label, joint }) => ({
       label, colour: data.colours[joint], dash: SSM.dashes[joint], values: channels[channel].map((x) => x * panel.scale),
     })));
   }
-  SSM.maps(document.getElementById("plots"), data, channels, player);
+  SSM.maps(byId("plots"), data, channels, player);
   for (const [section, notes] of Object.entries(data.notes)) plots.note(section, notes);
   document.querySelectorAll("table.sortable").forEach(SSM.sortable);
   SSM.moments(player);
   player.tool("Save CSV", () => SSM.download("motion.csv", SSM.csv(data, channels), "text/csv"));
   // the page is readable before the 3D view starts
   requestAnimationFrame(() => setTimeout(() => {
-    const scene = new SSM.Scene(document.getElementById("scene"), [{ scene: data.scene, colours: data.colours, path: SSM.trace(channels), stops: data.stops,
+    const scene = new SSM.Scene(byId("scene"), [{ scene: data.scene, colours: data.colours, path: SSM.trace(channels), stops: data.stops,
       begin: SSM.joints(channels, 0) }]);
     player.listen((index) => scene.pose(0, SSM.joints(channels, index)));
     player.scene = scene;

@@ -1,7 +1,7 @@
 // The mechanism in 3D. Nested groups are the product of exponentials: each turns about its axis at home.
 "use strict";
 SSM.Scene = class {
-  // container: element; robots: [{scene, colours, path}]; path: Float64Array triples or null
+  // container: element; robots: [{scene, colours, path}]; path: places of the tip, or null
   constructor(container, robots, { labels = true } = {}) {
     this.container = container;
     this.robots = [];
@@ -19,7 +19,7 @@ SSM.Scene = class {
       return;
     }
     SSM.soft = SSM.software();
-    this.ratio = Math.min(window.devicePixelRatio || 1, 2);
+    this.ratio = Math.min(devicePixelRatio, 2);
     this.renderer = new THREE.WebGLRenderer({ antialias: !SSM.soft, powerPreference: "low-power" });
     this.renderer.setPixelRatio(this.ratio);
     this.canvas = this.renderer.domElement;
@@ -63,17 +63,18 @@ SSM.Scene = class {
   add({ scene, colours, path = null, ghost = false, stops = [], begin = null }) {
     if (!this.renderer) return;
     const robot = SSM.mechanism(scene, colours, ghost, this.labels && !ghost);
-    if (path) robot.put("tip trace", robot.base, SSM.tipPath(path, ghost ? colours[1] : "#9a4fc4", ghost));
+    if (path) robot.put("tip trace", robot.base, SSM.line(path, ghost ? colours[1] : "#9a4fc4", ghost * 0.0012));
     if (stops.length) robot.put(stops.some(({ spot }) => spot) ? "spots" : "stops", robot.base, ...SSM.stops(stops));
     this.world.add(robot.base);
-    robot.eye = Boolean(scene.eye) && !this.robots.some((other) => other.eye);
-    if (robot.eye) {
-      const { group, places, edges } = SSM.eye(scene.eye);
+    // an eye that another robot has is drawn once
+    robot.eye = JSON.stringify(scene.eye);
+    if (scene.eye && !this.robots.some(({ eye }) => eye === robot.eye)) {
+      const { group, places, edges } = SSM.eye(scene.eye, ghost && colours[1]);
       robot.put("eye", robot.base, group);
       if (edges.length) robot.parts.clearance = edges;
       // its parts are named where they can be told apart
       const large = (perMetre) => scene.eye.radius * perMetre > 60;
-      for (const [text, position, colour] of this.labels ? places : []) robot.say("eye", robot.base, position, text, colour, large);
+      for (const [text, position, colour] of this.labels ? places : []) robot.say("eye", robot.base, position, text, ghost ? colours[1] : colour, large);
       if (this.labels) robot.say("eye", robot.base, SSM.vector(scene.eye.centre), "eye", "#a8482c", (perMetre) => !large(perMetre));
     }
     if (begin) {
@@ -83,14 +84,14 @@ SSM.Scene = class {
       robot.put("start", robot.base, start.base);
     }
     this.robots.push(robot);
-    for (const text of ghost ? [] : robot.texts) {
+    for (const text of robot.texts) {
       const node = element("span", {}, text.text);
       node.style.borderColor = SSM.paint(text.colour);
       this.overlay.append(node);
       this.texts.push({ ...text, node, size: [node.offsetWidth, node.offsetHeight] });
     }
     this.#legend();
-    if (robot.eye && !this.views.eye) {
+    if (scene.eye && !this.views.eye) {
       const [x, y, z] = scene.eye.centre;
       this.views.eye = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
       this.container.querySelector(".views").append(this.#view("eye"));

@@ -12,9 +12,9 @@ const kept = (i) => [...brushes].every(([name, [low, high]]) => column(name).at[
 
 // A canvas at the screen's own resolution; draw(context, width, height) again whenever it changes its size.
 const surface = (id, draw) => {
-  const canvas = document.getElementById(id);
+  const canvas = byId(id);
   const paint = () => {
-    const scale = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    const scale = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
     canvas.width = width * scale;
     canvas.height = height * scale;
     const context = canvas.getContext("2d");
@@ -83,7 +83,7 @@ const point = (context, shape, x, y, radius, colour) => {
   context.fill();
 };
 const fill = (id, names, chosen, then) => {
-  const select = document.getElementById(id);
+  const select = byId(id);
   for (const name of names) select.add(new Option(column(name).title, name, false, name === chosen));
   select.addEventListener("change", then);
   return select;
@@ -119,7 +119,8 @@ front.canvas.addEventListener("pointermove", (event) => {
   }
   if (nearest === null) return;
   const parts = data.names.map((name) => [column(name), column(name).at[nearest]]).filter(([, value]) => value !== null);
-  document.getElementById("chosen").textContent =
+  byId("number").textContent = data.number[nearest];
+  byId("chosen").textContent =
     `Candidate ${data.number[nearest]}: ` + parts.map(([of, value]) => `${of.title} ${label(of, value)}`).join("; ");
   front.paint();
 });
@@ -135,7 +136,7 @@ const map = surface("map", (context, width, height) => {
     point(context, k, x, y, 3, SSM.tone(COLOURS[k % COLOURS.length]));
   });
 });
-document.getElementById("map-legend").append(...stages.map((stage, k) => {
+byId("map-legend").append(...stages.map((stage, k) => {
   const shape = element("span", { "aria-hidden": "true" }, "●■▲◆"[k % 4]);
   shape.style.color = SSM.paint(COLOURS[k % COLOURS.length]);
   return element("li", {}, shape, ` ${stage}`);
@@ -162,7 +163,7 @@ const parallel = surface("parallel", (context, width, height) => {
     context.stroke();
   };
   const shown = done.filter(kept), step = Math.ceil(shown.length / 4000);
-  document.getElementById("kept").textContent = `${shown.length} of ${done.length} kept` + (step > 1 ? `, every ${step}th drawn.` : ".");
+  byId("kept").textContent = `${shown.length} of ${done.length} kept` + (step > 1 ? `, every ${step}th drawn.` : ".");
   shown.forEach((i, k) => { if (k % step === 0 && !onFront.has(i)) draw(i, clear(0.2)); });
   shown.forEach((i) => { if (onFront.has(i)) draw(i, SSM.tone(COLOURS[0])); });
   context.fillStyle = ink("text");

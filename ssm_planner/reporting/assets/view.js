@@ -3,8 +3,7 @@
 (() => {
   const { start, token, colours } = SSM.data();
   const degrees = 180 / Math.PI;
-  const find = (name) => document.getElementById(name);
-  const click = (name, run) => find(name).addEventListener("click", run);
+  const click = (name, run) => byId(name).addEventListener("click", run);
   const names = [...document.querySelectorAll("#controls [type=range], #controls .slider select")].map(({ id }) => id);
   const POSE = ["roll", "tilt", "spin", "depth"];
   // of a motor and its gear: named by its place in the robot file, in the unit of the file
@@ -14,7 +13,7 @@
     robot: true, job: null, judged: null, found: null };
 
   const ask = async (path, request) => {
-    const answer = await fetch(path, { method: "POST", body: JSON.stringify(request),
+    const answer = await fetch(path, { method: "POST", body: JSON.stringify({ of: location.pathname, ...request }),
       headers: { "Content-Type": "application/json", "X-Token": token } });
     const body = await answer.json();
     if (!answer.ok) throw Object.assign(new Error(body.error), { key: body.key, reason: body.reason });
@@ -26,15 +25,15 @@
   const put = (name, si) => {
     fault(name, "");
     exact[name] = si;
-    const shown = find(name).options ? si : si * scale(name);
-    find(name).value = shown;
-    const typed = find(`${name}-number`);
+    const shown = byId(name).options ? si : si * scale(name);
+    byId(name).value = shown;
+    const typed = byId(`${name}-number`);
     if (typed) typed.value = Number(shown.toFixed(6));
   };
   // a message beside the field that it means
   const fault = (name, text) => {
-    find(`${name}-error`).textContent = text;
-    find(`${name}-number`)?.setAttribute("aria-invalid", String(Boolean(text)));
+    byId(`${name}-error`).textContent = text;
+    byId(`${name}-number`)?.setAttribute("aria-invalid", String(Boolean(text)));
   };
   const blame = (error) => {
     const key = (error.key ?? "").replace("robot.", "").replace("mu_static", "mu");
@@ -42,17 +41,17 @@
     const number = key.match(/motion\[(\d+)\]/);
     let name = { tilt_range: "high", start: "from", tip_payload: "payload" }[key] ?? part;
     let text = error.reason ?? error.message;
-    if (find(`${key}-error`)) name = key;
+    if (byId(`${key}-error`)) name = key;
     else if (number && state.steps.length) [name, text] = ["motion", `entry ${Number(number[1]) + 1}, ${part}: ${text}`];
     else if (key.includes("start")) [name, text] = ["from", `${part}: ${text}`];
-    if (find(`${name}-error`)) fault(name, text);
-    else find("verdict").textContent = error.message;
+    if (byId(`${name}-error`)) fault(name, text);
+    else byId("verdict").textContent = error.message;
   };
   const pose = () => POSE.map((name) => exact[name]);
   const listed = (labels, values) => values.map((si, i) => `${labels[i]} ${fixed(si * scale(POSE[i]), 1)} ${i === 3 ? "mm" : "°"}`).join(", ");
   const words = (place) => listed(POSE, place);
 
-  const scene = new SSM.Scene(find("scene"), []);
+  const scene = new SSM.Scene(byId("scene"), []);
 
   const showWorkspace = (answer) => {
     state.robot = answer.own;
@@ -60,9 +59,9 @@
     scene.add({ scene: answer.scene, colours, begin: state.begin });
     const [low, high] = answer.tilt_range.map((x) => fixed(x * degrees, 3));
     const spare = fixed(Math.abs(answer.margin) * degrees, 2);
-    find("reach").textContent = `The mechanism reaches ${low}° to ${high}°: ` +
+    byId("reach").textContent = `The mechanism reaches ${low}° to ${high}°: ` +
       (answer.reached ? `the required range, with ${spare}° to spare.` : `the required range is larger by ${spare}°.`);
-    find("reach").className = answer.reached ? "good" : "bad";
+    byId("reach").className = answer.reached ? "good" : "bad";
     tell();
   };
 
@@ -76,11 +75,11 @@
     if (!answer.branches.some(({ branch }) => branch === state.sign)) {
       state.sign = (answer.branches.find(({ in_limits }) => in_limits) ?? answer.branches[0]).branch;
     }
-    find("branches").replaceChildren(...answer.branches.map(({ joints, branch, in_limits }) => element("option", { value: branch, selected: branch === state.sign },
+    byId("branches").replaceChildren(...answer.branches.map(({ joints, branch, in_limits }) => element("option", { value: branch, selected: branch === state.sign },
       listed(start.joints, joints), in_limits ? "" : " — outside the joint limits")));
-    find("reached").textContent = answer.reachable ? "The pose is reachable." :
+    byId("reached").textContent = answer.reachable ? "The pose is reachable." :
       `Outside the workspace: the nearest pose is drawn, its tool axis ${fixed(answer.error * degrees, 2)}° away.`;
-    find("reached").className = answer.reachable ? "good" : "bad";
+    byId("reached").className = answer.reachable ? "good" : "bad";
     draw();
   };
 
@@ -120,9 +119,11 @@
     SSM.ready ??= performance.now();
   });
 
+  // a chosen gear has its own ratio or lead
+  const replaced = (name) => name.includes(".geometry.") && ["worm", "screw"].some((gear) => exact[name.replace(/geometry.*/, gear)]);
+  const changes = () => names.filter((name) => isPart(name) && !replaced(name) && exact[name] !== start.values[name]).map((name) => [name, exact[name]]);
   // a verdict holds for the settings that it judged
-  const changes = () => names.filter((name) => isPart(name) && exact[name] !== start.values[name]).map((name) => [name, exact[name]]);
-  const inputs = () => ({ ...angles(), design: Object.fromEntries(changes()), payload: exact.payload, relaxed: state.relaxed,
+  const inputs = () => ({ of: location.pathname, ...angles(), design: Object.fromEntries(changes()), payload: exact.payload, relaxed: state.relaxed,
     ...(state.own ? { own: true } : { start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: range() }) });
   const wanted = () => JSON.stringify({ ...inputs(), pinned: state.pinned });
   const obstacle = () => (!start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
@@ -130,19 +131,20 @@
       : "The pose is the start of the motion. Move a slider of the pose, or plan the motion of the problem file.");
   const tell = () => {
     const stale = state.judged !== null && state.judged !== wanted();
-    find("stale").style.visibility = stale ? "visible" : "hidden";
-    find("desk").classList.toggle("old", stale);
-    find("result").hidden = stale;
+    byId("stale").style.visibility = stale ? "visible" : "hidden";
+    byId("desk").classList.toggle("old", stale);
+    byId("result").hidden = stale;
     const assumed = [!state.robot && "The links keep their masses and shapes; their frames follow α and β.",
       changes().length && "Drives keep their inertia, and static friction its ratio to μ; a chosen motor brings its own rotor.",
       exact.payload && "The payload is a point mass at the tip."];
-    find("why").textContent = obstacle() || assumed.filter(Boolean).join(" ");
-    find("plan").disabled = find("pin").disabled = find("save").disabled = Boolean(obstacle());
-    find("pin").textContent = state.pinned ? "Unpin A" : "Pin this motion as A";
-    find("cancel").disabled = !state.job;
-    find("from").textContent = state.own ? "The motion of the problem file" : `From: ${words(state.from)}`;
-    find("to").textContent = `${state.own || state.steps.length ? "Shown, not part of the motion" : "To"}: ${words(pose())}`;
-    find("steps").replaceChildren(...(state.own ? [] : state.steps).map((step, i) => {
+    byId("why").textContent = obstacle() || assumed.filter(Boolean).join(" ");
+    byId("plan").disabled = byId("pin").disabled = byId("save").disabled = Boolean(obstacle());
+    names.filter(isPart).forEach((name) => { byId(name).parentNode.hidden = replaced(name); });
+    byId("pin").textContent = state.pinned ? "Unpin A" : "Pin this motion as A";
+    byId("cancel").disabled = !state.job;
+    byId("from").textContent = state.own ? "The motion of the problem file" : `From: ${words(state.from)}`;
+    byId("to").textContent = `${state.own || state.steps.length ? "Shown, not part of the motion" : "To"}: ${words(pose())}`;
+    byId("steps").replaceChildren(...(state.own ? [] : state.steps).map((step, i) => {
       const text = step.pose ? words(step.pose) : `dwell ${short(step.dwell)} s`;
       const away = element("button", { type: "button", "aria-label": `Remove ${text}`, onclick: () => { state.steps.splice(i, 1); kept(); } }, "×");
       return element("li", {}, text, " ", away);
@@ -154,10 +156,10 @@
   };
 
   // from a slider: one end of the range pushes the other. What is typed is used as it is, or refused beside the field.
-  const bounds = (name) => [Number(find(name).min), Number(find(name).max)];
+  const bounds = (name) => [Number(byId(name).min), Number(byId(name).max)];
   const inside = (name, shown) => shown >= bounds(name)[0] - 1e-9 && shown <= bounds(name)[1] + 1e-9;
   const changed = (name, shown, typed) => {
-    const unit = find(`${name}-number`).nextElementSibling.textContent;
+    const unit = byId(`${name}-number`).nextElementSibling.textContent;
     if (!Number.isFinite(shown)) return fault(name, "not a number");
     if (!inside(name, shown)) return fault(name, `${short(shown)} ${unit} is out of range: ${bounds(name).map(short).join(" to ")} ${unit}`);
     const si = shown / scale(name);
@@ -174,23 +176,23 @@
     else if (!isPart(name)) updateAll();
   };
   for (const name of names) {
-    if (find(name).options) find(name).addEventListener("change", (event) => { put(name, event.target.value); kept(); });
+    if (byId(name).options) byId(name).addEventListener("change", (event) => { put(name, event.target.value); kept(); });
     else {
-      find(name).addEventListener("input", (event) => changed(name, event.target.valueAsNumber, false));
-      find(`${name}-number`).addEventListener("change", (event) => changed(name, event.target.valueAsNumber, true));
+      byId(name).addEventListener("input", (event) => changed(name, event.target.valueAsNumber, false));
+      byId(`${name}-number`).addEventListener("change", (event) => changed(name, event.target.valueAsNumber, true));
     }
   }
 
   SSM.height = () => 130;
-  const player = new SSM.Player(find("player"), [0, 1], []);
-  const plots = new SSM.Plots(find("plots"), player, colours, []);
+  const player = new SSM.Player(byId("player"), [0, 1], []);
+  const plots = new SSM.Plots(byId("plots"), player, colours, [], /^$/);
   const showCurves = (desk) => {
     for (const { u } of plots.all) u.destroy();
     plots.seen.disconnect();
     plots.sizes.disconnect();
     Object.assign(plots, { all: [], section: null });
-    find("plots").replaceChildren();
-    find("player").hidden = !desk;
+    byId("plots").replaceChildren();
+    byId("player").hidden = !desk;
     if (!desk) return;
     const channels = desk.channels.map(SSM.channels);
     const last = channels.at(-1);
@@ -212,15 +214,15 @@
   const show = ({ message, relaxation, changes, desk, plan }) => {
     const job = state.job;
     const link = (kind, text, more) => element("a", { href: `/${kind}/${job}`, ...more }, text);
-    const read = () => find("result").replaceChildren(element("h2", {}, "Plan"), element("iframe", { src: `/report/${job}`, title: "Report of the plan" }));
+    const read = () => byId("result").replaceChildren(element("h2", {}, "Plan"), element("iframe", { src: `/report/${job}`, title: "Report of the plan" }));
     const links = relaxation ? [element("button", { type: "button", id: "relax", onclick: () => kept({ relaxed: 1 }) }, `Plan with ${changes.length ? "this change" : relaxation}`)]
       : plan ? [link("report", "Report in a new tab", { target: "_blank", rel: "noopener" }), link("plan", "plan.json", { download: "plan.json" }),
         element("button", { type: "button", id: "read", onclick: read }, "Report below")] : [];
     const row = (cells) => element("tr", {}, ...cells.map((text, i) => element(i ? "td" : "th", { scope: i ? null : "row" }, text)));
     const head = desk?.names.length > 1 ? [["", ...desk.names]] : [];
-    find("outcome").replaceChildren(element("p", { class: "outcome", role: "status" }, message),
+    byId("outcome").replaceChildren(element("p", { class: "outcome", role: "status" }, message),
       element("table", {}, ...[...head, ...(desk?.rows ?? [])].map(row)), element("p", { class: "buttons" }, ...(changes?.length ? slider(changes) : []), ...links));
-    find("result").replaceChildren();
+    byId("result").replaceChildren();
     showCurves(desk);
   };
   // all that is set stands in the address: it can be reloaded, sent and bookmarked
@@ -235,11 +237,11 @@
       state.job = (await ask("/plan", JSON.parse(asked))).job;
       while (!answer.done) {
         answer = await ask("/progress", { job: state.job });
-        find("step").textContent = answer.done ? "" : answer.steps.at(-1) ?? "";
+        byId("step").textContent = answer.done ? "" : answer.steps.at(-1) ?? "";
         tell();
         if (!answer.done) await new Promise((resolve) => setTimeout(resolve, 40));
       }
-      find("verdict").textContent = "";
+      byId("verdict").textContent = "";
     } catch (error) {
       answer = { message: "not planned" };
       blame(error);
@@ -252,21 +254,22 @@
     tell();
   });
   for (const kind of ["change", "click"]) document.querySelector("main").addEventListener(kind, live);
-  find("branches").addEventListener("change", (event) => { state.sign = Number(event.target.value); draw(); });
+  byId("branches").addEventListener("change", (event) => { state.sign = Number(event.target.value); draw(); });
   click("plan", () => { state.judged = ""; });
   click("whole", () => kept({ own: true }));
   click("pin", () => kept({ pinned: state.pinned ? null : inputs(), relaxed: state.relaxed }));
   click("cancel", () => ask("/cancel", { job: state.job }).catch(blame));
-  click("save", async () => {
-    try {
-      const { text } = await ask("/yaml", inputs());
-      SSM.download("problem.yaml", text, "application/yaml");
-    } catch (error) { blame(error); }
-  });
+  // runs with the settings as YAML
+  const asYaml = (use) => ask("/yaml", inputs()).then(({ text }) => use(text)).catch(blame);
+  click("save", () => asYaml((text) => SSM.download("problem.yaml", text, "application/yaml")));
+  byId("source").addEventListener("toggle", ({ target }) => target.open && asYaml((text) => { byId("text").value = text; }));
+  click("apply", () => ask("/edit", { text: byId("text").value })
+    .then(({ page }) => location.assign(`${page}#${encodeURIComponent(JSON.stringify({ pinned: state.pinned }))}`))
+    .catch(({ message }) => fault("text", message)));
   click("here", () => { kept({ from: pose(), own: false }); updateAll(); });
   click("waypoint", () => kept({ steps: [...state.steps, { pose: pose() }], own: false }));
   click("dwell", () => {
-    const time = find("dwell-number").valueAsNumber;
+    const time = byId("dwell-number").valueAsNumber;
     if (!(time >= 0.001 && time <= 3600)) return fault("dwell", "a dwell must last 0.001 s to 3600 s");
     fault("dwell", "");
     kept({ steps: [...state.steps, { dwell: time }], own: false });
@@ -277,19 +280,16 @@
     updateAll();
   };
   click("own", () => { state.own = true; putAll(start.values); });
-  click("suggest", async () => {
-    try {
-      const { alpha, beta } = await ask("/suggest", { tilt_range: range() });
-      putAll({ alpha, beta });
-      live();
-    } catch (error) { blame(error); }
-  });
+  click("suggest", () => ask("/suggest", { tilt_range: range() }).then(({ alpha, beta }) => {
+    putAll({ alpha, beta });
+    live();
+  }).catch(blame));
 
   // what the address holds, as far as it is what the fields take
   const recall = () => {
     let held = {};
     try { held = JSON.parse(decodeURIComponent(location.hash.slice(1))) ?? {}; } catch { return; }
-    const fits = (name, si) => (find(name).options ? typeof si === "string" : Number.isFinite(si) && inside(name, si * scale(name)));
+    const fits = (name, si) => (byId(name).options ? typeof si === "string" : Number.isFinite(si) && inside(name, si * scale(name)));
     const isPose = (each) => Array.isArray(each) && each.length === 4 && each.every((si, i) => fits(POSE[i], si));
     for (const name of names) if (fits(name, held[name])) put(name, held[name]);
     if (exact.low >= exact.high) for (const name of ["low", "high"]) put(name, start.values[name]);
@@ -299,7 +299,7 @@
     state.pinned = held.pinned ?? null;
   };
 
-  ["min", "max"].forEach((end, i) => { find("depth")[end] = (1000 * start.depth_range[i]).toFixed(3); });
+  ["min", "max"].forEach((end, i) => { byId("depth")[end] = (1000 * start.depth_range[i]).toFixed(3); });
   for (const name of names) put(name, start.values[name]);
   recall();
   tell();

@@ -18,7 +18,7 @@ from concurrent.futures import TimeoutError as TookTooLong
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
-from types import SimpleNamespace, TracebackType
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from ssm_planner.children import python_command
@@ -138,12 +138,7 @@ class FigureProcess:
     def __enter__(self) -> FigureProcess:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._process is not None:
             self._process.kill()
             self._pipe.submit(self._process.communicate)

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 AXES = ("ω₁\nθ₁ roll", "ω₂\nθ₂", "ω₃\nθ₃ spin\nθ₄ insertion")
 """Label of each axis with its joints."""
+CENTRED: Keywords = {"ha": "center", "va": "center", "fontsize": SIZE}
+"""Style of a label whose middle is at its place."""
 
 
 def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
@@ -75,7 +77,7 @@ def axes_figure(mechanism: Mechanism) -> Figure:
         axes.plot(
             *np.outer(axis, (0.0, 1.15)), color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6
         )
-        axes.text(*(1.3 * axis), name, ha="center", va="center", fontsize=SIZE, color=COLOURS[k])
+        axes.text(*(1.3 * axis), name, color=COLOURS[k], **CENTRED)
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
     angles = ((0, 1, 0.8, f"α = {alpha:.2f}°"), (1, 2, 0.7, f"β = {beta:.2f}°"), (0, 2, 0.25, tilt))
@@ -250,7 +252,7 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
         (mechanism.omega3, "ω₃"),
     ):
         axes.plot(*(np.outer(axis, (1.0, 1.4))), color="black", linewidth=1.3, zorder=4)
-        axes.text(*(axis * 1.5), name, ha="center", va="center", zorder=5, fontsize=SIZE)
+        axes.text(*(axis * 1.5), name, zorder=5, **CENTRED)
     axes.set_title("reachable pointings on the unit sphere", fontsize=SIZE)
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.1)
     axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), zlim=(-1.1, 1.1))
@@ -282,7 +284,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         # Next to ω1 the label would overlap its arrow.
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
         text = minus(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
-        axes.text(1.3 * np.cos(tilt), height, text, ha="center", va="center", fontsize=SIZE)
+        axes.text(1.3 * np.cos(tilt), height, text, **CENTRED)
     home = mechanism.home_tilt
     axes.plot(
         [0.0, np.cos(home)],
@@ -293,7 +295,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         label="home",
     )
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
-    axes.text(1.4, 0.0, "ω₁", ha="center", va="center", fontsize=SIZE)
+    axes.text(1.4, 0.0, "ω₁", **CENTRED)
     axes.set(xlim=(-1.6, 1.6), ylim=(-1.6, 1.35), aspect="equal")
     axes.set_axis_off()
     axes.set_title(_title("section through ω₁", mechanism), fontsize=SIZE)

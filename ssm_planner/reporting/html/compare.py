@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
@@ -40,16 +39,7 @@ def comparison_page(plan_a: Plan, plan_b: Plan) -> str:
         "compare.html",
         comparison_data(plans),
         title=f"{plan_a.problem.name} against {plan_b.problem.name} – plan comparison",
-        plans=[
-            {
-                "letter": letter,
-                "title": f"{letter}: {plan.problem.name} on {plan.robot.name}",
-                "marks": verdict(plan),
-                "notes": plan.notes,
-            }
-            for letter, plan in zip(NAMES, plans, strict=True)
-        ],
-        joints=plan_a.robot.joints,
+        plans=[*zip(NAMES, plans, map(verdict, plans), strict=True)],
         durations=_durations(plans),
         limits=_limits(plan_a.certificate, plan_b.certificate),
         motors=_motors(plans),
@@ -98,24 +88,21 @@ def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
 
 def _durations(plans: tuple[Plan, Plan]) -> Table:
     gaps = [None if plan.gap is None else 100 * plan.gap for plan in plans]
+    names = {"duration": "duration", "lower bound": "lower_bound", "toppra": "toppra_duration"}
     rows = [
-        ("duration s", *_pair([plan.duration for plan in plans])),
-        ("lower bound s", *_pair([plan.lower_bound for plan in plans])),
-        ("toppra s", *_pair([plan.toppra_duration for plan in plans])),
-        ("above the lower bound %", *_pair(gaps, relative=False)),
+        (f"{name} s", *_pair([getattr(plan, field) for plan in plans]))
+        for name, field in names.items()
     ]
+    rows.append(("above the lower bound %", *_pair(gaps, relative=False)))
     return Table(("", "A", "B", "change"), rows, (1, 2, 3))
 
 
 def _limits(*certificates: Certificate | None) -> Table:
     """Build the table of margins in both certificates, smallest margin first."""
     margins_a, margins_b = (_margins(certificate) for certificate in certificates)
-
-    def order(key: tuple[str, str]) -> tuple[float, tuple[str, str]]:
-        return min(margins_a.get(key, math.inf), margins_b.get(key, math.inf)), key
-
+    ordered = sorted((margin, key) for key, margin in [*margins_a.items(), *margins_b.items()])
     rows = []
-    for key in sorted(margins_a.keys() | margins_b.keys(), key=order):
+    for key in dict.fromkeys(key for _, key in ordered):
         a, b = margins_a.get(key), margins_b.get(key)
         change = None if a is None or b is None else b - a
         rows.append((*key, *(percent(share, 4) for share in (a, b, change))))
@@ -131,7 +118,7 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
 def _motors(plans: tuple[Plan, Plan]) -> Table:
     sides = [{r.joint: r.to_dict() for r in plan.requirements} for plan in plans]
     rows = []
-    for joint in sides[0].keys() | sides[1].keys():
+    for joint in sorted(sides[0].keys() | sides[1].keys()):
         a, b = (side.get(joint, {}) for side in sides)
         motors = dict.fromkeys(side.get("motor") or NOTHING for side in (a, b))
         for key, name, scale in (
@@ -141,7 +128,6 @@ def _motors(plans: tuple[Plan, Plan]) -> Table:
         ):
             values = [None if key not in side else scale * side[key] for side in (a, b)]
             rows.append((joint, " / ".join(motors), name, *_pair(values)))
-    rows.sort(key=lambda row: row[0])
     return Table(("joint", "motor", "", "A", "B", "change"), rows, (3, 4, 5))
 
 
@@ -186,16 +172,12 @@ def _merge(panels: Sequence[list[Panel]]) -> list[Panel]:
 def _split_by_series(panel: Panel) -> Iterator[Panel]:
     """Yield a separate panel for each series of a panel."""
     for series in panel["series"]:
-        limits = [limit for limit in panel["limits"] if limit["joint"] == series["joint"]]
-        active = [interval for interval in panel["active"] if interval["joint"] == series["joint"]]
+        own = {
+            key: [each for each in panel[key] if each["joint"] == series["joint"]]
+            for key in ("limits", "active")
+        }
         title = panel["title"]
         if len(panel["series"]) > 1:
             title = f"{title.partition(':')[0]}: {series['label']}"
-        content = {
-            "title": title,
-            "channel": series["channel"],
-            "series": [series],
-            "limits": limits,
-            "active": active,
-        }
-        yield {**panel, **content, "missing": []}
+        content = {"title": title, "channel": series["channel"], "series": [series]}
+        yield {**panel, **content, **own, "missing": []}

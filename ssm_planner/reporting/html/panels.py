@@ -124,7 +124,7 @@ def new_limit(
     index: int,
     low: float,
     high: float,
-    channel: str | None,
+    channel: str | None = None,
     size: float | None = None,
 ) -> JsonObject:
     """Return a limit in the form that the page reads.
@@ -139,19 +139,21 @@ def new_limit(
         Index of the colour.
     low, high : float
         Bounds in the SI unit of the panel. They may be infinite.
-    channel : str or None
+    channel : str, optional
         Channel whose intervals at the limit are marked. None marks no intervals.
     size : float, optional
         Value to which the tolerance NEAR refers. The default is the limit itself, or the half width
         of a range.
     """
-    ends = {"low": low, "high": high, "channel": channel, "size": size}
     return {
         "name": name,
         "of": of,
         "label": f"{name}, {of}" if of else name,
         "joint": index,
-        **ends,
+        "low": low,
+        "high": high,
+        "channel": channel,
+        "size": size,
     }
 
 
@@ -183,8 +185,9 @@ def mark_active(panel: Panel, channels: Arrays) -> None:
         for start, end, side in active_intervals(channels["t"], values, low, high, limit["size"]):
             bound = high if side > 0 else low
             names = {key: limit[key] for key in ("label", "name", "joint")}
-            interval = {"start": start, "end": end, "side": side, "value": bound}
-            panel["active"].append({**names, **interval})
+            panel["active"].append(
+                {**names, "start": start, "end": end, "side": side, "value": bound}
+            )
 
 
 def in_display_units(panel: Panel) -> None:
@@ -350,13 +353,11 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> list[Panel]:
                 panel["missing"].append("no motor given")
             else:
                 panel["limits"].append(limit_line(joint.limit(limited), i, f"{name}{i}"))
-            if motor is not None and name == "tau":
                 high = motor.nominal_torque
-                panel["limits"].append(
-                    new_limit(
-                        "nominal torque", joint.name, index=i, low=-high, high=high, channel=None
+                if name == "tau":
+                    panel["limits"].append(
+                        new_limit("nominal torque", joint.name, index=i, low=-high, high=high)
                     )
-                )
             panels.append(panel)
     return panels
 

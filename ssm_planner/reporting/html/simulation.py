@@ -51,9 +51,7 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
         "simulation.html",
         simulation_data(plan, result),
         title=f"{plan.problem.name} – simulated playback",
-        name=plan.problem.name,
-        joints=plan.robot.joints,
-        robot=plan.robot.name,
+        plan=plan,
         marks=[verdict, *(("bad", "", reason) for reason in result.reasons)],
         notes=result.notes,
         tip=number(1e3 * result.tip_error, 4),
@@ -120,9 +118,7 @@ def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
     tip = _panel(
         "Tracking error", "Distance of the tip from the plan", "m", "tip_error", (SIMULATED,)
     )
-    tip["limits"] = [
-        new_limit("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error, channel=None)
-    ]
+    tip["limits"] = [new_limit("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error)]
     losses = _panel(
         "Power loss at this time", "Travel of the tip until it stands", "m", "travel", (SIMULATED,)
     )
