@@ -81,7 +81,7 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
     The result is empty for a folder of YAML files. Raises ProblemError if the catalogue is invalid.
     """
     file = catalogue_file(path)
-    values = (
+    rows_with_units = (
         {}
         if file.is_dir()
         else {
@@ -90,8 +90,8 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
         }
     )
     return {
-        label: {name: x for name, x in text.items() if x is not None}
-        for label, text in values.items()
+        label: {name: value for name, value in row_values.items() if value is not None}
+        for label, row_values in rows_with_units.items()
     }
 
 

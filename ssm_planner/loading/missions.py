@@ -111,18 +111,18 @@ def _by_corners(motion_section: Section, entry: Node) -> list[Node]:
     if "blend" not in node.children:
         reason = "missing: corners need a distance within which they are rounded"
         raise motion_section.sub(name).error(reason, "blend", allowed="a length such as 0.3 mm")
-    remaining: dict[str | int, Node] = {
+    other_children: dict[str | int, Node] = {
         key: child for key, child in node.children.items() if key not in ("through", "to", "blend")
     }
     ends = [*corners.children.values(), *([node.children["to"]] if "to" in node.children else [])]
-    legs = []
+    motions = []
     for k, end in enumerate(ends):
         on: dict[str | int, Node] = (
             {"blend": node.children["blend"]} if k < len(corners.value) else {}
         )
-        line_node = replace(_replaced(node, {**remaining, "to": end, **on}), line=end.line)
-        legs.append(replace(_replaced(entry, {name: line_node}), key_lines={name: end.line}))
-    return legs
+        line_node = replace(_replaced(node, {**other_children, "to": end, **on}), line=end.line)
+        motions.append(replace(_replaced(entry, {name: line_node}), key_lines={name: end.line}))
+    return motions
 
 
 class RepeatModel(Model):

@@ -627,8 +627,8 @@ def _inertia(section: Section, model: Any) -> Array:
 def _sign_hint(model: Any, tensor: Array) -> str:
     """Return the end of the message about a tensor that no body can have.
 
-    It states whether the tensor is possible with the opposite sign of the products of inertia. It is
-    "" without products of inertia in the file.
+    It states whether the tensor is possible with the opposite sign of the products of inertia. It
+    is "" without products of inertia in the file.
     """
     convention = model.products_of_inertia
     if convention is None:

@@ -566,12 +566,12 @@ def located(
         if error.file is not None or error.key is None:
             raise
         field = error.key.partition(".")[2]
-        name, remaining = next(
+        name, base_path = next(
             ((name, path) for name, path in (locations or {}).items() if field.startswith(name)),
             ("", ()),
         )
         tokens = re.findall(r"[^.\[\]]+", field.removeprefix(name))
-        path = (*remaining, *(int(token) if token.isdecimal() else token for token in tokens))
+        path = (*base_path, *(int(token) if token.isdecimal() else token for token in tokens))
         raise section.error(error.reason, *path, allowed=error.allowed) from None
 
 
