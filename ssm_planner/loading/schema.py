@@ -558,7 +558,7 @@ def located(
 ) -> Iterator[None]:
     """Add file and line to errors that values raise within a `with` block.
 
-    `locations` contains the keys in the file of fields whose names differ from their keys.
+    `locations` contains the path in the file by name of the field, if the field has another key.
     """
     try:
         yield

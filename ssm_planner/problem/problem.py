@@ -268,7 +268,7 @@ class TaskLimits(Limited, ShortRepr):
 
     @property
     def promising(self) -> str:
-        """Names of the motions along prescribed lines."""
+        """Names of the motions along prescribed lines, separated by commas."""
         lines = (
             entry
             for entry in self.motion

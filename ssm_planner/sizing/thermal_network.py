@@ -85,9 +85,9 @@ class Modes:
 
 
 def follow(modes: Modes, t: Array, power: Array) -> Array:
-    """Compute the modes (2, n) at instants t (n,) exactly, beginning with zero.
+    """Compute the states (2, n) of the modes at instants t (n,), s, which begin with zero.
 
-    The power (n,), in W, is linear between the instants.
+    The solution is exact for a power (n,), in W, that is linear between the instants.
     """
     step = np.diff(t)
     x = modes.rates[:, None] * step
