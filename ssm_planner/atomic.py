@@ -225,18 +225,18 @@ def first_interruption() -> Iterator[Callable[[], bool]]:
     returns False.
     """
     handler = signal.getsignal(signal.SIGINT)
-    came = threading.Event()
+    arrived = threading.Event()
     if threading.current_thread() is not threading.main_thread() or not callable(handler):
-        yield came.is_set
+        yield arrived.is_set
         return
 
     def note(number: int, _: FrameType | None) -> None:
-        came.set()
+        arrived.set()
         signal.signal(number, handler)
         raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, note)
     try:
-        yield came.is_set
+        yield arrived.is_set
     finally:
         signal.signal(signal.SIGINT, handler)

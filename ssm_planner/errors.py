@@ -10,8 +10,8 @@ from pathlib import Path
 
 def suggestion(word: object, known: Iterable[str]) -> str:
     """Return the most similar known word as the end of a message, or "" if none is similar."""
-    close = difflib.get_close_matches(str(word), list(known), n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    matches = difflib.get_close_matches(str(word), list(known), n=1)
+    return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
 class SsmPlannerError(Exception):

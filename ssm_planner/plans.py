@@ -407,20 +407,20 @@ class Plan(ShortRepr):
             Function that returns the result of `second_opinions` from a second process, or None. If
             it returns None, toppra is called in this process.
         """
-        asked = self.problem.planner == "optimal" and "toppra" not in self.software
-        if not (asked and self.passed and self.phases):
+        is_requested = self.problem.planner == "optimal" and "toppra" not in self.software
+        if not (is_requested and self.passed and self.phases):
             return self
         results = {"sizing": self.sizing, "stops": self.stops}  # while the second process works
         opinions = ask() or second_opinions(self.motion, self.problem)
         phases = map(PhaseSummary.with_opinion, self.phases, opinions)
         versions = {**self.software, "toppra": _version("toppra")}
-        judged = replace(self, phases=tuple(phases), software=versions)
-        if judged.disagreements:
+        judged_plan = replace(self, phases=tuple(phases), software=versions)
+        if judged_plan.disagreements:
             from ssm_planner.planning.reason import Reason
 
-            return replace(judged, reason=Reason(message="; ".join(judged.disagreements)))
-        vars(judged).update(results)
-        return judged
+            return replace(judged_plan, reason=Reason(message="; ".join(judged_plan.disagreements)))
+        vars(judged_plan).update(results)
+        return judged_plan
 
     @property
     def duration(self) -> float | None:

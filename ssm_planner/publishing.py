@@ -267,9 +267,9 @@ def _check_way(
             )
 
 
-def _remove_stale(folder: Path, stale: Mapping[str, str]) -> None:
+def _remove_stale(folder: Path, stale_files: Mapping[str, str]) -> None:
     """Remove unchanged files of an earlier generation, and folders that become empty."""
-    for name, sha in stale.items():
+    for name, sha in stale_files.items():
         with suppress(OSError):
             if _is(folder / name, sha):
                 (folder / name).unlink()

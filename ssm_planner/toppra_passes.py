@@ -70,11 +70,11 @@ def largest_speeds(
     constraint = Limits()
     constraint.identical = True  # The factor of the rows is the same at every point.
     algorithm = toppra.algorithm.TOPPRA([constraint], Path(), grid, solver_wrapper="seidel")
-    start, last = speeds
-    controllable = algorithm.compute_controllable_sets(last if exact_ends else 0.0, last)
+    start_speed, end_speed = speeds
+    controllable = algorithm.compute_controllable_sets(end_speed if exact_ends else 0.0, end_speed)
     # compute_parameterization would otherwise compute them again, for exact ends.
     algorithm.compute_controllable_sets = lambda *_: controllable
     if not exact_ends:
-        start = np.sqrt(min(start**2, controllable[0, 1]))
-    _, speed, _, _ = algorithm.compute_parameterization(start, last, return_data=True)
+        start_speed = np.sqrt(min(start_speed**2, controllable[0, 1]))
+    _, speed, _, _ = algorithm.compute_parameterization(start_speed, end_speed, return_data=True)
     return None if speed is None or not np.isfinite(speed).all() else np.square(speed)

@@ -244,8 +244,8 @@ def _parsed(text: str) -> tuple[float, Dimensions]:
     """
     factor = 1.0
     powers = Counter[str]()
-    for slash, name, exponent in _FACTORS.findall(text):
-        power = int(exponent or 1) * (-1 if slash else 1)
+    for separator, name, exponent in _FACTORS.findall(text):
+        power = int(exponent or 1) * (-1 if separator else 1)
         scale, dimensions = _unit_by_name(name)
         factor *= scale**power
         powers.update({dimension: power * inner_power for dimension, inner_power in dimensions})
@@ -292,8 +292,8 @@ def _name(dimensions: Dimensions) -> str:
 
 def _spell(text: str) -> str:
     """Replace symbols such as ° and ² by ASCII text."""
-    for odd, plain in _SPELLINGS.items():
-        text = text.replace(odd, plain)
+    for symbol, plain in _SPELLINGS.items():
+        text = text.replace(symbol, plain)
     return text
 
 
@@ -352,6 +352,6 @@ def display_unit(unit: str, degree: str = "deg") -> tuple[str, float]:
     The result for "rad/s" is ("deg/s", 57.3). "rpm" represents the speed of a motor in rad/s.
     `degree` is the symbol of a degree, such as "°" on pages and in figures.
     """
-    base, slash, per = unit.partition("/")
+    base, separator, denominator = unit.partition("/")
     name, scale = (degree, 180 / math.pi) if base == "rad" else _SHOWN.get(base, (base, 1.0))
-    return name + slash + per, scale
+    return name + separator + denominator, scale

@@ -269,7 +269,7 @@ class Vectorised:
         stride = moves // 8
         moves[: len(work)] = 0
         native = library.load()
-        seen = range(len(addresses)) if native is None else self._seen
+        indices = range(len(addresses)) if native is None else self._seen
         steps = ctypes.c_void_p(stride.ctypes.data)
         with np.errstate(invalid="ignore", divide="ignore"):
             for start in range(0, n, BLOCK):
@@ -279,7 +279,7 @@ class Vectorised:
                 slots = ctypes.c_void_p(pointers.ctypes.data)
                 selections = [slice(count), (), *[slice(start, start + count)] * len(inputs)]
                 rows = {}
-                for k in seen:
+                for k in indices:
                     index, row = self._places[k]
                     rows[k] = tables[index][row][selections[index]]
                 for low, high, code, size in self._parts:
@@ -306,12 +306,12 @@ class Vectorised:
         slot = list(range(self._registers))
         """Slot that contains the value of each register."""
         program: list[tuple[str, int, int, int]] = []
-        used = 0
+        slot_count = 0
         for step in sequence:
             operand, other_operand = (*(slot[k] for k in step.operands), -1, -1)[:2]
             if step.name == "const":
-                slot[step.out] = self._registers + used
-                used += 1
+                slot[step.out] = self._registers + slot_count
+                slot_count += 1
             elif step.name == "input":
                 slot[step.out] = int(firsts_in[step.argument]) + step.index
             elif step.name == "output":

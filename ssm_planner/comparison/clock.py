@@ -116,8 +116,8 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     t = time[::step]
     w = measured[::step]
     if not planned_speed.any() or not w.any():
-        still = float(not planned_speed.any() and np.abs(measured).max(initial=0.0) == 0.0)
-        return Alignment(float(time[0]), still, 0.0)
+        both_at_rest = float(not planned_speed.any() and np.abs(measured).max(initial=0.0) == 0.0)
+        return Alignment(float(time[0]), both_at_rest, 0.0)
     moves = np.flatnonzero(np.abs(w) > ENDS * np.abs(planned_speed).max())
     stop = int(moves[-1]) + 2 if len(moves) else len(w)
     forward, reverse = (
@@ -151,14 +151,14 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
         Smallest deviation of the rate from 1 that is corrected. The uncertainty of the rate is
         added.
     """
-    good = [axis for axis in axes if axis.determines_clock]
-    reliable = good or [max(axes, key=lambda axis: axis.agreement)]
-    rate, error = _common_rate(good) if good else (1.0, np.inf)
-    certain = abs(rate - 1) > drift + CERTAIN * error
+    reliable_axes = [axis for axis in axes if axis.determines_clock]
+    reliable = reliable_axes or [max(axes, key=lambda axis: axis.agreement)]
+    rate, error = _common_rate(reliable_axes) if reliable_axes else (1.0, np.inf)
+    is_significant = abs(rate - 1) > drift + CERTAIN * error
     size = float(np.median([axis.size for axis in reliable]))
-    slower = certain and abs(size - rate) < abs(size - 1)
+    slower = is_significant and abs(size - rate) < abs(size - 1)
     delay = float(np.median([axis.delay for axis in reliable]))
-    return Clock(delay, rate if certain and not slower else 1.0, rate, error, slower)
+    return Clock(delay, rate if is_significant and not slower else 1.0, rate, error, slower)
 
 
 def _common_rate(axes: Sequence[Alignment]) -> tuple[float, float]:
@@ -219,7 +219,7 @@ def _refine(
     and the standard deviations of delay and rate. If the samples do not determine these values, the
     function returns `start` with infinite standard deviations.
     """
-    unknown = start, 1.0, 1.0, (np.inf, np.inf)
+    no_result = start, 1.0, 1.0, (np.inf, np.inf)
     slope = np.gradient(planned_speed, planned_time)
     cutoff = FAR * float(np.abs(planned_speed).max())
     duration = float(planned_time[-1])
@@ -229,25 +229,25 @@ def _refine(
     rate = 1.0
     size = 1.0
     for _ in range(12):
-        s = rate * (t - centre) + middle
-        p = planned_speed_at(planned_time, planned_speed, s)
-        dp = size * planned_speed_at(planned_time, slope, s)
-        residual = w - size * p
-        used = (np.abs(residual) < cutoff) & ((p != 0) | (dp != 0))
-        jacobian = np.stack([-rate * dp, dp * (t - centre), p], axis=1)[used]
-        normal = jacobian.T @ jacobian
-        if used.sum() < 8 or np.linalg.cond(normal) > 1e14:
-            return unknown
-        change = np.linalg.solve(normal, jacobian.T @ residual[used])
+        planned_t = rate * (t - centre) + middle
+        speed = planned_speed_at(planned_time, planned_speed, planned_t)
+        derivative = size * planned_speed_at(planned_time, slope, planned_t)
+        residual = w - size * speed
+        is_used = (np.abs(residual) < cutoff) & ((speed != 0) | (derivative != 0))
+        jacobian = np.stack([-rate * derivative, derivative * (t - centre), speed], axis=1)[is_used]
+        normal_matrix = jacobian.T @ jacobian
+        if is_used.sum() < 8 or np.linalg.cond(normal_matrix) > 1e14:
+            return no_result
+        change = np.linalg.solve(normal_matrix, jacobian.T @ residual[is_used])
         rate = float(np.clip(rate + change[1], 1 - FASTEST, 1 + FASTEST))
         centre += float(change[0])
         size += float(change[2])
-    errors = np.sqrt(np.diag(np.linalg.inv(normal)) * float(np.mean(residual[used] ** 2)))
+    errors = np.sqrt(np.diag(np.linalg.inv(normal_matrix)) * float(np.mean(residual[is_used] ** 2)))
     delay = centre - middle / rate
 
-    before = planned_speed_at(planned_time, planned_speed, t - start)
-    after = size * planned_speed_at(planned_time, planned_speed, rate * (t - delay))
-    improved = np.sum((w - after) ** 2) <= np.sum((w - before) ** 2)
-    if not improved or abs(delay - start) > 0.1 * duration:
-        return unknown
+    speed_before = planned_speed_at(planned_time, planned_speed, t - start)
+    speed_after = size * planned_speed_at(planned_time, planned_speed, rate * (t - delay))
+    is_improved = np.sum((w - speed_after) ** 2) <= np.sum((w - speed_before) ** 2)
+    if not is_improved or abs(delay - start) > 0.1 * duration:
+        return no_result
     return delay, rate, size, (float(errors[0]), float(errors[1]))

@@ -199,12 +199,12 @@ def map_to_clock(
         for start, end in pairwise(starts):
             w = measured.w[start:end]
             times = t[start:end]
-            turned = np.append(0.0, np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2))
-            distance = turned / plan.ratio
+            motor_angle = np.append(0.0, np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2))
+            distance = motor_angle / plan.ratio
             # The integration begins at the start of the motion if this run of samples contains it.
-            anchor = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
-            planned = np.interp(times[anchor], plan.time, plan.position)
-            q[start:end] = distance - distance[anchor] + planned
+            start_index = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
+            planned_position = np.interp(times[start_index], plan.time, plan.position)
+            q[start:end] = distance - distance[start_index] + planned_position
     speed = np.interp(t, plan.time, plan.speed, left=0.0, right=0.0)
     return AlignedAxis(
         plan,
@@ -338,13 +338,13 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     planned_mean = smoothed(np.abs(planned_speed), n)
     mean_time = smoothed(axis.t, n)
     is_still = np.abs(smoothed(w, n)) < level
-    stands = is_still & (planned_mean > 5 * level) & (mean < planned_mean / 5)
-    start, stop, length = longest_run(stands, mean_time)
+    is_stalled = is_still & (planned_mean > 5 * level) & (mean < planned_mean / 5)
+    start, stop, length = longest_run(is_stalled, mean_time)
     if length < STALL:
         return None
     begin, end = float(mean_time[start]), float(mean_time[stop])
-    remaining = (np.abs(w) >= level) & ((axis.t < begin - NEAR) | (axis.t > end + NEAR))
-    if remaining.sum() > n and correlation(planned_speed[remaining], w[remaining]) < ALIKE:
+    is_moving = (np.abs(w) >= level) & ((axis.t < begin - NEAR) | (axis.t > end + NEAR))
+    if is_moving.sum() > n and correlation(planned_speed[is_moving], w[is_moving]) < ALIKE:
         return None
     torque = float(np.abs(axis.measured.tau[start : stop + n]).max())
     text = (

@@ -121,11 +121,11 @@ def _recorded_position(
             f"{path}: its position channel is in increments, and the motor of joint {joint.name} "
             "has no encoder_counts or a placeholder: give --counts-per-turn"
         )
-    raw = table.values[:, clock] * TIMES.get(units[clock], 1.0)
+    recorded_time = table.values[:, clock] * TIMES.get(units[clock], 1.0)
     increment = 2 * np.pi / counts / joint.drive.ratio
     position = table.values[:, column] * joint.motor_direction * increment
-    finite = np.isfinite(raw) & np.isfinite(position)
-    return np.interp(time, raw[finite], position[finite]), increment
+    finite = np.isfinite(recorded_time) & np.isfinite(position)
+    return np.interp(time, recorded_time[finite], position[finite]), increment
 
 
 def _encoder_counts(joint: Joint) -> int | None:

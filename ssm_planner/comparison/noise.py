@@ -95,10 +95,10 @@ def worst_excess(
         Duration of the window, s. 0 means a single sample.
     """
     candidates = []
-    for n, certain in windows(step):
+    for n, deviations in windows(step):
         if len(values) >= n:
             # Rounding shifts a mean by up to half of the resolution if the noise is small.
-            noise = certain * noise_of(departure, n, resolution) + resolution / 2
+            noise = deviations * noise_of(departure, n, resolution) + resolution / 2
             maximum = float(np.abs(smoothed(values, n)).max())
             candidates.append((maximum - limit - noise, maximum, noise, n * step if n > 1 else 0.0))
     return max(candidates)[1:]

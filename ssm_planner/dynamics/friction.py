@@ -85,8 +85,8 @@ def static_coefficient(
     start = friction.mu if arrival is None else arrival
     xp = namespace_of(dwell, start)
     # The exponential is 0 for extremely short rests, so the smallest divisor does not matter.
-    grown = xp.exp(-(friction.dwell_constant or 0.0) / xp.maximum(dwell, 1e-9))
-    return start + (friction.mu_static - start) * grown
+    growth = xp.exp(-(friction.dwell_constant or 0.0) / xp.maximum(dwell, 1e-9))
+    return start + (friction.mu_static - start) * growth
 
 
 def remembered_speed(friction: Friction, time: ArrayLike, w: ArrayLike) -> Array:

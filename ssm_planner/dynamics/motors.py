@@ -163,12 +163,16 @@ def joint_direction(
     before is evaluated, which may be an arrival. A joint without any motion has the direction 0.
     """
     xp = namespace_of(qd, qdd, qddd)
-    limit = joint.velocity
-    bend = joint.acceleration
-    standing = abs(qd) <= STILL * limit
+    max_velocity = joint.velocity
+    max_acceleration = joint.acceleration
+    is_at_rest = abs(qd) <= STILL * max_velocity
     # Just after or before a rest, the velocity has the sign of ±acceleration, or of the jerk where
     # that is zero too
-    jerking = xp.where(abs(qddd) > STILL * bend**2 / limit, xp.sign(qddd), 0.0)
-    leaning = xp.where(abs(qdd) > STILL * bend, side * xp.sign(qdd), jerking)
-    direction = xp.where(standing, leaning, xp.sign(qd))
-    return direction, xp.where(standing, (direction != 0) * (side > 0), False)
+    jerk_direction = xp.where(
+        abs(qddd) > STILL * max_acceleration**2 / max_velocity, xp.sign(qddd), 0.0
+    )
+    rest_direction = xp.where(
+        abs(qdd) > STILL * max_acceleration, side * xp.sign(qdd), jerk_direction
+    )
+    direction = xp.where(is_at_rest, rest_direction, xp.sign(qd))
+    return direction, xp.where(is_at_rest, (direction != 0) * (side > 0), False)

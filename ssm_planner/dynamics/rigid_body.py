@@ -139,14 +139,15 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
     coms = [body.frame @ body.com for body in bodies]
     inertias = [body.frame @ body.inertia @ body.frame.T for body in bodies]
     inertias[2] = inertias[2] + bodies[3].frame @ inertia_about_com(bodies[3]) @ bodies[3].frame.T
-    turning = list(zip(frames[1:], coms, inertias, bodies, strict=False))
+    rotating_bodies = list(zip(frames[1:], coms, inertias, bodies, strict=False))
     return LOAD.pack(
         first_turn=[np.cos(angles[0]), np.sin(angles[0])],
         second_turn=[np.cos(angles[1]), np.sin(angles[1])],
         gravity=frames[0].T @ gravity,
-        first_moments=[body.mass * frame.T @ com for frame, com, _, body in turning],
+        first_moments=[body.mass * frame.T @ com for frame, com, _, body in rotating_bodies],
         inertias=[
-            (frame.T @ inertia @ frame)[np.triu_indices(3)] for frame, _, inertia, _ in turning
+            (frame.T @ inertia @ frame)[np.triu_indices(3)]
+            for frame, _, inertia, _ in rotating_bodies
         ],
         mass=bodies[3].mass,
         com=frames[3].T @ coms[3],
@@ -218,7 +219,7 @@ def _static_load(gravity: tuple[float, ...]) -> ca.Function:
     """
     q = ca.SX.sym("q", 4)
     robot = ca.SX.sym("robot", 25)
-    still = ca.SX.zeros(4)
+    zero = ca.SX.zeros(4)
     axes = [robot[3 * i : 3 * i + 3] for i in range(3)]
     hats = [ca.skew(axis) for axis in axes]
     # Rodrigues' formula with a symbolic axis
@@ -227,7 +228,7 @@ def _static_load(gravity: tuple[float, ...]) -> ca.Function:
         for i, hat in enumerate(hats)
     ]
     bodies = [(robot[9 + i], robot[13 + 3 * i : 16 + 3 * i], ca.SX.zeros(3, 3)) for i in range(4)]
-    load = _newton_euler(axes, rotations, bodies, base=-ca.DM(gravity), motion=(q, still, still))
+    load = _newton_euler(axes, rotations, bodies, base=-ca.DM(gravity), motion=(q, zero, zero))
     return ca.Function("static_load", [q, robot], [load])
 
 
@@ -341,14 +342,14 @@ class RigidBody:
         Its arguments are q and two derivatives of q, with respect to the path if `along_path` is
         true, and otherwise with respect to time.
         """
-        q, first, second = (ca.SX.sym(symbol, 4) for symbol in ("q", "first", "second"))
+        q, dq, ddq = (ca.SX.sym(symbol, 4) for symbol in ("q", "first", "second"))
         zero = ca.SX.zeros(4)
-        still = self.symbolic(q, zero, zero)
-        motions = [(zero, second), (first, zero)]
+        gravity = self.symbolic(q, zero, zero)
+        motions = [(zero, ddq), (dq, zero)]
         if along_path:
-            motions = [(zero, first), (first, second)]
-        parts: Any = [*(self.symbolic(q, *motion) - still for motion in motions), still]
-        return ca.Function(name, [q, first, second], ca.cse(parts))
+            motions = [(zero, dq), (dq, ddq)]
+        efforts: Any = [*(self.symbolic(q, *motion) - gravity for motion in motions), gravity]
+        return ca.Function(name, [q, dq, ddq], ca.cse(efforts))
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:

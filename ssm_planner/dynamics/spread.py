@@ -231,8 +231,8 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
     friction = friction_of(drive)
     if name == LAW:
         return float(LAWS.index(friction.law))
-    unused = name == "stribeck_speed" and friction.stribeck_speed is None
-    return float(np.median(posterior.column(name))) if unused else _value(drive, name)
+    is_unused = name == "stribeck_speed" and friction.stribeck_speed is None
+    return float(np.median(posterior.column(name))) if is_unused else _value(drive, name)
 
 
 def _value(drive: Drive, name: str) -> float:

@@ -49,9 +49,9 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
     """
     tan_lead = drive.lead_slope
     tan_phi = mu * drive.wedging
-    up = (tan_lead + tan_phi) * drive.gamma / (1.0 - tan_lead * tan_phi)
-    down = (tan_lead - tan_phi) * drive.gamma / (1.0 + tan_lead * tan_phi)
-    return up, down
+    uphill = (tan_lead + tan_phi) * drive.gamma / (1.0 - tan_lead * tan_phi)
+    downhill = (tan_lead - tan_phi) * drive.gamma / (1.0 + tan_lead * tan_phi)
+    return uphill, downhill
 
 
 def of_efficiencies(ratio: float, forwards: float, backwards: float) -> tuple[float, float]:
@@ -78,8 +78,8 @@ def output_effort(
     standstill.
     """
     sign = namespace_of(qd).sign(qd) if direction is None else direction
-    f = friction_of(drive)
-    return tau_rigid + drive.output_inertia * qdd + f.b_oc * sign + f.b_ov * qd
+    friction = friction_of(drive)
+    return tau_rigid + drive.output_inertia * qdd + friction.b_oc * sign + friction.b_ov * qd
 
 
 @record
@@ -117,14 +117,14 @@ def motor_torque_rows(
     if isinstance(direction, int) and direction not in (1, -1):
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")
     f = friction_of(drive)
-    up, down = mesh_coefficients(drive, f.mu if mu is None else mu)
+    uphill, downhill = mesh_coefficients(drive, f.mu if mu is None else mu)
     if not drive.two_nuts:
-        return TorqueRows((up, down), drive.input_inertia, f.b_c * direction, f.b_v)
+        return TorqueRows((uphill, downhill), drive.input_inertia, f.b_c * direction, f.b_v)
     xp = namespace_of(direction, mu)
     # The main nut carries F − P, and the second nut P + m₂·qdd. The direction alone selects the
     # branch of each nut.
-    main = xp.where(direction > 0, down, up)
-    secondary = xp.where(direction > 0, up, down)
+    main = xp.where(direction > 0, downhill, uphill)
+    secondary = xp.where(direction > 0, uphill, downhill)
     inertia = drive.input_inertia + secondary * drive.second_nut_mass / drive.ratio
     return TorqueRows(
         (main, main), inertia, f.b_c * direction + drive.preload * (secondary - main), f.b_v
@@ -204,9 +204,9 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
     It is 0 for a self-locking drive. A drive stays at rest while the torque lies between the
     breakaway torques of both directions.
     """
-    down, up = (breakaway_torque(drive, tau_rigid, direction, mu) for direction in (-1, 1))
-    xp = namespace_of(down, up)
-    return xp.minimum(xp.maximum(0.0, xp.minimum(down, up)), xp.maximum(down, up))
+    lower, upper = (breakaway_torque(drive, tau_rigid, direction, mu) for direction in (-1, 1))
+    xp = namespace_of(lower, upper)
+    return xp.minimum(xp.maximum(0.0, xp.minimum(lower, upper)), xp.maximum(lower, upper))
 
 
 def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:

@@ -370,7 +370,7 @@ def _report(
     if mu_at_bound:
         estimates["mu"] = replace(estimates["mu"], at_bound=True)
     estimates |= {name: Estimate(v, v, v, fixed=True) for name, v in model.fixed.items()}
-    together = tuple(name for name in model.names if name not in separable)
+    inseparable_names = tuple(name for name in model.names if name not in separable)
     offset = values.pop(LOAD_OFFSET)
     drive = _identified(model, values, posterior, offset)
     torques = zip(_WAYS, model.torque(z[None], slow)[0].tolist(), strict=True)
@@ -381,7 +381,7 @@ def _report(
         estimates=estimates,
         correlation_names=model.names,
         correlation=data_correlation(model, z),
-        inseparable=(together,) if together else (),
+        inseparable=(inseparable_names,) if inseparable_names else (),
         combinations={name: _estimate(value, pooled, name) for name, value in torques},
         predicted=predicted,
         nrmsd=float(rms(model.tau - predicted) / np.ptp(model.tau)),
@@ -410,7 +410,7 @@ def _posterior(
     columns: Arrays,
 ) -> Posterior:
     """Build the posterior. Its numbers have six digits, as in a drive file."""
-    usual = model.weight == 1.0
+    is_regular = model.weight == 1.0
     variance, common = np.sum([share * s.scatter for s, share in possible], axis=0)
     scatter, common = _six_digits(np.array([math.sqrt(variance), common]))
     return Posterior(
@@ -418,8 +418,8 @@ def _posterior(
         draws=np.transpose([_six_digits(column) for column in columns.values()]),
         scatter=scatter,
         common=common,
-        speeds=_six_digits(model.w[usual]),
-        departures=_six_digits((model.tau - predicted)[usual]),
+        speeds=_six_digits(model.w[is_regular]),
+        departures=_six_digits((model.tau - predicted)[is_regular]),
         forwards=data.spread(1),
         backwards=data.spread(-1),
     )
@@ -432,8 +432,8 @@ def _six_digits(values: Array) -> tuple[float, ...]:
 
 def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
     """Return the estimate with the interval of a column of the pooled sets."""
-    present = np.isfinite(pooled[name])
-    low, high = weighted_interval(pooled[name][present], pooled[WEIGHT][present])
+    is_present = np.isfinite(pooled[name])
+    low, high = weighted_interval(pooled[name][is_present], pooled[WEIGHT][is_present])
     return Estimate(value, min(low, value), max(high, value))
 
 
@@ -460,10 +460,10 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
             f"{model.load:.3g}: are direction and payload of the rig right?"
         )
     effort = output_effort(drive, model.load, model.w / drive.ratio, 0.0)
-    lost = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
-    if lost:
+    losses = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
+    if losses:
         notes.append(
-            f"the preload does not keep both half nuts in contact at {lost} points: the law does "
+            f"the preload does not keep both half nuts in contact at {losses} points: the law does "
             "not hold there"
         )
     friction = friction_of(drive)

@@ -95,10 +95,10 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
     mean = single[int(np.argmax(turns))]
     for _ in range(_ROUNDS):
         starts = [-_start(mean.coefficients, item.coefficients) for item in single]
-        aligned = [
+        aligned_series = [
             item.rotated(start).coefficients for item, start in zip(single, starts, strict=True)
         ]
-        average = np.average(aligned, axis=0, weights=turns)
+        average = np.average(aligned_series, axis=0, weights=turns)
         mean = Harmonics.from_coefficients(mean.orders, average, phased=False)
     return mean
 

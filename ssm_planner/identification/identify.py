@@ -96,7 +96,11 @@ class Identification(ShortRepr):
             "nrmsd": fit.nrmsd,
             "repairs": [
                 *self.data.repairs,
-                *(f"{r.name}: {repair}" for r in self.moving for repair in r.repairs),
+                *(
+                    f"{recording.name}: {repair}"
+                    for recording in self.moving
+                    for repair in recording.repairs
+                ),
             ],
             "points": len(self.data.w),
             "correlations": {
@@ -113,8 +117,10 @@ class Identification(ShortRepr):
             "start_stop": []
             if dynamic is None
             else [
-                {"recording": r.name, "nrmsd_map_only": before, "nrmsd": after}
-                for r, before, after in zip(self.moving, dynamic.before, dynamic.after, strict=True)
+                {"recording": recording.name, "nrmsd_map_only": before, "nrmsd": after}
+                for recording, before, after in zip(
+                    self.moving, dynamic.before, dynamic.after, strict=True
+                )
             ],
             "notes": [*fit.notes, *(() if dynamic is None else dynamic.notes)],
         }

@@ -168,8 +168,8 @@ class MapModel:
 
         The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹. The logarithm is ln p(c) |R_c|^(−1/2).
         """
-        related, identity = correlation(self.w, self.w), np.eye(len(self.w))
-        roots = [np.linalg.cholesky((1 - c) * identity + c * related) for c in SHARES]
+        correlations, identity = correlation(self.w, self.w), np.eye(len(self.w))
+        roots = [np.linalg.cholesky((1 - c) * identity + c * correlations) for c in SHARES]
         return [
             (np.linalg.inv(root).T, math.log(p) - float(np.log(np.diag(root)).sum()))
             for p, root in zip(SHARES.values(), roots, strict=True)
@@ -347,14 +347,14 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     speeds, common = np.array(posterior.speeds), posterior.common
     if not len(speeds):
         return np.zeros((len(w), 0)), np.ones(len(w))
-    shared = common * correlation(w, speeds)
+    shared_covariance = common * correlation(w, speeds)
     total = common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds))
-    factors = np.linalg.solve(total, shared.T).T
-    remaining = np.sqrt(np.maximum(1.0 - np.sum(factors * shared, axis=1), 0.0))
+    factors = np.linalg.solve(total, shared_covariance.T).T
+    remaining_share = np.sqrt(np.maximum(1.0 - np.sum(factors * shared_covariance, axis=1), 0.0))
     distance = np.abs(_log_speed(w)[:, None] - _log_speed(speeds))
     same = np.sign(w)[:, None] == np.sign(speeds)
     distance_to_recorded = _or_one(np.where(same, distance, np.inf).min(axis=1))
-    return np.asarray(factors), remaining * (1.0 + distance_to_recorded)
+    return np.asarray(factors), remaining_share * (1.0 + distance_to_recorded)
 
 
 def outside(posterior: Posterior, w: Array) -> Array:
@@ -366,9 +366,9 @@ def outside(posterior: Posterior, w: Array) -> Array:
     speeds = np.array(posterior.speeds)
     same = np.sign(w)[:, None] == np.sign(speeds)
     logs, recorded = _log_speed(w), np.log(np.abs(speeds))
-    below = np.where(same, recorded, np.inf).min(axis=1) - logs
-    above = logs - np.where(same, recorded, -np.inf).max(axis=1)
-    return _or_one(np.maximum(np.maximum(below, above), 0.0))
+    distance_below = np.where(same, recorded, np.inf).min(axis=1) - logs
+    distance_above = logs - np.where(same, recorded, -np.inf).max(axis=1)
+    return _or_one(np.maximum(np.maximum(distance_below, distance_above), 0.0))
 
 
 def _or_one(distance: Array) -> Array:

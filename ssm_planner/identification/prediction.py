@@ -205,7 +205,7 @@ def predict_recording(
     effort = output_effort(
         loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction
     )
-    lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
+    contact_lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
     tau = tau + departure(drive, motion, load)
     wave = repeating(drive, recording, motion)
     band = band_of(drive, motion, tau, load, wave=wave)
@@ -215,7 +215,7 @@ def predict_recording(
         tau,
         rest=motion.direction == 0,
         nrmsd=nrmsd(tau, recording.tau),
-        contact_lost=lost,
+        contact_lost=contact_lost,
         band=band,
         unseen=unseen_speed(drive, motion),
     )
@@ -449,8 +449,8 @@ def _fill_gaps(values: Array) -> Array:
     At the beginning, they are replaced by the first nonzero value.
     """
     values = np.where(values == 0, np.nan, values)
-    present = np.flatnonzero(np.isfinite(values))
-    if not len(present):
+    valid = np.flatnonzero(np.isfinite(values))
+    if not len(valid):
         return np.zeros(len(values))
-    previous = np.searchsorted(present, np.arange(len(values)), side="right") - 1
-    return values[present[np.maximum(previous, 0)]]
+    previous = np.searchsorted(valid, np.arange(len(values)), side="right") - 1
+    return values[valid[np.maximum(previous, 0)]]

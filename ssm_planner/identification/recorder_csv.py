@@ -210,13 +210,15 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
     Raises RecordingError if a required column is missing or if its unit is unknown.
     """
     pairs = zip(table.names, table.units, strict=True)
-    split = [_name_and_unit(name, unit) for name, unit in pairs]
-    names = [name for name, _ in split]
+    names_and_units = [_name_and_unit(name, unit) for name, unit in pairs]
+    names = [name for name, _ in names_and_units]
     columns: dict[str, Column] = {}
     for quantity, accepted in NAMES.items():
         index = next((names.index(name) for name in accepted if name in names), None)
         if index is not None:
-            columns[quantity] = _column(table, path, quantity, index, unit=split[index][1])
+            columns[quantity] = _column(
+                table, path, quantity, index, unit=names_and_units[index][1]
+            )
         elif quantity not in _OPTIONAL:
             raise RecordingError(
                 f"{path}: no {quantity} column among "
@@ -287,13 +289,13 @@ def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
     plain = name.strip().lower()
     if not unit and "_" in plain:
         stem, suffix = plain.rsplit("_", 1)
-        spelled = {
+        units_by_spelling = {
             "rad/s": ("rads", "radps"),
             "N*m": ("nm",),
             "mN*m": ("mnm",),
             "%": ("percent", "pct"),
         }
-        for unit_name, spellings in spelled.items():
+        for unit_name, spellings in units_by_spelling.items():
             if suffix in spellings:
                 return stem.replace("_", " "), unit_name
         if any(suffix in units for units in UNITS.values()):
@@ -345,9 +347,9 @@ def _certain_marks(fields: list[str]) -> set[str]:
     """Return the decimal marks of those numbers in a column whose mark is unambiguous."""
     marks = set()
     for number in _matching(_MARKED, fields):
-        last = max(map(number.rfind, ".,"))
-        if last >= 0 and not _EITHER.fullmatch(number):
-            mark = number[last]
+        last_mark = max(map(number.rfind, ".,"))
+        if last_mark >= 0 and not _EITHER.fullmatch(number):
+            mark = number[last_mark]
             # A mark that occurs twice separates thousands.
             marks.add(_OTHER[mark] if number.count(mark) > 1 else mark)
     return marks
@@ -358,10 +360,10 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
 
     `elsewhere` contains the unambiguous marks of all columns.
     """
-    seen = set("".join(_matching(_EITHER, fields))) & set(".,")
-    if len(seen) != 1:
-        return "" if seen else "."
-    (mark,) = seen
+    marks_in_fields = set("".join(_matching(_EITHER, fields))) & set(".,")
+    if len(marks_in_fields) != 1:
+        return "" if marks_in_fields else "."
+    (mark,) = marks_in_fields
     integers = [abs(int(field)) for field in _matching(_INTEGER, fields)]
     if integers:
         # After 992, the text 1,024 is 1024. After 1024, the text 1,125 is 1.125.
@@ -372,14 +374,14 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
 
 def _samples(
     lines: list[str],
-    first: int,
+    start: int,
     separator: str,
     names: list[str],
     units: list[str],
     header: dict[str, str],
     path: Path,
 ) -> Table:
-    """Return the table of the lines from the index `first` onwards.
+    """Return the table of the lines from the index `start` onwards.
 
     Raises RecordingError if the table is empty. It is also raised if many lines of a
     comma-separated file have more fields than columns, because their numbers seem to have decimal
@@ -388,11 +390,13 @@ def _samples(
     notes = Notes(path)
     width = len(names)
     comma = separator == ","
-    more = f"lines with more than {width} columns: " + ("left out" if comma else "the rest ignored")
-    rows, numbers = _rows(lines, first, width, separator, more=more, notes=notes)
+    excess_note = f"lines with more than {width} columns: " + (
+        "left out" if comma else "the rest ignored"
+    )
+    rows, numbers = _rows(lines, start, width, separator, excess_note=excess_note, notes=notes)
     if not rows:
         raise RecordingError(f"{path}: the header is there, but no sample follows it")
-    too_long = notes.counted.get(more, [])
+    too_long = notes.counted.get(excess_note, [])
     if comma and len(too_long) > max(1, MOST_LEFT_OUT * len(rows)):
         raise RecordingError(
             f"{path}:{too_long[0]}: more fields than the {width} columns that the "
@@ -409,25 +413,25 @@ def _samples(
                 for k, row in zip(numbers, rows, strict=True)
             ]
         )
-    promised = header.get("recorded samples", "")
-    if promised.isdigit() and int(promised) != len(rows):
-        notes.add(f"the header promises {promised} samples, {len(rows)} were found")
+    stated_count = header.get("recorded samples", "")
+    if stated_count.isdigit() and int(stated_count) != len(rows):
+        notes.add(f"the header promises {stated_count} samples, {len(rows)} were found")
     return Table(names, units, values=values, lines=numbers, repairs=notes.texts(), header=header)
 
 
 def _rows(
-    lines: list[str], first: int, width: int, separator: str, *, more: str, notes: Notes
+    lines: list[str], start: int, width: int, separator: str, *, excess_note: str, notes: Notes
 ) -> tuple[list[list[str]], list[int]]:
     """Return the fields of all samples, `width` for each, and the numbers of their lines.
 
-    `notes` gets a remark on blank lines and on an incomplete last line. It gets the remark `more`
-    for lines with too many fields.
+    `notes` gets a remark on blank lines and on an incomplete last line. For lines with too many
+    fields, it gets the remark `excess_note`.
     """
     rows: list[list[str]] = []
     numbers = []
-    filled = [k for k in range(first, len(lines)) if lines[k].strip(" \t\r,;")]
-    last = max(filled, default=first - 1)
-    for k, line in enumerate(lines[first : last + 1], first):
+    filled_lines = [k for k in range(start, len(lines)) if lines[k].strip(" \t\r,;")]
+    stop = max(filled_lines, default=start - 1)
+    for k, line in enumerate(lines[start : stop + 1], start):
         fields = _fields(line, separator)
         if not fields:
             notes.count("blank lines skipped", k)
@@ -435,10 +439,10 @@ def _rows(
         if separator != "," and line.rstrip().endswith(","):
             notes.count("lines with commas added at their end read without them", k)
         if len(fields) > width:
-            notes.count(more, k)
+            notes.count(excess_note, k)
             # A number with a decimal comma is split into two fields.
             fields = [] if separator == "," else fields
-        elif len(fields) < width and k == last:
+        elif len(fields) < width and k == stop:
             notes.add(f"the last line ({k + 1}) is cut off and left out")
             continue
         rows.append((fields + [""] * width)[:width])

@@ -152,11 +152,11 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
     samples are removed, if too few remain, or if the time does not increase.
     """
     finite = np.isfinite(channels).all(axis=0)
-    bad = [table.lines[k] for k in np.flatnonzero(~finite)]
+    bad_lines = [table.lines[k] for k in np.flatnonzero(~finite)]
     count = len(table.lines)
-    if len(bad) > max(1, MOST_LEFT_OUT * count):
+    if len(bad_lines) > max(1, MOST_LEFT_OUT * count):
         raise RecordingError(
-            f"{path}:{bad[0]}: {len(bad)} of {count} samples are not finite numbers; "
+            f"{path}:{bad_lines[0]}: {len(bad_lines)} of {count} samples are not finite numbers; "
             f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
         )
     lines, channels = np.asarray(table.lines)[finite], channels[:, finite]
@@ -164,9 +164,11 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
     if len(lines) < MIN_SAMPLES:
         raise RecordingError(f"{path}: {len(lines)} samples; at least {MIN_SAMPLES} are needed")
     remark = (
-        f"{len(bad)} samples that are not finite left out (first: line {bad[0]})" if bad else ""
+        f"{len(bad_lines)} samples that are not finite left out (first: line {bad_lines[0]})"
+        if bad_lines
+        else ""
     )
-    return channels, lines, [remark] if bad else []
+    return channels, lines, [remark] if bad_lines else []
 
 
 def _remove_spikes(channels: Array, lines: Indices) -> list[str]:
@@ -242,10 +244,10 @@ def find_spikes(values: Array) -> Indices:
     outermost = max(1, len(values) // 100)
     inner = ranked[outermost : len(values) - outermost]
     gap = np.diff(ranked) > SPIKE_GAP * max(float(np.ptp(inner)), 1e-12)
-    below = np.flatnonzero(gap[:outermost])
-    above = np.flatnonzero(gap[len(gap) - outermost :])
-    low = int(below[-1]) + 1 if len(below) else 0
-    high = len(values) - outermost + int(above[0]) if len(above) else len(values)
+    gaps_below = np.flatnonzero(gap[:outermost])
+    gaps_above = np.flatnonzero(gap[len(gap) - outermost :])
+    low = int(gaps_below[-1]) + 1 if len(gaps_below) else 0
+    high = len(values) - outermost + int(gaps_above[0]) if len(gaps_above) else len(values)
     return np.sort(np.concatenate([order[:low], order[high:]]))
 
 
@@ -305,19 +307,20 @@ def _torque_remarks(
     The mask `moving` (samples,) selects the samples in motion.
     """
     remarks, size = [], np.abs(torque)
-    below = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
-    largest, second = (
-        int(np.sum((below >= lower) & (below < lower + RAIL_BAND))) for lower in (0.0, RAIL_BAND)
+    distance_to_peak = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
+    count_at_peak, count_below_peak = (
+        int(np.sum((distance_to_peak >= lower) & (distance_to_peak < lower + RAIL_BAND)))
+        for lower in (0.0, RAIL_BAND)
     )
-    longest, usual = _longest_rows(torque, moving)
-    if largest >= RAIL and largest > RAIL_EXCESS * second:
+    longest_run, second_run = _longest_rows(torque, moving)
+    if count_at_peak >= RAIL and count_at_peak > RAIL_EXCESS * count_below_peak:
         remarks.append(
-            f"torque stays at its largest value in {largest} samples: limited by the drive, or "
-            "stuck?"
+            f"torque stays at its largest value in {count_at_peak} samples: limited by the drive, "
+            "or stuck?"
         )
-    elif longest >= max(RAIL, UNEQUAL * usual):
+    elif longest_run >= max(RAIL, UNEQUAL * second_run):
         remarks.append(
-            f"torque does not change for {longest} samples in a row: did the channel stop?"
+            f"torque does not change for {longest_run} samples in a row: did the channel stop?"
         )
     if column.of_nominal and column.factor == 0.01 and nominal_torque is not None:
         remarks += _percent_remarks(torque / nominal_torque, column.unit)
@@ -355,14 +358,16 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
 
     A recording is a repetition if a longer one contains most of its samples.
     """
-    originals: list[tuple[Recording, set[int]]] = []
+    kept_recordings: list[tuple[Recording, set[int]]] = []
     remarks: dict[int, str] = {}
     for recording in sorted(recordings, key=lambda r: -len(r.w)):
         passages = _passages(recording)
         minimum = REPEATED * len(passages)
-        source = next((r.name for r, other in originals if len(passages & other) > minimum), None)
+        source = next(
+            (r.name for r, other in kept_recordings if len(passages & other) > minimum), None
+        )
         if source is None:
-            originals.append((recording, passages))
+            kept_recordings.append((recording, passages))
         else:
             text = f"{recording.name}: the same samples as {source}, counted once"
             remarks[id(recording)] = text

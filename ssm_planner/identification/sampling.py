@@ -177,8 +177,8 @@ def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -
     sets = np.array(shares)
     sets[..., -2] -= log_proposal
     # Sets at which the law overflows get the weight 0. Their other values must be finite.
-    lost = ~np.isfinite(sets[..., -2])
-    sets[lost], sets[lost, -2] = 0.0, -np.inf
+    is_invalid = ~np.isfinite(sets[..., -2])
+    sets[is_invalid], sets[is_invalid, -2] = 0.0, -np.inf
     return sets
 
 
@@ -218,13 +218,13 @@ def _with_bearing(
     q, r = np.linalg.qr((_slopes(model) @ whitener).T)
     z, x = z.copy(), np.zeros((len(z), len(linear)))
     error = residual @ whitener
-    best, log_density = -error @ q, np.zeros(len(z))
-    square = np.sum((error + best @ q.T) ** 2, axis=1) + model.floor
+    best_fit, log_density = -error @ q, np.zeros(len(z))
+    square = np.sum((error + best_fit @ q.T) ** 2, axis=1) + model.floor
     for j in reversed(range(len(linear))):
         # Given x_{j+1}, …, the positive x_j is t-distributed about its regression on them.
         i, freedom = linear[j], degrees - 1 - j
         scale = np.sqrt(square / freedom) / abs(r[j, j])
-        middle = (best[:, j] - x[:, j + 1 :] @ r[j, j + 1 :]) / r[j, j]
+        middle = (best_fit[:, j] - x[:, j + 1 :] @ r[j, j + 1 :]) / r[j, j]
         positive = stdtr(freedom, middle / scale)
         t = stdtrit(freedom, np.maximum(u[:, i] * positive, TINY))
         x[:, j] = np.maximum(middle - scale * t, TINY)

@@ -102,8 +102,8 @@ class TorqueMap(ShortRepr):
         ):
             return None
         deviation, share = self.tau_deviation[side], self.ripple[side] / self.tau_deviation[side]
-        usual = float(np.median(share[np.isfinite(share)])) if np.isfinite(share).any() else 0.0
-        ripple = deviation * np.where(np.isfinite(share), share, usual)
+        typical = float(np.median(share[np.isfinite(share)])) if np.isfinite(share).any() else 0.0
+        ripple = deviation * np.where(np.isfinite(share), share, typical)
         return Ripple(
             torque=tuple(np.maximum(np.abs(self.tau[side]), 1e-12)),
             ripple=tuple(ripple),
@@ -118,13 +118,13 @@ def rest_mask(time: Array, w: Array) -> Mask:
     Motion below the resolution of the speed does not count as rest. Short motions at very low speed
     are flicker of the speed channel and count as rest.
     """
-    still = np.abs(w) <= STANDSTILL
-    fast = FLICKER * float(np.quantile(np.abs(w[~still]), 0.9)) if not still.all() else 0.0
-    for start, stop in runs(~still):
+    is_still = np.abs(w) <= STANDSTILL
+    fast = FLICKER * float(np.quantile(np.abs(w[~is_still]), 0.9)) if not is_still.all() else 0.0
+    for start, stop in runs(~is_still):
         if stop - start < REST_SAMPLES and np.max(np.abs(w[start:stop])) < fast:
-            still[start:stop] = True
+            is_still[start:stop] = True
     rest = np.zeros(len(w), dtype=bool)
-    for start, stop in runs(still):
+    for start, stop in runs(is_still):
         lasts = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
         at_end = start == 0 or stop == len(w)
         turns = not at_end and w[start - 1] * w[stop] < 0
@@ -153,8 +153,8 @@ def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
     if min(forward, backward) > 0.05 * (forward + backward):
         return "start_stop"
     unloaded = np.abs(recording.tau) < 0.1 * np.quantile(np.abs(recording.tau), 0.95)
-    standing = rest_mask(recording.time, recording.w) & unloaded
-    return "start_stop" if np.mean(standing) > 0.05 else "steady"
+    is_at_rest = rest_mask(recording.time, recording.w) & unloaded
+    return "start_stop" if np.mean(is_at_rest) > 0.05 else "steady"
 
 
 def torque_map(recordings: Sequence[Recording]) -> TorqueMap:

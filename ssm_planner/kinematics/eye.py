@@ -95,8 +95,8 @@ def _lens_square(xp: Namespace, lens: Lens, tip: Any) -> Any:
     offset = [-_dot(row, lens.centre.tolist()) for row in scale]
     shaft = [_dot(row, tip) for row in scale]
     length = _square(shaft)
-    # A shaft without a length does not determine a perpendicular from the centre of the lens. The smallest
-    # divisor NO_LENGTH keeps the value and its derivatives finite.
+    # The perpendicular from the centre of the lens to a shaft without a length is not determined.
+    # The smallest divisor NO_LENGTH keeps the value and its derivatives finite.
     foot = -_dot(offset, shaft) / xp.where(length > NO_LENGTH, length, 1.0)
     foot = xp.where(foot > 0.0, xp.where(foot < 1.0, foot, 1.0), 0.0)
     return _square([b + foot * s for b, s in zip(offset, shaft, strict=True)])

@@ -66,8 +66,8 @@ class Family:
     @cached_property
     def delta(self) -> Array:
         """Angle δ (n,), see the module `mechanism`."""
-        toward = np.sin(self.alpha) * self.omega3[:, 0] - np.cos(self.alpha) * self.omega3[:, 1]
-        return np.arctan2(self.omega3[:, 2], toward)
+        component = np.sin(self.alpha) * self.omega3[:, 0] - np.cos(self.alpha) * self.omega3[:, 1]
+        return np.arctan2(self.omega3[:, 2], component)
 
     @cached_property
     def tilt_magnitudes(self) -> tuple[Array, Array]:
@@ -94,8 +94,8 @@ class Family:
         """
         columns = [np.asarray(column)[None, :] for column in np.asarray(task, dtype=float).T]
         home = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]
-        wide = cast(Mechanism, _Wide(self))
-        theta = joints_of_task(NUMPY, wide, cast(Any, tuple(columns)), branch * home)
+        broadcast_family = cast(Mechanism, _Wide(self))
+        theta = joints_of_task(NUMPY, broadcast_family, cast(Any, tuple(columns)), branch * home)
         return np.stack(np.broadcast_arrays(*theta), axis=-1)
 
 

@@ -363,7 +363,8 @@ def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) 
 def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any, Any]:
     """Return the azimuths (ζ, η) in rad for c = cos(x/2) and s = sin(x/2).
 
-    Both azimuths are continuous on a branch. They do not depend on a positive factor that c and s share.
+    Both azimuths are continuous on a branch. A common positive factor of c and s does not change
+    them.
     """
     minus = xp.sin(alpha - beta) * (c * c)
     plus = xp.sin(alpha + beta) * (s * s)

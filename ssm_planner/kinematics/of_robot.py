@@ -196,9 +196,9 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
     mechanism = Mechanism.from_robot(robot)
     screws = space_jacobian(mechanism, q)
     velocity = screws[:, :3]
-    turning = screws[:, 3:]
+    angular = screws[:, 3:]
     tips = tip_position(mechanism, q)[:, :, None]
-    result = np.concatenate([velocity + np.cross(turning, tips, axis=1), turning], axis=1)
+    result = np.concatenate([velocity + np.cross(angular, tips, axis=1), angular], axis=1)
     return result if np.ndim(q) == 2 else result[0]
 
 

@@ -52,12 +52,12 @@ def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
 
     if isinstance(omega, casadi.SX):
         projection = omega @ omega.T
-        still = projection
+        constant_term = projection
         cosine = casadi.SX.eye(3) - projection
         sine = casadi.skew(omega)
     else:
-        still, cosine, sine = (constant(term) for term in exponential_terms(omega))
-    return still + casadi.cos(angle) * cosine + casadi.sin(angle) * sine
+        constant_term, cosine, sine = (constant(term) for term in exponential_terms(omega))
+    return constant_term + casadi.cos(angle) * cosine + casadi.sin(angle) * sine
 
 
 def constant(value: Any) -> Any:

@@ -158,7 +158,7 @@ def _shift_into_range(joints: Array, centres: Array, bounds: Array) -> None:
     for i in range(3):
         angle = nearest_turn(joints[..., i], centres[..., i])
         low, high = bounds[i]
-        raised = angle + TURN * np.ceil(np.maximum(low - angle, 0.0) / TURN)
-        lowered = angle - TURN * np.ceil(np.maximum(angle - high, 0.0) / TURN)
-        shifted = np.where(angle < low, raised, np.where(angle > high, lowered, angle))
+        raised_angle = angle + TURN * np.ceil(np.maximum(low - angle, 0.0) / TURN)
+        lowered_angle = angle - TURN * np.ceil(np.maximum(angle - high, 0.0) / TURN)
+        shifted = np.where(angle < low, raised_angle, np.where(angle > high, lowered_angle, angle))
         joints[..., i] = np.where((shifted >= low) & (shifted <= high), shifted, angle)

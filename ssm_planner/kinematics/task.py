@@ -100,11 +100,11 @@ def roll_and_tilt(
 def task_batch(name: str, value: ArrayLike) -> Array:
     """Return task coordinates (n, 4). Raises GeometryError for a tilt outside [−π, π]."""
     task = batch(name, value, 4)
-    bad = np.flatnonzero(np.abs(task[:, 1]) > math.pi + 1e-9)
-    if bad.size:
+    rows = np.flatnonzero(np.abs(task[:, 1]) > math.pi + 1e-9)
+    if rows.size:
         raise GeometryError(
-            f"{name}[{bad[0]}, 1] of shape {task.shape}: tilt = {task[bad[0], 1]:.6g} rad, must be "
-            "in [-pi, pi] rad; degrees are not meant"
+            f"{name}[{rows[0]}, 1] of shape {task.shape}: tilt = {task[rows[0], 1]:.6g} rad, must "
+            "be in [-pi, pi] rad; degrees are not meant"
         )
     return task
 
@@ -154,9 +154,9 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
     The formula is shorter because t̂ is perpendicular to ω1.
     """
     roll, tilt, _, depth = np.ascontiguousarray(task.T)
-    axial, across, upwards = (axis[:, None] for axis in mechanism.tip_axes)
+    axial, across, normal = (axis[:, None] for axis in mechanism.tip_axes)
     # The rows are contiguous in memory, which makes the operations fast.
-    lateral = np.cos(roll) * across + np.sin(roll) * upwards
+    lateral = np.cos(roll) * across + np.sin(roll) * normal
     pointing = np.cos(tilt) * axial + np.sin(tilt) * lateral
     return (mechanism.insertion_sign * depth * pointing).T
 

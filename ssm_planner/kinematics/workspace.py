@@ -176,13 +176,13 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
         sin_x = check_branch(branch) * 2.0 * np.sqrt(c2 * s2) / product
         sin_x = np.where((c2 < 0.0) | (s2 < 0.0), np.nan, sin_x)
         on_t = (math.sin(alpha - beta) * c2 + math.sin(alpha + beta) * s2) / product
-        toward = (math.sin(alpha - beta) * c2 - math.sin(alpha + beta) * s2) / product
-        sine = np.sin(np.abs(tilts))
-        joint_1 = toward / (math.sin(alpha) * sin_x * sine)
-        joint_2 = sine / (product * sin_x)
-        third = -on_t / (math.sin(beta) * sin_x * sine)
+        tilted_component = (math.sin(alpha - beta) * c2 - math.sin(alpha + beta) * s2) / product
+        sin_tilt = np.sin(np.abs(tilts))
+        joint_1 = tilted_component / (math.sin(alpha) * sin_x * sin_tilt)
+        joint_2 = sin_tilt / (product * sin_x)
+        joint_3 = -on_t / (math.sin(beta) * sin_x * sin_tilt)
     side = np.where(tilts < 0.0, -1.0, 1.0)
-    return np.stack((joint_1, joint_2, third), axis=-1) * side[..., np.newaxis]
+    return np.stack((joint_1, joint_2, joint_3), axis=-1) * side[..., np.newaxis]
 
 
 def _tilts(value: ArrayLike) -> Array:

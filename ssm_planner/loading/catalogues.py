@@ -27,11 +27,11 @@ MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
 
 The torque at the end of a chart is not a rating, and its source states this.
 """
-BESIDE = {"mass": "mass", "length": "length"}
+SIZE_COLUMNS = {"mass": "mass", "length": "length"}
 """Kind of quantity of each column that no motor or drive file has as a key."""
-NAMES = {"name", "order_number"}
+TEXT_COLUMNS = {"name", "order_number"}
 """Text columns whose cells may consist of digits."""
-FITTED = ("free_length", "ends")
+ROBOT_RATINGS = ("free_length", "ends")
 """Ratings of a screw that depend on the robot, so they are not ratings of the catalogue's screw."""
 
 
@@ -69,7 +69,7 @@ def entries(path: Path, gear: bool = False) -> JsonObject:
     rows = rows_of(file)
     if gear:
         return {
-            row.label: {key: cell for key, cell in row.cells.items() if key not in BESIDE}
+            row.label: {key: cell for key, cell in row.cells.items() if key not in SIZE_COLUMNS}
             for row in rows
         }
     return {row.label: _motor(row, file.name) for row in rows}
@@ -81,17 +81,17 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
     The result is empty for a folder of YAML files. Raises ProblemError if the catalogue is invalid.
     """
     file = catalogue_file(path)
-    values = (
+    rows_with_units = (
         {}
         if file.is_dir()
         else {
-            row.label: {name: _value_beside(file, row, name) for name in BESIDE}
+            row.label: {name: _size(file, row, name) for name in SIZE_COLUMNS}
             for row in rows_of(file)
         }
     )
     return {
-        label: {name: x for name, x in text.items() if x is not None}
-        for label, text in values.items()
+        label: {name: value for name, value in row_values.items() if value is not None}
+        for label, row_values in rows_with_units.items()
     }
 
 
@@ -104,7 +104,7 @@ def motors_of(path: Path) -> list[Part[Motor]]:
     entries = []
     for row in rows_of(file):
         motor = motor_from(_section(file, row, _motor(row, file.name)))
-        entries.append(Part(row.label, motor, motor.mass, _value_beside(file, row, "length")))
+        entries.append(Part(row.label, motor, motor.mass, _size(file, row, "length")))
     return entries
 
 
@@ -128,8 +128,8 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
     return [
         Part(
             row.label,
-            _geared(file, row, drive),
-            *(_value_beside(file, row, name) for name in BESIDE),
+            _with_gear(file, row, drive),
+            *(_size(file, row, name) for name in SIZE_COLUMNS),
         )
         for row in rows_of(file)
         if row.cells.get("kind", drive.kind) == drive.kind and _describes(row, drive.transmission)
@@ -167,14 +167,14 @@ def rows_of(file: Path) -> list[Row]:
     line, cells = next(table)
     headings = [_heading(cell) for cell in cells]
     names = [name for name, _ in headings]
-    if not NAMES & set(names):
+    if not TEXT_COLUMNS & set(names):
         raise ProblemError("no column name or order_number", file=file, line=line)
     if len(set(names)) < len(names):
         raise ProblemError("two columns have the same name", file=file, line=line)
     rows: dict[str, Row] = {}
     for line, cells in table:
         row: JsonObject = {
-            name: cell if name in NAMES else number_or_text(f"{cell} {unit}".rstrip())
+            name: cell if name in TEXT_COLUMNS else number_or_text(f"{cell} {unit}".rstrip())
             for (name, unit), cell in zip(headings, cells, strict=True)
             if cell
         }
@@ -241,7 +241,7 @@ def _section(file: Path, row: Row, values: JsonObject) -> Section:
     return Section(file, plain_node(values, line=row.line))
 
 
-def _value_beside(file: Path, row: Row, name: str) -> float | None:
+def _size(file: Path, row: Row, name: str) -> float | None:
     """Return the mass (kg) or length (m) in a row, or None if the table does not have the column.
 
     Raises ProblemError if the unit is wrong.
@@ -249,14 +249,14 @@ def _value_beside(file: Path, row: Row, name: str) -> float | None:
     if name not in row.cells:
         return None
     try:
-        return quantity(row.cells[name], BESIDE[name])
+        return quantity(row.cells[name], SIZE_COLUMNS[name])
     except BadQuantity as error:
         raise ProblemError(
             str(error), file=file, line=row.line, key=name, value=row.cells[name]
         ) from None
 
 
-def _geared(file: Path, row: Row, drive: Drive) -> Drive:
+def _with_gear(file: Path, row: Row, drive: Drive) -> Drive:
     """Return a drive with the gear of a row and the friction of the given drive."""
     friction = friction_of(drive)
     slides = drive.slides
@@ -284,7 +284,7 @@ def _geared(file: Path, row: Row, drive: Drive) -> Drive:
         }
     of_friction = []
     for key, cell in row.cells.items():
-        if key in BESIDE:
+        if key in SIZE_COLUMNS:
             continue
         prefix, _, name = key.rpartition(".")
         (values.setdefault(prefix, {}) if prefix else values)[name] = cell
@@ -294,7 +294,10 @@ def _geared(file: Path, row: Row, drive: Drive) -> Drive:
     if drive.ratings is not None and ratings is not None:
         ratings = replace(
             ratings,
-            **{name: getattr(ratings, name) or getattr(drive.ratings, name) for name in FITTED},
+            **{
+                name: getattr(ratings, name) or getattr(drive.ratings, name)
+                for name in ROBOT_RATINGS
+            },
         )
     with_friction = replace(
         friction, **{name: getattr(friction_of(result), name) for name in of_friction}

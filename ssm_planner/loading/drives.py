@@ -59,7 +59,7 @@ from ssm_planner.typing import JsonObject, Keywords
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
-FLAT = 1e-9
+ZERO_PRESSURE_ANGLE = 1e-9
 """Pressure angle in rad that represents a drive with efficiencies. Its cosine is 1."""
 
 
@@ -137,13 +137,13 @@ def _range(name: str, slides: bool) -> Any:
     )
 
 
-OF_SCREWS = ("free_length", "root_diameter", "ends")
+SCREW_RATINGS = ("free_length", "root_diameter", "ends")
 """Ratings that only a drive with a linear output has."""
-OF_THREADS = ("self_locking", "friction_ranges", "rig")
+THREAD_FIELDS = ("self_locking", "friction_ranges", "rig")
 """Fields that only a worm or screw has."""
-OF_TWO_NUTS = ("preload", "second_nut_mass")
+ANTIBACKLASH_FIELDS = ("preload", "second_nut_mass")
 """Fields that only an antibacklash screw has."""
-OF_MESH = (
+MESH_PARAMETERS = (
     "mu",
     "mu_static",
     "law",
@@ -166,9 +166,9 @@ def drive_model(drive_kind: str) -> Any:
     """
     kind: Any = TRANSMISSIONS.find(drive_kind)
     slides = kind.slides
-    only_of_screws = () if slides else OF_SCREWS
+    screw_ratings = () if slides else SCREW_RATINGS
     ratings = model_of(
-        Ratings, {"source": SOURCE}, slides=slides, sourced=True, without=only_of_screws
+        Ratings, {"source": SOURCE}, slides=slides, sourced=True, without=screw_ratings
     )
     keys = {
         "kind": (Literal[drive_kind], ...),
@@ -179,18 +179,18 @@ def drive_model(drive_kind: str) -> Any:
         geometry = model_of(kind, sourced=True)
         geometry.__doc__ = kind.__doc__
         keys["geometry"] = required(nested(geometry), "Dimensions of the transmission.")
-    keys |= _keys_of_thread(slides) if kind.threaded else _keys_of_efficiencies(kind)
-    without: tuple[str, ...] = () if kind.threaded else OF_THREADS
+    keys |= _thread_keys(slides) if kind.threaded else _efficiency_keys(kind)
+    without: tuple[str, ...] = () if kind.threaded else THREAD_FIELDS
     if kind.two_nuts:
         keys["preload"] = Annotated[Figure, sourced_field(quantity("force", POSITIVE))], ...
         keys["second_nut_mass"] = reading(Drive, "second_nut_mass", slides, sourced=True), ...
     else:
-        without += OF_TWO_NUTS
+        without += ANTIBACKLASH_FIELDS
     base = _ThreadModel if kind.threaded else Model
     return model_of(Drive, keys, slides=slides, sourced=True, without=without, base=base)
 
 
-def _keys_of_thread(slides: bool) -> Keywords:
+def _thread_keys(slides: bool) -> Keywords:
     """Return the keys of a file of a worm or screw that are not simply fields of Drive.
 
     Each key has a pair of type and default. The units are those of a prismatic joint if `slides` is
@@ -220,17 +220,17 @@ def _keys_of_thread(slides: bool) -> Keywords:
         "self_locking": (Literal["required", "not required"], "required"),
         "friction": (
             nested(friction_model) | None,
-            PydanticField(None, description=_OF_FRICTION, json_schema_extra=_may_be_identified),
+            PydanticField(None, description=_FRICTION_TEXT, json_schema_extra=_add_to_identify),
         ),
         "friction_ranges": optional(nested(model_from(ranges, value_types=(Friction,)))),
         "rig": optional(nested(model_of(Rig, rig, slides=slides, without=("payload_arm",)))),
     }
 
 
-_OF_FRICTION = f"Friction of mesh and bearings. {TO_IDENTIFY!r} is allowed for a drive on a rig."
+_FRICTION_TEXT = f"Friction of mesh and bearings. {TO_IDENTIFY!r} is allowed for a drive on a rig."
 
 
-def _keys_of_efficiencies(kind: Any) -> Keywords:
+def _efficiency_keys(kind: Any) -> Keywords:
     """Return the keys of a file of a drive with efficiencies that are not simply fields of Drive.
 
     Each key has a pair of type and default.
@@ -243,11 +243,11 @@ def _keys_of_efficiencies(kind: Any) -> Keywords:
         friction["backward_efficiency"] = optional(
             _SHARE, "Ratio of output to input power while the load drives. The default is forwards."
         )
-    model = model_of(Friction, friction, slides=kind.slides, sourced=True, without=OF_MESH)
+    model = model_of(Friction, friction, slides=kind.slides, sourced=True, without=MESH_PARAMETERS)
     return {"friction": optional(nested(model), "Friction, none by default.")}
 
 
-def _may_be_identified(schema: JsonObject) -> None:
+def _add_to_identify(schema: JsonObject) -> None:
     """Add the text "to_identify" to the values that a JSON schema allows."""
     schema["anyOf"].append({"const": TO_IDENTIFY})
 
@@ -258,7 +258,9 @@ def drive_from(section: Section) -> Drive:
         kind = TRANSMISSIONS.find(section.value.get("kind"), "Drive.kind")
     model: Any = validated(section, drive_model(kind.name))
     dimensions = _dimensions(section, model, kind)
-    fields = (_of_thread if kind.threaded else _of_efficiencies)(section, model, kind, dimensions)
+    fields = (_thread_fields if kind.threaded else _efficiency_fields)(
+        section, model, kind, dimensions
+    )
     sources, placeholders = _origins(model)
     with located(section.sub("ratings")):
         ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
@@ -291,7 +293,7 @@ def _dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
         raise section.error(str(error), *path, allowed=error.allowed, show=show) from None
 
 
-def _of_thread(
+def _thread_fields(
     section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
 ) -> Keywords:
     """Return the fields of a worm or screw that follow from its geometry and friction.
@@ -319,7 +321,7 @@ def _of_thread(
     }
 
 
-def _of_efficiencies(
+def _efficiency_fields(
     section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
 ) -> Keywords:
     """Return the fields of a drive with efficiencies.
@@ -338,7 +340,7 @@ def _of_efficiencies(
         "ratio": ratio,
         "gamma": gamma,
         "lead_angle": WEDGE,
-        "pressure_angle": FLAT,
+        "pressure_angle": ZERO_PRESSURE_ANGLE,
         "friction": friction,
         "self_locking": False,
         "dimensions": {**dimensions, "efficiency": forwards, "backward_efficiency": backwards},
@@ -375,7 +377,7 @@ def _friction(section: Section, model: Any) -> Friction:
         return Friction(**values)
 
 
-OF_DIRECTIONS = {
+DIRECTION_TYPES = {
     "forwards": Ripple,
     "backwards": Ripple,
     "harmonics_forwards": Harmonics,
@@ -393,7 +395,7 @@ def _posterior(model: PosteriorModel) -> Posterior:
             allowed="as many sets of each parameter",
         )
     fields = dict(model)
-    for name, part_of in OF_DIRECTIONS.items():
+    for name, part_of in DIRECTION_TYPES.items():
         if fields[name] is not None:
             fields[name] = part_of(**dict(fields[name]))
     fields["draws"] = np.column_stack(list(model.draws.values()))

@@ -128,14 +128,14 @@ def _array(path: Path, data: mmap, start: int, end: int) -> Array:
     decoder = _decoder(path)
     entries = _ENTRY.finditer(data, start, end)
     borders = [start, *(entry.end() for entry in islice(entries, BATCH - 1, None, BATCH)), end]
-    parts = []
-    for first, last in pairwise(borders):
-        text = data[first:last].decode().rstrip().removesuffix(",")
-        part = np.array(decoder.decode(f"[{text}]"), dtype=float)
-        if not np.isfinite(part).all():
+    batches = []
+    for begin, stop in pairwise(borders):
+        text = data[begin:stop].decode().rstrip().removesuffix(",")
+        batch = np.array(decoder.decode(f"[{text}]"), dtype=float)
+        if not np.isfinite(batch).all():
             raise ValueError("not finite")
-        parts.append(part)
-    return np.concatenate(parts)
+        batches.append(batch)
+    return np.concatenate(batches)
 
 
 def read_bytes(path: Path, max_size: int) -> bytes:
@@ -164,8 +164,8 @@ def parse_json(path: Path, data: bytes) -> Any:
     try:
         content = decoder.decode(text)
     except json.JSONDecodeError as error:
-        cut = error.pos >= len(text.rstrip())
-        fault = "the file ends early: truncated" if cut and text.strip() else "not JSON"
+        is_truncated = error.pos >= len(text.rstrip())
+        fault = "the file ends early: truncated" if is_truncated and text.strip() else "not JSON"
         raise TrajectoryError(f"{path}:{error.lineno}: {fault} ({error.msg})") from error
     except RecursionError as error:
         raise TrajectoryError(f"{path}: nested too deeply (allowed: {DEEPEST} levels)") from error

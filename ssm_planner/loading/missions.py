@@ -18,9 +18,9 @@ _CURVES = {
     "arc": ("to", "through"),
     "retina": ("to",),
 }
-CORNERED = ("straight", "line")
+CORNER_MOTIONS = ("straight", "line")
 """Motions that may have corners."""
-PLACES = {
+POINT_KEYS = {
     "": ("start",),
     "free": ("to", "through"),
     "straight": ("to", "through"),
@@ -43,11 +43,11 @@ def written_out(section: Section, within: tuple[Section, ...] = ()) -> Section:
             children[key] = _with_points(section.sub(key), children[key], points)
     if "motion" in children and isinstance(children["motion"].value, list):
         entries = _Motions(section, within).expand(section.sub("motion"), children["motion"])
-        children["motion"] = _replaced(children["motion"], dict(enumerate(entries)))
-    return Section(section.file, _replaced(section.root, children))
+        children["motion"] = _with_children(children["motion"], dict(enumerate(entries)))
+    return Section(section.file, _with_children(section.root, children))
 
 
-def _replaced(node: Node, children: Mapping[str | int, Node]) -> Node:
+def _with_children(node: Node, children: Mapping[str | int, Node]) -> Node:
     """Return a copy of a node with these children."""
     values = {key: child.value for key, child in children.items()}
     lines = {key: node.key_lines.get(key, child.line) for key, child in children.items()}
@@ -86,7 +86,7 @@ def _with_points(part_section: Section, node: Node, points: Mapping[str | int, N
     Raises ProblemError for an unknown name.
     """
     keys = [key for key in part_section.path if isinstance(key, str)]
-    if keys[-1] in PLACES.get(keys[-2] if len(keys) > 1 else "", ()) and isinstance(
+    if keys[-1] in POINT_KEYS.get(keys[-2] if len(keys) > 1 else "", ()) and isinstance(
         node.value, str
     ):
         if node.value not in points:
@@ -96,10 +96,10 @@ def _with_points(part_section: Section, node: Node, points: Mapping[str | int, N
         child_key: _with_points(part_section.sub(child_key), child, points)
         for child_key, child in node.children.items()
     }
-    return _replaced(node, children) if children else node
+    return _with_children(node, children) if children else node
 
 
-def _by_corners(motion_section: Section, entry: Node) -> list[Node]:
+def _split_at_corners(motion_section: Section, entry: Node) -> list[Node]:
     """Split a motion with corners into straight motions with rounded corners between them.
 
     Raises ProblemError if the corners or `blend` are invalid.
@@ -111,18 +111,22 @@ def _by_corners(motion_section: Section, entry: Node) -> list[Node]:
     if "blend" not in node.children:
         reason = "missing: corners need a distance within which they are rounded"
         raise motion_section.sub(name).error(reason, "blend", allowed="a length such as 0.3 mm")
-    remaining: dict[str | int, Node] = {
+    other_children: dict[str | int, Node] = {
         key: child for key, child in node.children.items() if key not in ("through", "to", "blend")
     }
     ends = [*corners.children.values(), *([node.children["to"]] if "to" in node.children else [])]
-    legs = []
+    motions = []
     for k, end in enumerate(ends):
         on: dict[str | int, Node] = (
             {"blend": node.children["blend"]} if k < len(corners.value) else {}
         )
-        line_node = replace(_replaced(node, {**remaining, "to": end, **on}), line=end.line)
-        legs.append(replace(_replaced(entry, {name: line_node}), key_lines={name: end.line}))
-    return legs
+        line_node = replace(
+            _with_children(node, {**other_children, "to": end, **on}), line=end.line
+        )
+        motions.append(
+            replace(_with_children(entry, {name: line_node}), key_lines={name: end.line})
+        )
+    return motions
 
 
 class RepeatModel(Model):
@@ -152,11 +156,11 @@ class _Motions:
         for i, entry in enumerate(node.children.values()):
             motion_section = list_section.sub(i)
             if set(entry.children) == {"repeat"}:
-                expanded += self._repeated(motion_section.sub("repeat"), entry.children["repeat"])
+                expanded += self._repeat(motion_section.sub("repeat"), entry.children["repeat"])
             elif set(entry.children) == {"include"}:
-                expanded += self._included(motion_section)
-            elif len(entry.children) == 1 and next(iter(entry.children)) in CORNERED:
-                expanded += _by_corners(motion_section, entry)
+                expanded += self._include(motion_section)
+            elif len(entry.children) == 1 and next(iter(entry.children)) in CORNER_MOTIONS:
+                expanded += _split_at_corners(motion_section, entry)
             else:
                 expanded.append(entry)
             if len(expanded) > max(LONGEST_MOTION, i + 1):
@@ -165,7 +169,7 @@ class _Motions:
                 )
         return expanded
 
-    def _repeated(self, list_section: Section, node: Node) -> list[Node]:
+    def _repeat(self, list_section: Section, node: Node) -> list[Node]:
         """Return the motions of a `repeat` entry as often as it states.
 
         Raises ProblemError if they are more than LONGEST_MOTION.
@@ -178,7 +182,7 @@ class _Motions:
             )
         return times * once
 
-    def _included(self, motion_section: Section) -> list[Node]:
+    def _include(self, motion_section: Section) -> list[Node]:
         """Return the motions of an included problem.
 
         Messages refer to the line that includes it.

@@ -50,11 +50,11 @@ from ssm_planner.typing import JsonObject, Keywords, frozen
 JointValues = Annotated[
     tuple[float, float, float, float], vector("angle", "angle", "angle", "length")
 ]
-MOST_POINTS = 200
+MAX_POINTS = 200
 """Largest number of points that one motion passes without stopping."""
 PATTERNS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
 """Keys of each pattern of a scan in addition to the common ones."""
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the file."""
 _FORMS = (
     "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] "
@@ -100,7 +100,7 @@ class _ScanModel(Model):
 
     @model_validator(mode="before")
     @classmethod
-    def _keys_of_its_pattern(cls, data: Any) -> Any:
+    def _pattern_keys(cls, data: Any) -> Any:
         """Reject keys of other patterns, and require the keys of this pattern."""
         pattern = data.get("pattern") if isinstance(data, dict) else None
         if pattern not in PATTERNS:
@@ -145,13 +145,13 @@ def or_word(reader: Reader, keyword: str, allowed: str) -> Reader:
 
 TaskModel = model_of(Task, base=_NamedModel)
 _LENGTHS = Annotated[Any, vector("length", "length", "length")]
-_FORMS_OF_POINT = {
+_POINT_KEYS = {
     "joints": optional(JointValues, "Positions of the four joints, instead of all other keys."),
     "tip": optional(
         _LENGTHS, "Position of the tool tip in the base frame, instead of roll, tilt and depth."
     ),
 }
-PointModel = model_of(Task, _FORMS_OF_POINT, base=_PointModel)
+PointModel = model_of(Task, _POINT_KEYS, base=_PointModel)
 FREE = "free"
 """Spin of a target that the planner chooses."""
 _ANY_SPIN = or_word(quantity("angle"), FREE, "an angle, or free to choose the fastest one")
@@ -161,7 +161,7 @@ FreeTargetModel = model_of(
         "spin": optional(
             Annotated[Any, _ANY_SPIN], "Rotation of the tool about its own axis, or free."
         ),
-        **_FORMS_OF_POINT,
+        **_POINT_KEYS,
     },
     base=_PointModel,
 )
@@ -211,22 +211,22 @@ def _through(model: Any, description: str) -> Keywords:
 
     `model` is the model of each point, and `description` documents the key.
     """
-    points = Annotated[tuple[Annotated[Any, Part(model)], ...], Field(max_length=MOST_POINTS)]
+    points = Annotated[tuple[Annotated[Any, Part(model)], ...], Field(max_length=MAX_POINTS)]
     return {"through": (points, Field((), description=description))}
 
 
-_PASSED = _through(PointModel, "Points passed without stopping, in order.")
+_WAYPOINTS = _through(PointModel, "Points passed without stopping, in order.")
 _CORNERS = "Corners of the path, rounded according to `blend`."
-_CONSTANT = {
+_SPEED_KEY = {
     "constant_speed": optional(
         reading(Follow, "constant_speed"), "Speed of the tip outside the ramps."
     )
 }
-_OVER = _CONSTANT | {
+_RETINA_KEYS = _SPEED_KEY | {
     "distance": required(positive("length"), "Distance of the tip from the retina.")
 }
-_BY = {"through": required(nested(PointModel), "Point that the arc passes.")}
-_OF_ONE_COORDINATE = {"tilt": "tilt", "roll": "roll", "spin": "spin", "insert": "depth"}
+_ARC_KEYS = {"through": required(nested(PointModel), "Point that the arc passes.")}
+_COORDINATE_BY_KEY = {"tilt": "tilt", "roll": "roll", "spin": "spin", "insert": "depth"}
 """Task coordinates that change, by the key of the motion."""
 
 
@@ -252,7 +252,7 @@ class MotionKey:
 def _straight(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the straight motion that a value describes."""
     name = str(section.path[-1])
-    coordinate = _OF_ONE_COORDINATE.get(name)
+    coordinate = _COORDINATE_BY_KEY.get(name)
     to = {coordinate: model.to} if coordinate else set_coordinates(model.to)
     line = section.line()
     yield Straight(**to, duration=model.duration, name=name, line=line, blend=model.blend)
@@ -357,7 +357,7 @@ _KEYS = (
             _motion_to(reading(Task, coordinate)),
             _straight,
         )
-        for key, coordinate in _OF_ONE_COORDINATE.items()
+        for key, coordinate in _COORDINATE_BY_KEY.items()
     ),
     MotionKey(
         "straight",
@@ -368,31 +368,31 @@ _KEYS = (
     MotionKey(
         "free",
         "Motion along the fastest path that the planner finds.",
-        _motion_to(nested(FreeTargetModel), _PASSED, ("blend",)),
+        _motion_to(nested(FreeTargetModel), _WAYPOINTS, ("blend",)),
         _free,
     ),
     MotionKey(
         "line",
         "Straight line of the tip, with proportional spin.",
-        _motion_to(nested(PointModel), _through(PointModel, _CORNERS) | _CONSTANT),
+        _motion_to(nested(PointModel), _through(PointModel, _CORNERS) | _SPEED_KEY),
         _curve,
     ),
     MotionKey(
         "arc",
         "Circular arc of the tip, with proportional spin.",
-        _motion_to(nested(PointModel), _BY | _CONSTANT),
+        _motion_to(nested(PointModel), _ARC_KEYS | _SPEED_KEY),
         _curve,
     ),
     MotionKey(
         "retina",
         "Motion along the retina at a constant distance.",
-        _motion_to(nested(TaskModel), _OVER, ("blend",)),
+        _motion_to(nested(TaskModel), _RETINA_KEYS, ("blend",)),
         _retina,
     ),
     MotionKey(
         "spline",
         "Smooth curve of the joints through points.",
-        _motion_to(nested(PointModel), _PASSED, ("blend",)),
+        _motion_to(nested(PointModel), _WAYPOINTS, ("blend",)),
         _spline,
     ),
     MotionKey(
@@ -430,7 +430,7 @@ def motions_from(section: Section, value: Any) -> tuple[Motion, ...]:
         return tuple(MOTIONS[str(section.path[-1])].motions(section, value))
 
 
-def key_locations(field: str, place: Place, value: Any) -> dict[str, Place]:
+def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
     """Return the locations of the parts of a motion in the file, by their names in messages.
 
     `field` is the name of the motion, such as motion[2]. `place` contains the keys and list
@@ -439,7 +439,7 @@ def key_locations(field: str, place: Place, value: Any) -> dict[str, Place]:
     name = place[-1]
     keys = ("blend", "duration", "constant_speed", "distance")
     locations = {f"{field}.{key}": (*place, key) for key in keys}
-    points: dict[str, Place] = {f"{field}.to": (*place, "to")}
+    points: dict[str, KeyPath] = {f"{field}.to": (*place, "to")}
     if name in ("free", "spline"):
         indices = range(len(value.through))
         points |= {f"{field}.through[{k}]": (*place, "through", k) for k in indices}
@@ -453,8 +453,8 @@ def key_locations(field: str, place: Place, value: Any) -> dict[str, Place]:
         }
     if name == "scan" and value.pattern == "ring":
         locations[f"{field}.diameters"] = (*place, "diameter")
-    if name in _OF_ONE_COORDINATE:
-        locations[f"{field}.{_OF_ONE_COORDINATE[str(name)]}"] = (*place, "to")
+    if name in _COORDINATE_BY_KEY:
+        locations[f"{field}.{_COORDINATE_BY_KEY[str(name)]}"] = (*place, "to")
     locations[field] = (*place, "to") if name == "straight" else place
     return locations
 

@@ -207,15 +207,15 @@ def _check_heat(section: Section, values: Mapping[str, float]) -> None:
         allowed = f"{low - 273.15:.0f} degC to {high - 273.15:.0f} degC"
         reason = "implausible for a winding: check the unit (degC)"
         raise section.error(reason, "max_winding_temperature", allowed=allowed)
-    needed = (
+    required_names = (
         "nominal_current",
         "terminal_resistance",
         "resistance_winding_housing",
         "resistance_housing_ambient",
     )
-    if any(name not in values for name in needed):
+    if any(name not in values for name in required_names):
         return
-    current, resistance, inner, outer = (values[name] for name in needed)
+    current, resistance, inner, outer = (values[name] for name in required_names)
     share = current**2 * resistance * (inner + outer) / (limit - REFERENCE_TEMPERATURE)
     low, high = NOMINAL_RISE
     if not low <= share <= high:

@@ -18,12 +18,12 @@ from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import TASK, Follow, Joints, Motion, Point, Task, Tip
 from ssm_planner.units import ANGLES, LENGTHS, of_heading
 
-MOST = 20_000
+MAX_POINTS = 20_000
 """Largest number of points in a table."""
-OF_JOINTS = ("q1", "q2", "q3", "q4")
-OF_TIP = ("x", "y", "z")
-KNOWN = (*OF_JOINTS, *TASK, *OF_TIP)
-BESIDE = re.compile(r"t|time.*|qd+\d|motor\d_.*")
+JOINT_COLUMNS = ("q1", "q2", "q3", "q4")
+TIP_COLUMNS = ("x", "y", "z")
+COORDINATE_COLUMNS = (*JOINT_COLUMNS, *TASK, *TIP_COLUMNS)
+IGNORED_COLUMNS = re.compile(r"t|time.*|qd+\d|motor\d_.*")
 """Columns of trajectories that a path does not need."""
 FORMS = (
     "q1, q2, q3, q4; or any of roll, tilt, spin, depth; or x, y, z and spin: each with its "
@@ -64,8 +64,10 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
     points: list[Point] = []
     for row, cells in rows:
         points.append(_point(_numbers(cells, columns, (file, row)), row))
-        if len(points) > MOST:
-            raise ProblemError("too many points", file=file, line=row, allowed=f"at most {MOST}")
+        if len(points) > MAX_POINTS:
+            raise ProblemError(
+                "too many points", file=file, line=row, allowed=f"at most {MAX_POINTS}"
+            )
     if len(points) < 2:
         raise ProblemError(
             "a path needs more than one point" if points else "no point",
@@ -94,21 +96,21 @@ def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int,
             label.strip().lower(),
         )
         label = re.sub(r"^joint(?=\d$)", "q", label)
-        if BESIDE.fullmatch(label):
+        if IGNORED_COLUMNS.fullmatch(label):
             continue
-        if label not in KNOWN:
+        if label not in COORDINATE_COLUMNS:
             raise refused("unknown coordinate", name)
-        units = LENGTHS if label in ("depth", "q4", *OF_TIP) else ANGLES
+        units = LENGTHS if label in ("depth", "q4", *TIP_COLUMNS) else ANGLES
         if unit not in units:
             raise refused(f"unknown unit {unit!r}" if unit else "no unit", name, ", ".join(units))
         if label in columns:
             raise refused(f"{label} occurs twice", name)
         columns[label] = column, units[unit]
     names_found = set(columns)
-    if names_found & set(OF_JOINTS):
-        form: tuple[str, ...] = OF_JOINTS
-    elif names_found & set(OF_TIP) and not set(TASK) <= names_found:
-        form = (*OF_TIP, "spin")
+    if names_found & set(JOINT_COLUMNS):
+        form: tuple[str, ...] = JOINT_COLUMNS
+    elif names_found & set(TIP_COLUMNS) and not set(TASK) <= names_found:
+        form = (*TIP_COLUMNS, "spin")
         if unexpected := sorted(names_found - set(form)):
             raise refused("redundant: the tip determines it", unexpected[0])
     else:
@@ -170,9 +172,9 @@ def in_tables(motion: tuple[Motion, ...]) -> Iterator[None]:
         point = entry.to if match[2] is None else entry.through[int(match[2])]
         joint = re.fullmatch(r"values\[(\d)\]", match[3])
         column = (
-            OF_JOINTS[int(joint[1])]
+            JOINT_COLUMNS[int(joint[1])]
             if joint
-            else {"position": ", ".join(OF_TIP)}.get(match[3], match[3])
+            else {"position": ", ".join(TIP_COLUMNS)}.get(match[3], match[3])
         )
         raise ProblemError(
             error.reason,

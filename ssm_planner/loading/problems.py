@@ -16,7 +16,7 @@ from ssm_planner.loading.missions import written_out
 from ssm_planner.loading.motions import (
     BUILT_IN,
     MOTIONS,
-    Place,
+    KeyPath,
     PointModel,
     key_locations,
     motion_list,
@@ -67,7 +67,7 @@ from ssm_planner.units import KINDS
 
 ONCE = "once"
 """Duty of a motion that does not repeat."""
-SQUARE = math.radians(0.5)
+AXIS_TOLERANCE = math.radians(0.5)
 """Largest deviation of the lens axes from a right angle, rad. Smaller deviations are corrected."""
 
 
@@ -97,17 +97,17 @@ EyeModel = model_of(Eye, {"lens": optional(nested(LensModel))})
 
 
 _SHARE = Reader(units.share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
-_OF_TOOL = {
+_TOOL_KEYS = {
     kind.field: optional(
         _bound_field(kind), " ".join(str(kind.__doc__).partition("Examples")[0].split())
     )
     for kind in ToolLimit.kinds()
 }
-_RATES = {
+_RATE_KEYS = {
     TaskRate.field_of(name): optional(_rate(name, POSITIVE), "Largest, by magnitude.")
     for name in TASK
 }
-_WITHIN = {
+_MARGIN_KEYS = {
     "friction": optional(
         Annotated[Any, _SHARE],
         "Confidence level of the drives' friction for which motor torques hold.",
@@ -116,11 +116,11 @@ _WITHIN = {
         Annotated[Any, interval("mass")], "Point masses at the tip for which motor torques hold."
     ),
 }
-LimitsModel = model_from({**RANGES, **_OF_TOOL, **_RATES, **_WITHIN})
+LimitsModel = model_from({**RANGES, **_TOOL_KEYS, **_RATE_KEYS, **_MARGIN_KEYS})
 RatesModel = model_from({name: optional(_rate(name), f"Rate of the {name}.") for name in TASK})
 _PAUSE = quantity("time", Bound(at_least=0.0))
 _DUTY = Annotated[Any, or_word(_PAUSE, ONCE, f"a pause before the motion repeats, or {ONCE}")]
-_NAMED = Annotated[
+_NAMED_POINTS = Annotated[
     dict[str, Any],
     Reader(lambda value: value, {"type": "object", "additionalProperties": {"type": "object"}}),
 ]
@@ -153,7 +153,9 @@ def problem_model(motion_keys: tuple[str, ...]) -> Any:
         "start_rate": (nested(RatesModel), RatesModel()),
         "end_rate": (nested(RatesModel), RatesModel()),
         "duty": (_DUTY, 0.0),
-        "points": optional(_NAMED, "Named points that `start`, `to`, `through` and `at` may use."),
+        "points": optional(
+            _NAMED_POINTS, "Named points that `start`, `to`, `through` and `at` may use."
+        ),
         "joints": optional(nested(OverridesModel), "Limits of joints instead of the robot's."),
         "speed": optional(
             Annotated[Any, _SHARE], "Share of the largest joint velocities, such as 30 %."
@@ -203,7 +205,7 @@ def problem_from(section: Section) -> Problem:
         reason = "missing: a start needs all four coordinates"
         raise section.error(reason, "start", missing_name, allowed=", ".join(TASK))
     motions: list[Motion] = []
-    locations: dict[str, Place] = {
+    locations: dict[str, KeyPath] = {
         "start.values": ("start", "joints"),
         "start.position": ("start", "tip"),
         "friction": ("limits", "friction"),
@@ -325,7 +327,7 @@ def _frame(section: Section, model: Any) -> Array:
         axis = np.eye(3)[int(np.argmin(np.abs(third)))]
     else:
         axis = direction("first_axis")
-        if abs(float(axis @ third)) > math.sin(SQUARE):
+        if abs(float(axis @ third)) > math.sin(AXIS_TOLERANCE):
             angle = math.degrees(math.acos(float(axis @ third)))
             raise section.error(
                 f"at {angle:.4g} deg to axis", "first_axis", allowed="a right angle, within 0.5 deg"

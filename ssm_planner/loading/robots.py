@@ -57,7 +57,7 @@ from ssm_planner.problem import (
 )
 from ssm_planner.typing import Array, Keywords, record
 
-FOLLOWED = ("alpha", "home_tilt", "home_roll")
+ANGLE_NAMES = ("alpha", "home_tilt", "home_roll")
 """Angles of the geometry that a frame may name, so that the bodies depend on them."""
 
 
@@ -77,7 +77,7 @@ def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
         axis, _, angle = item.strip().partition(" ") if isinstance(item, str) else ("", "", "")
         if axis not in ("x", "y", "z"):
             raise wrong(f"{item!r} does not start with x, y or z", allowed)
-        follows = angle.strip().removeprefix("-") in FOLLOWED
+        follows = angle.strip().removeprefix("-") in ANGLE_NAMES
         chain.append((axis, angle.strip() if follows else units.quantity(angle, "angle")))
     return tuple(chain)
 
@@ -91,14 +91,14 @@ _ROTATIONS = Field(
 Rotations = Annotated[tuple[tuple[str, float | str], ...], _ROTATIONS]
 _Angle = Annotated[float, quantity("angle")] | None
 _PositiveAngle = Annotated[float, quantity("angle", POSITIVE)] | None
-_Place = Annotated[tuple[float, float, float], vector("length", "length", "length")]
+_Position = Annotated[tuple[float, float, float], vector("length", "length", "length")]
 """Position of a point, or lengths along the axes."""
-_Size = Annotated[float, quantity("length", POSITIVE)]
+_Length = Annotated[float, quantity("length", POSITIVE)]
 _Mass = Annotated[float, quantity("mass", Bound(at_least=0.0))]
 _Density = Annotated[float, quantity("density", POSITIVE)]
 _Side = Literal["positive", "negative"]
 _MOTORS = tuple(f"motor {name}" for name in JOINTS)
-_MASS_OF = Field(
+_MASS_FIELD = Field(
     lambda value: value if value in _MOTORS else units.quantity(value, "mass"),
     {"type": "string"},
     ("mass",),
@@ -168,12 +168,12 @@ class _Solid(Model):
     """
 
 
-class _Weighed(_Solid):
+class _PlacedMass(_Solid):
     """Base of the models of parts that state their mass instead of a density."""
 
-    at: _Place
+    at: _Position
     """Position of the centre."""
-    mass: Annotated[float | str, _MASS_OF]
+    mass: Annotated[float | str, _MASS_FIELD]
     """Mass as a quantity, or the motor that has it: motor roll, motor tilt …"""
 
 
@@ -182,11 +182,11 @@ class ArcModel(Model):
 
     shape: Literal["arc"]
     """Bar of rectangular section, bent to a circle about the remote centre."""
-    radius: _Size
+    radius: _Length
     """Radius of the centre line."""
-    width: _Size
+    width: _Length
     """Width of the section in the plane of the arc."""
-    height: _Size
+    height: _Length
     """Height of the section across that plane."""
     density: _Density
     """Density of the material."""
@@ -200,26 +200,26 @@ class RodModel(_Solid):
 
     shape: Literal["rod"]
     """Straight round bar between two points."""
-    start: _Place
+    start: _Position
     """First end."""
-    end: _Place
+    end: _Position
     """Second end."""
-    diameter: _Size
+    diameter: _Length
     """Diameter of the section."""
     density: _Density
     """Density of the material."""
 
 
-class BoxModel(_Weighed):
+class BoxModel(_PlacedMass):
     """Box along the axes of its frame."""
 
     shape: Literal["box"]
     """Box along the axes of the frame."""
-    size: _Place
+    size: _Position
     """Lengths along the axes."""
 
 
-class PointModel(_Weighed):
+class PointModel(_PlacedMass):
     """Point mass."""
 
     shape: Literal["point"]
@@ -238,9 +238,9 @@ class _BodyModel(Model):
         | None
     ) = None
     """Parts of the body. They replace mass, com and inertia."""
-    com: _Place = (0.0, 0.0, 0.0)
+    com: _Position = (0.0, 0.0, 0.0)
     inertia: InertiaModel | None = None
-    """Inertia about the origin of the body frame. A body without mass does not need it."""
+    """Inertia about the origin of the body frame. A body without mass omits it."""
     products_of_inertia: Literal["cad", "tensor"] | None = None
     """Sign of the products: cad (∫xy dm, as CAD programs print) or tensor (−∫xy dm)."""
     frame: Rotations
@@ -305,7 +305,7 @@ def robot_from(section: Section) -> Robot:
     )
     bodies: Any = []
     for i, body in enumerate(model.bodies):
-        setting = _Setting(i, frames, geometry, joints)
+        setting = _BodyPlacement(i, frames, geometry, joints)
         bodies.append(_body(section.sub("bodies", i), body, setting))
     with located(section):
         return Robot(
@@ -463,7 +463,7 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
 
 
 @record
-class _Setting:
+class _BodyPlacement:
     """Position of a body in the chain, with the data of the robot that its parts may need."""
 
     place: int
@@ -486,13 +486,13 @@ class _Setting:
         return self.frame.T @ self.geometry.axes[self.place + beyond]
 
 
-def _body(section: Section, model: Any, setting: _Setting) -> Body:
+def _body(section: Section, model: Any, setting: _BodyPlacement) -> Body:
     """Build a body from its mass, centre and inertia, or from its parts.
 
     Raises ProblemError if a value is invalid.
     """
     if model.parts is not None:
-        return _made_of_parts(section, model, setting)
+        return _body_from_parts(section, model, setting)
     if model.mass is None:
         raise section.error(
             "missing: this key is required", "mass", allowed="mass with com and inertia, or parts"
@@ -525,7 +525,7 @@ def _plausible(section: Section, body: Body) -> Body:
     return body
 
 
-def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
+def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> Body:
     """Build a body as the sum of its parts. Raises ProblemError if a value is invalid."""
     for key in ("mass", "com", "inertia", "products_of_inertia"):
         if section.has_key(key):
@@ -544,7 +544,7 @@ def _made_of_parts(section: Section, model: Any, setting: _Setting) -> Body:
     return _plausible(section, body)
 
 
-def _solid(section: Section, model: Any, setting: _Setting) -> shapes.Moments:
+def _solid(section: Section, model: Any, setting: _BodyPlacement) -> shapes.Moments:
     """Return mass, centre and inertia of a part in the frame of the body."""
     is_last = setting.place == len(setting.frames) - 1
     if isinstance(model, ArcModel):
@@ -627,8 +627,8 @@ def _inertia(section: Section, model: Any) -> Array:
 def _sign_hint(model: Any, tensor: Array) -> str:
     """Return the end of the message about a tensor that no body can have.
 
-    It states whether the tensor is possible with the opposite sign of the products of inertia. It is
-    "" without products of inertia in the file.
+    It states whether the tensor is possible with the opposite sign of the products of inertia. It
+    is "" without products of inertia in the file.
     """
     convention = model.products_of_inertia
     if convention is None:

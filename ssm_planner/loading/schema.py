@@ -38,9 +38,9 @@ from ssm_planner.units import KINDS, NUMBER
 M = TypeVar("M", bound="Model")
 UNBOUND = Bound()
 POSITIVE = Bound(above=0.0)
-UNIT_IN_MEMORY = re.compile(r", (rad|m|s|kg|N|V|A|K|Ω)\b[^ ,.]*( or [^ .]+)?(?=\.(\s|$)|$)")
+SI_UNIT_AT_END = re.compile(r", (rad|m|s|kg|N|V|A|K|Ω)\b[^ ,.]*( or [^ .]+)?(?=\.(\s|$)|$)")
 """SI unit at the end of a sentence of a docstring."""
-SHOWN = 10
+MAX_FAULTS = 10
 """Largest number of faults of one file in a message."""
 
 
@@ -89,7 +89,7 @@ class Model(BaseModel):
         }
         # Descriptions of files omit shapes, None and SI units, because values state their units.
         return {
-            name: UNIT_IN_MEMORY.sub("", re.sub(r",? ?\(3,\)", "", text)).replace(
+            name: SI_UNIT_AT_END.sub("", re.sub(r",? ?\(3,\)", "", text)).replace(
                 "None:", "left out:"
             )
             for name, text in {**of_value, **descriptions(cls), **own_texts}.items()
@@ -262,7 +262,7 @@ def sourced_field(field: Field) -> Field:
         return Figure(
             _guarded(field.read, "value")(value["value"]),
             source,
-            _truth(placeholder, "placeholder"),
+            _read_boolean(placeholder, "placeholder"),
         )
 
     number_and_unit = {
@@ -400,31 +400,31 @@ def by_joint(turning: Any, sliding: Any, every: bool = False) -> Any:
     return model_from(fields)
 
 
-def _text(value: object) -> str:
+def _read_text(value: object) -> str:
     """Read a text that is not empty."""
     if not isinstance(value, str) or not value.strip():
         raise wrong(f"{units.describe(value)} instead of text", "a text of at least one character")
     return value
 
 
-_TRUTH = {True: True, False: False, "yes": True, "no": False, "on": True, "off": False}
+_BOOLEANS = {True: True, False: False, "yes": True, "no": False, "on": True, "off": False}
 
 
-def _truth(value: object, key: str | None = None) -> bool:
+def _read_boolean(value: object, key: str | None = None) -> bool:
     """Read true or false, for which yes, no, on and off are accepted as well."""
-    if not isinstance(value, (bool, str)) or value not in _TRUTH:
+    if not isinstance(value, (bool, str)) or value not in _BOOLEANS:
         raise wrong(f"{units.describe(value)} instead of true or false", "true or false", key)
-    return _TRUTH[value]
+    return _BOOLEANS[value]
 
 
-def _axis(value: object) -> tuple[float, ...]:
+def _read_axis(value: object) -> tuple[float, ...]:
     """Read a list of three numbers."""
     if not isinstance(value, list) or len(value) != 3:
         raise wrong("invalid axis", "three numbers such as [1, 0, 0]")
     return tuple(units.number(item) for item in value)
 
 
-def _reference(value: object) -> Any:
+def _read_reference(value: object) -> Any:
     """Accept a file name or the content of the file as a mapping."""
     if isinstance(value, dict) or (isinstance(value, str) and value.strip()):
         return value
@@ -434,16 +434,16 @@ def _reference(value: object) -> Any:
 
 
 _FILE = "a file, relative to this one"
-Text = Annotated[str, Field(_text, {"type": "string", "minLength": 1}, allowed="a text")]
-Truth = Annotated[bool, Field(_truth, {"type": "boolean"}, allowed="true or false")]
+Text = Annotated[str, Field(_read_text, {"type": "string", "minLength": 1}, allowed="a text")]
+Truth = Annotated[bool, Field(_read_boolean, {"type": "boolean"}, allowed="true or false")]
 Axis = Annotated[
     tuple[float, ...],
-    Field(_axis, {"type": "array", "items": {"type": "number"}}, allowed="three numbers"),
+    Field(_read_axis, {"type": "array", "items": {"type": "number"}}, allowed="three numbers"),
 ]
 Reference = Annotated[
     Any,
     Field(
-        _reference,
+        _read_reference,
         {"anyOf": [{"type": "string", "description": _FILE}, {"type": "object"}]},
         allowed=f"{_FILE}, a shipped name, or the content of a file",
     ),
@@ -547,7 +547,7 @@ def validated(section: Section, model: type[M]) -> M:
     except ValidationError as error:
         faults = [_fault(section, details) for details in error.errors(include_url=False)]
     earliest, *faults_left = sorted(faults, key=lambda fault: fault.line or 0)
-    earliest.others = tuple(faults_left[: SHOWN - 1])
+    earliest.others = tuple(faults_left[: MAX_FAULTS - 1])
     earliest.unshown = len(faults_left) - len(earliest.others)
     raise earliest
 
@@ -558,7 +558,7 @@ def located(
 ) -> Iterator[None]:
     """Add file and line to errors that values raise within a `with` block.
 
-    `locations` contains the keys in the file of fields whose names differ from their keys.
+    `locations` contains the path in the file by name of the field, if the field has another key.
     """
     try:
         yield
@@ -566,12 +566,12 @@ def located(
         if error.file is not None or error.key is None:
             raise
         field = error.key.partition(".")[2]
-        name, remaining = next(
+        name, base_path = next(
             ((name, path) for name, path in (locations or {}).items() if field.startswith(name)),
             ("", ()),
         )
         tokens = re.findall(r"[^.\[\]]+", field.removeprefix(name))
-        path = (*remaining, *(int(token) if token.isdecimal() else token for token in tokens))
+        path = (*base_path, *(int(token) if token.isdecimal() else token for token in tokens))
         raise section.error(error.reason, *path, allowed=error.allowed) from None
 
 

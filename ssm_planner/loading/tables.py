@@ -29,8 +29,8 @@ def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
         cell is a number with a decimal comma.
     """
     text = text_of(file)
-    first = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
-    separator = max(SEPARATORS, key=first.count)
+    heading_line = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
+    separator = max(SEPARATORS, key=heading_line.count)
     reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     headings: list[str] = []
     try:

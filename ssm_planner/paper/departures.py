@@ -185,13 +185,13 @@ def joint_inertia(robot: Robot) -> Array:
 
 
 def largest_change(
-    first_loads: Sequence[JointLoad], second_loads: Sequence[JointLoad]
+    loads: Sequence[JointLoad], changed_loads: Sequence[JointLoad]
 ) -> dict[str, float]:
     """Return the largest change of motor torque between two sets of loads, N·m, by joint.
 
     Both sets have the same instants. Joints without a load have 0.
     """
-    pairs = zip(first_loads, second_loads, strict=True)
+    pairs = zip(loads, changed_loads, strict=True)
     return _largest_magnitudes((a.joint, b.torque() - a.torque()) for a, b in pairs)
 
 
@@ -246,7 +246,7 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
         return None
     x = np.linspace(0.0, 4.0, 4001)
     shapes = [stribeck_shape(law, x) for law in STRIBECK_LAWS]
-    widest = float(x[int(np.argmax(np.abs(shapes[1] - shapes[0])))])
+    widest_ratio = float(x[int(np.argmax(np.abs(shapes[1] - shapes[0])))])
     rig = result.rig
     gaussian_fit = fit_map(
         drive, result.data, rig.F_payload, law=STRIBECK_LAWS[1], reference=rig.published
@@ -255,17 +255,17 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
 
     def coefficients(ratio: float) -> tuple[float, float]:
         """Return the friction coefficients of both forms at a multiple of the Stribeck speed."""
-        first, second = (
+        exponential_mu, gaussian_mu = (
             float(friction_coefficient(friction_of(form), ratio * speed))
             for form in (exponential, gaussian)
         )
-        return first, second
+        return exponential_mu, gaussian_mu
 
     first_speed, second_speed = (fit.estimates["stribeck_speed"].value for fit in fits)
     return StribeckForms(
         result.title,
         mu=tuple(map(coefficients, STRIBECK_SPEEDS)),
-        largest=(widest, *coefficients(widest)),
+        largest=(widest_ratio, *coefficients(widest_ratio)),
         published_nrmsd=(result.map_nrmsd(exponential), result.map_nrmsd(gaussian)),
         fitted_nrmsd=(first_fit.nrmsd, second_fit.nrmsd),
         fitted_speed=(first_speed, second_speed),

@@ -237,8 +237,10 @@ def payload_section(results: tuple[Payload, ...]) -> Section:
 def _label(stroke: Stroke) -> str:
     """Return the label of a stroke, such as `joint 1, 65°/s, 200°/s²`."""
     scale, unit = (1e3, " mm") if stroke.joint == "insertion" else (180.0 / math.pi, "°")
-    speed, bend = (f"{scale * value:.4g}{unit}" for value in (stroke.velocity, stroke.acceleration))
-    return f"joint {NUMBER[stroke.joint]}, {speed}/s, {bend}/s²"
+    speed, acceleration = (
+        f"{scale * value:.4g}{unit}" for value in (stroke.velocity, stroke.acceleration)
+    )
+    return f"joint {NUMBER[stroke.joint]}, {speed}/s, {acceleration}/s²"
 
 
 def _sized(run: Motorisation, rows: Mapping[str, FrictionRow]) -> Sizing:

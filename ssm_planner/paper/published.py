@@ -157,7 +157,10 @@ def read_inputs(problems: Path, recordings: Path) -> Inputs:
 
 
 def _check(problem: Problem) -> None:
-    """Raise ProblemError unless joints 1, 2 and 4 have drives and the robot has a tilt range."""
+    """Raise ProblemError if the problem lacks data that Tables II and III need.
+
+    These are drives of joints 1, 2 and 4, a tilt range, and a start in task coordinates.
+    """
     robot = problem.robot
     for joint in robot.joints:
         if joint.name in DRIVEN and joint.drive is None:

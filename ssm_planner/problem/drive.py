@@ -169,8 +169,8 @@ class Friction(Value):
             raise self._wrong(
                 "covariance", "the posterior states it already", "one of the two", "both"
             )
-        for name, unused in (("mu_stribeck", 0.0), ("stribeck_speed", None)):
-            if self.law == "coulomb" and getattr(self, name) != unused:
+        for name, default in (("mu_stribeck", 0.0), ("stribeck_speed", None)):
+            if self.law == "coulomb" and getattr(self, name) != default:
                 raise self._wrong(
                     name, "not a parameter of the coulomb law", "law: stribeck_exponential or …"
                 )
@@ -389,13 +389,13 @@ class Drive(Value):
             field = "friction_ranges.mu"
         repose = math.atan(lowest / math.cos(self.pressure_angle))
         if self.self_locking and repose <= self.lead_angle:
-            needed = math.tan(self.lead_angle) * math.cos(self.pressure_angle)
+            required_mu = math.tan(self.lead_angle) * math.cos(self.pressure_angle)
             raise self._wrong(
                 field,
                 "the drive is not self-locking: lead angle λ = "
                 f"{math.degrees(self.lead_angle):.4g} deg, "
                 f"friction angle φ_f = {math.degrees(repose):.4g} deg, and φ_f must be larger",
-                f"mu above {needed:.4g}, or self_locking: not required",
+                f"mu above {required_mu:.4g}, or self_locking: not required",
                 lowest,
             )
         highest = max(friction.mu_static, friction.mu + friction.mu_stribeck)

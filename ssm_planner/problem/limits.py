@@ -214,14 +214,14 @@ class SelfLocking(Limit):
         if drive is None or drive.friction is None:
             raise ProblemError(f"joint {self.of} has no drive with friction")
         friction = drive.friction
-        lowest = self.friction
-        raised = replace(
+        lowest_mu = self.friction
+        raised_friction = replace(
             friction,
-            mu=max(friction.mu, lowest),
-            mu_static=max(friction.mu_static, lowest),
-            mu_lowest=lowest,
+            mu=max(friction.mu, lowest_mu),
+            mu_static=max(friction.mu_static, lowest_mu),
+            mu_lowest=lowest_mu,
         )
-        return _with_joint(problem, self.of, drive=replace(drive, friction=raised))
+        return _with_joint(problem, self.of, drive=replace(drive, friction=raised_friction))
 
 
 @frozen
@@ -268,12 +268,12 @@ class TaskRange(Between):
         return self.coordinate in ("roll", "spin")
 
     def tightened(self, worst: float, bound: float) -> TaskRange | None:
-        inwards = TIGHTENING * abs(worst - bound)
-        if not self.coupled or not 2 * inwards < self.upper - self.lower:
+        shift = TIGHTENING * abs(worst - bound)
+        if not self.coupled or not 2 * shift < self.upper - self.lower:
             return None
         if worst > bound:
-            return replace(self, upper=self.upper - inwards)
-        return replace(self, lower=self.lower + inwards)
+            return replace(self, upper=self.upper - shift)
+        return replace(self, lower=self.lower + shift)
 
     def trials(self) -> tuple[float, ...]:
         width = self.upper - self.lower

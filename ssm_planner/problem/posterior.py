@@ -94,9 +94,9 @@ class Ripple(Value):
         """
         recording = rng.integers(len(self.torque), size=count)
         phase = rng.uniform(0, 2 * np.pi, count)
-        remaining = np.sqrt(np.maximum(np.square(self.ripple) - known, 0.0))
-        repeating = np.sqrt(2.0) * remaining[recording] * np.sin(phase)
-        return repeating + np.array(self.noise)[recording] * rng.standard_normal(count)
+        remaining_ripple = np.sqrt(np.maximum(np.square(self.ripple) - known, 0.0))
+        harmonic = np.sqrt(2.0) * remaining_ripple[recording] * np.sin(phase)
+        return harmonic + np.array(self.noise)[recording] * rng.standard_normal(count)
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
         """Return random values of the largest deviation in further recordings, (count,), N·m.

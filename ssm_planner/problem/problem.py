@@ -268,7 +268,7 @@ class TaskLimits(Limited, ShortRepr):
 
     @property
     def promising(self) -> str:
-        """Names of the motions along prescribed lines."""
+        """Names of the motions along prescribed lines, separated by commas."""
         lines = (
             entry
             for entry in self.motion
@@ -406,8 +406,8 @@ class Problem(Value, Limited):
         Raises ProblemError if fields contradict each other.
         """
         limits = task_limits(self.limits, "Problem.limits")
-        remaining = (limit for limit in limits if not isinstance(limit, TaskRange))
-        object.__setattr__(self, "limits", (*self._narrowed(), *remaining))
+        other_limits = (limit for limit in limits if not isinstance(limit, TaskRange))
+        object.__setattr__(self, "limits", (*self._narrowed(), *other_limits))
         if isinstance(self.start, Task):
             start = Task(
                 **{**dict.fromkeys(TASK, 0.0), **self.start.set_coordinates}, line=self.start.line
@@ -612,9 +612,9 @@ class Problem(Value, Limited):
                 "a motion that ends at rest, or no stop_travel",
                 dict(self.end_rate),
             )
-        if jerky := self.robot.jerk_limited:
+        if joints := self.robot.jerk_limited:
             reason = (
-                f"the jerk of joint {jerky[0]} is limited, so the acceleration cannot jump to stop"
+                f"the jerk of joint {joints[0]} is limited, so the acceleration cannot jump to stop"
             )
             raise self._wrong(
                 "limits", reason, "a robot without jerk limits, or no stop_travel", "stop_travel"

@@ -253,22 +253,22 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
     allowed values.
     """
     task = task_limits_from_plain(data, file)
-    resolved = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
+    fields = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
     with _name_file(file):
-        resolved |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
-        resolved |= {"start": _point_from(data.get("start"), "problem.start")}
+        fields |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
+        fields |= {"start": _point_from(data.get("start"), "problem.start")}
         entries = data.get("motion")
         if not isinstance(entries, (list, tuple)):
             raise wrong("problem.motion", entries, "a list")
-        resolved["motion"] = tuple(
+        fields["motion"] = tuple(
             _motion_from(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries)
         )
         fields_left = {
             "excess_ranges" if key == EXCESS_KEY else key: item
             for key, item in data.items()
-            if key not in {*resolved, *limits_to_plain(task)}
+            if key not in {*fields, *limits_to_plain(task)}
         }
-        problem = built(Problem, fields_left, "problem", resolved)
+        problem = built(Problem, fields_left, "problem", fields)
     return problem
 
 

@@ -165,8 +165,8 @@ def unchecked(value: V, **changes: Any) -> V:
 @cache
 def hints(cls: Any) -> dict[str, Any]:
     """Return the annotated types of the fields of a value, by field name."""
-    resolved = typing.get_type_hints(cls, include_extras=True)
-    return {field.name: resolved[field.name] for field in dataclasses.fields(cls)}
+    types = typing.get_type_hints(cls, include_extras=True)
+    return {field.name: types[field.name] for field in dataclasses.fields(cls)}
 
 
 def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
@@ -197,10 +197,10 @@ def descriptions(cls: type) -> dict[str, str]:
         except OSError:  # the source of a class made at run time is missing
             continue
         body = tree.body if isinstance(tree, ast.ClassDef) else []
-        for field, below in pairwise(body):
-            if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
+        for field, docstring in pairwise(body):
+            if isinstance(field, ast.AnnAssign) and isinstance(docstring, ast.Expr):
                 texts[ast.unparse(field.target)] = " ".join(
-                    str(ast.literal_eval(below.value)).split()
+                    str(ast.literal_eval(docstring.value)).split()
                 )
     return texts
 

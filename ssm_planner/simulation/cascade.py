@@ -181,8 +181,8 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
         ff_velocity=feedforward * friction_of(drive).b_v / electrics.torque_constant,
         ff_acceleration=feedforward * inertia,
     )
-    stated = {name: getattr(axis, name) for name in vars(tuned)}
-    return replace(tuned, **{name: gain for name, gain in stated.items() if gain is not None})
+    stated_gains = {name: getattr(axis, name) for name in vars(tuned)}
+    return replace(tuned, **{name: gain for name, gain in stated_gains.items() if gain is not None})
 
 
 def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -197,8 +197,8 @@ def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
     if electrics.resistance == 0.0:
         low = ca.if_else(back_emf <= -voltage, 0, low)
         return low, ca.if_else(back_emf >= voltage, 0, high)
-    below, above = ((limit - back_emf) / electrics.resistance for limit in (-voltage, voltage))
-    return ca.fmax(low, ca.fmin(below, high)), ca.fmin(high, ca.fmax(above, low))
+    lowest, highest = ((limit - back_emf) / electrics.resistance for limit in (-voltage, voltage))
+    return ca.fmax(low, ca.fmin(lowest, high)), ca.fmin(high, ca.fmax(highest, low))
 
 
 def loop_step(

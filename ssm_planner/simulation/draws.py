@@ -177,7 +177,7 @@ def play_draws(
     """
     count = len(friction)
     full_step, half_steps = Vectorised(arm.control_step), Vectorised(arm.control_step_in_halves)
-    halved, table = arm.needs_half_steps(commands), commands.table()
+    needs_halves, table = arm.needs_half_steps(commands), commands.table()
     x = np.tile(start, (count, 1))
     width = table.shape[1]
     inputs = _inputs(width, offsets, friction)
@@ -193,11 +193,11 @@ def play_draws(
             departure = tip_position(mechanism, x[:, Q]) - targets[m // TIP_INTERVAL]
             tip = np.fmax(tip, np.linalg.norm(departure, axis=1))
         inputs[:, :width] = row
-        step = half_steps if halved[m] else full_step
-        x, following, cut = step(np.asfortranarray(x), inputs)
+        step = half_steps if needs_halves[m] else full_step
+        x, following, cut_current = step(np.asfortranarray(x), inputs)
         peak = np.fmax(peak, np.abs(x[:, CURRENT]))
         error = np.fmax(error, np.abs(following))
-        saturated |= cut > 0
+        saturated |= cut_current > 0
     tip[~np.all(np.isfinite(x[:, W]), axis=1)] = np.inf
     return Draws(
         friction,

@@ -148,11 +148,11 @@ def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> C
     """
     frequency, backlash, ratios = list(FREQUENCIES), list(BACKLASH), [DAMPING_RATIO] * 4
     for k, name in enumerate(JOINTS):
-        stated = controller.compliance.get(name)
-        if stated is not None:
-            frequency[k] = stated.frequency or frequency[k]
-            backlash[k] = backlash[k] if stated.backlash is None else stated.backlash
-            ratios[k] = stated.damping_ratio
+        settings = controller.compliance.get(name)
+        if settings is not None:
+            frequency[k] = settings.frequency or frequency[k]
+            backlash[k] = backlash[k] if settings.backlash is None else settings.backlash
+            ratios[k] = settings.damping_ratio
     default = Compliance.of_frequency(
         RigidBody.from_robot(robot),
         np.zeros(4),
@@ -210,7 +210,7 @@ class ControlledArm(ArmPlant):
         """
         state = np.concatenate([self.in_motion(q, qd, qdd), np.zeros(FULL_STATE - STATE)])
         motor = self.at_rest(q)[MOTOR]
-        needed = motor_torque(self.robot, q, qd, qdd)
+        torques = motor_torque(self.robot, q, qd, qdd)
         for k in self.driven:
             state[Q][k] -= (state[MOTOR][k] - motor[k]) / self.drive(k).ratio
             state[MOTOR][k] = motor[k]
@@ -218,7 +218,7 @@ class ControlledArm(ArmPlant):
                 continue
             joint, electrics = self.robot.joints[k], self.electrics[k]
             gains = gains_of(joint, self.controller, electrics)
-            state[CURRENT][k] = needed[k] / electrics.torque_constant
+            state[CURRENT][k] = torques[k] / electrics.torque_constant
             state[INTEGRAL][k] = state[CURRENT][k] - (
                 gains.ff_velocity * command.speed[0, k]
                 + gains.ff_acceleration * command.acceleration[0, k]
@@ -260,13 +260,13 @@ class ControlledArm(ArmPlant):
         """
         table = command.table()
         table = np.hstack([table, np.tile(np.concatenate([offsets, friction]), (len(table), 1))])
-        halved = self.needs_half_steps(command)
+        needs_halves = self.needs_half_steps(command)
         states, errors, saturated = series = [state[:, None]], list[Array](), list[Array]()
         for start in range(0, len(table), _CHUNK):
             rows = table[start : start + _CHUNK]
             count = len(rows)
             rows = np.pad(rows, ((0, _CHUNK - count), (0, 0)), "edge")
-            simulate_chunk = self._chunk_in_halves if halved[start] else self._chunk
+            simulate_chunk = self._chunk_in_halves if needs_halves[start] else self._chunk
             outputs = simulate_chunk(states[-1][:, -1], rows.T)
             for values, output in zip(series, outputs, strict=True):
                 values.append(output.full()[:, :count])
@@ -348,13 +348,13 @@ class ControlledArm(ArmPlant):
             feedforward=forward + torque / electrics.torque_constant,
         )
         current = ca.if_else(power, step.current, 0)
-        late = ca.logic_and(power, ca.fabs(error) > self.windows[joint.name])
+        is_late = ca.logic_and(power, ca.fabs(error) > self.windows[joint.name])
         return {
             "tau": electrics.torque_constant * current,
             "current": current,
             "i": step.integral,
             "d": step.derivative,
             "e": error,
-            "trip": ca.fmax(x[TRIP][k], late),
+            "trip": ca.fmax(x[TRIP][k], is_late),
             "cut": ca.logic_and(power, step.saturated),
         }

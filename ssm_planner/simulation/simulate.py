@@ -419,8 +419,8 @@ class _Stage:
         stretch = setpoint_times(plan, PERIOD)[1]
         samples = at_times(plan, plan.motion.breaks[0] + self.time, stretch)
         self.planned, speed = samples.q, samples.qd
-        standing = np.abs(speed[0]) <= STANDS * robot.velocities
-        velocity = np.where(standing, 0.0, speed[0])
+        is_standing = np.abs(speed[0]) <= STANDS * robot.velocities
+        velocity = np.where(is_standing, 0.0, speed[0])
         self.initial_motion = samples.q[0], velocity, samples.qdd[0] * np.any(velocity)
         prescribed = np.diff(speed, axis=0, append=speed[-1:]) / self.period
         self.commands = self._commands(prescribed)
@@ -468,13 +468,13 @@ class _Stage:
             instants = np.array([loss if isinstance(loss, float) else self.time[-1]])
         off = rows_of(self.commands, np.zeros(round(HORIZON / self.period), dtype=int))
         off = replace(off, power=np.zeros(len(off.power)))
-        travel, standing = np.zeros(len(instants)), np.zeros(len(instants))
+        travel, rest_time = np.zeros(len(instants)), np.zeros(len(instants))
         for i, instant in enumerate(instants):
             if len(instants) > 1 and i % 250 == 0:
                 progress(Step("losing power at all instants", i, len(instants)))
             k = min(round(instant / self.period), len(self.time))
-            travel[i], standing[i] = self._stop(played.states[k], off, instant)
-        return PowerLosses(instants, travel, standing)
+            travel[i], rest_time[i] = self._stop(played.states[k], off, instant)
+        return PowerLosses(instants, travel, rest_time)
 
     def _stop(self, state: Array, off: Commands, instant: float) -> tuple[float, float]:
         """Simulate the arm without power, from a state (44,) until it rests.
@@ -619,8 +619,8 @@ class _Stage:
         if scenario.dropped is not None:
             for stream in streams.values():
                 for column in stream.values():
-                    lost = min(max(1, round(1000 * scenario.dropped / PERIOD)), len(column) - 1)
-                    column[lost] = column[lost - 1]
+                    lost_row = min(max(1, round(1000 * scenario.dropped / PERIOD)), len(column) - 1)
+                    column[lost_row] = column[lost_row - 1]
         result = commands(
             streams, self.axes, self.controller, (self.time, prescribed), PERIOD / 1000
         )

@@ -334,12 +334,12 @@ def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
 
 def _joint_probability(demands: Demands, limits: dict[str, Limit]) -> float:
     """Return the share of the draws in which every limit with a value is kept."""
-    satisfied = [
+    is_satisfied = [
         factor * getattr(demands, name) <= limit * (1 + TOLERANCE)
         for name, factor, limit, _, _ in limits.values()
         if limit is not None
     ]
-    return float(np.mean(np.all(np.broadcast_arrays(*satisfied), axis=0)))
+    return float(np.mean(np.all(np.broadcast_arrays(*is_satisfied), axis=0)))
 
 
 def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
@@ -347,17 +347,17 @@ def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
     notes = []
     if motor.placeholder:
         notes.append(f"motor {motor.name}: placeholder figures ({', '.join(motor.placeholders)})")
-    identified = friction_of(load.drive).identified_speed
+    identified_speed = friction_of(load.drive).identified_speed
     peak = load.peak_speed
-    if identified is None:
+    if identified_speed is None:
         notes.append(
             f"joint {load.joint}: the drive file does not say up to which speed friction was "
             "identified"
         )
-    elif peak > identified:
+    elif peak > identified_speed:
         notes.append(
-            f"joint {load.joint}: friction extrapolated {peak / identified:.1f}× beyond the "
-            f"identified speeds ({identified:.3g} rad/s, used up to {peak:.3g} rad/s)"
+            f"joint {load.joint}: friction extrapolated {peak / identified_speed:.1f}× beyond the "
+            f"identified speeds ({identified_speed:.3g} rad/s, used up to {peak:.3g} rad/s)"
         )
     if motor.torque_constant is not None and motor.torque_constant_per_kelvin is None:
         notes.append(f"assumed: the torque constant falls by {-100 * MAGNET:g} % per kelvin")

@@ -280,15 +280,15 @@ def _locking(case: Case) -> Check:
     confidence = case.conditions.confidence
     friction = friction_of(drive)
     lowest, highest = spread.mu_ends(drive, confidence)
-    spare, _ = self_locking_margin(drive, friction.mu)
-    needed = friction.mu - float(spare)
-    check = Check("self_locking", limit=needed, unit="μ", nominal=friction.mu)
+    margin, _ = self_locking_margin(drive, friction.mu)
+    limit = friction.mu - float(margin)
+    check = Check("self_locking", limit=limit, unit="μ", nominal=friction.mu)
     if friction.mu_lowest is None and "mu" not in spread.ranges and "mu" not in spread.names:
         return replace(check, needs="friction.mu_lowest, or a range or covariance of mu")
-    low, high = ((mu - needed) / needed for mu in (lowest, highest))
+    low, high = ((mu - limit) / limit for mu in (lowest, highest))
     check = replace(check, margin=low, best_margin=high, worst=lowest)
     if "mu" in spread.names:
-        check = replace(check, probability=float(np.mean(spread.draws("mu") > needed)))
+        check = replace(check, probability=float(np.mean(spread.draws("mu") > limit)))
     if check.passed is not None:
         return check
     needs = (
@@ -296,9 +296,7 @@ def _locking(case: Case) -> Check:
         "a holding test (friction.mu_lowest)"
     )
     if "mu" in spread.names:
-        needs += (
-            f", recordings with another payload, or {case.deciding(spread.draws('mu'), needed)}"
-        )
+        needs += f", recordings with another payload, or {case.deciding(spread.draws('mu'), limit)}"
     return replace(check, needs=needs)
 
 

@@ -219,10 +219,10 @@ def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
         if sigma == 0:
             continue
         low = max(mean - sigma, 0.0)
-        above, below = (
+        values_above, values_below = (
             demands(_load_with(load, {name: value})).array()[0] for value in (mean + sigma, low)
         )
-        slopes[i] = (above - below) / (mean + sigma - low)
+        slopes[i] = (values_above - values_below) / (mean + sigma - low)
     return slopes
 
 
@@ -281,9 +281,9 @@ def _drawn_demands(
 ) -> Array:
     """Return the demands (draws, 5) at one corner of the ranges."""
     moving = np.flatnonzero(load.direction != 0)
-    standing = np.flatnonzero(load.direction == 0)
+    resting = np.flatnonzero(load.direction == 0)
     # At any friction, a self-locking drive rests without torque, and its effort stays the same.
-    torque_free = len(standing) > 0 and len(moving) > 0 and not np.any(load.torque()[standing])
+    torque_free = len(resting) > 0 and len(moving) > 0 and not np.any(load.torque()[resting])
     subset = replace(load.subset(moving), weight=load.weight[moving]) if torque_free else load
     values = spread.values(deviations)
     step = max(BLOCK // len(subset.t), 1)
@@ -294,7 +294,7 @@ def _drawn_demands(
     table = np.concatenate(tables)
     if torque_free:
         k = DEMANDS.index("peak_effort")
-        table[:, k] = np.maximum(table[:, k], np.abs(load.effort()[standing]).max())
+        table[:, k] = np.maximum(table[:, k], np.abs(load.effort()[resting]).max())
     return table
 
 

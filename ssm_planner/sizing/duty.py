@@ -61,10 +61,10 @@ def _stroke(start: Array, joint: int, times: Array, acceleration: float) -> Arra
     position = start[joint]
     velocity = 0.0
     for i, (sign, time) in enumerate(zip(signs, times, strict=True)):
-        bend = sign * acceleration
-        coefficients[i, :3, joint] = position, velocity, bend / 2
-        position += velocity * time + bend * time**2 / 2
-        velocity += bend * time
+        signed_acceleration = sign * acceleration
+        coefficients[i, :3, joint] = position, velocity, signed_acceleration / 2
+        position += velocity * time + signed_acceleration * time**2 / 2
+        velocity += signed_acceleration * time
     return coefficients
 
 

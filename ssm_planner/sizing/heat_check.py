@@ -148,7 +148,7 @@ def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
         low_rise = high_rise
         high = 1.01 * high * allowed / high_rise
         high_rise = rise(high)
-    undershot = False
+    was_below = False
     for _ in range(STEPS):
         share = (allowed - low_rise) / (high_rise - low_rise) if np.isfinite(high_rise) else 0.5
         middle = low + np.clip(share, 0.01, 0.99) * (high - low)
@@ -156,11 +156,11 @@ def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
         if middle_rise <= allowed:
             low = middle
             low_rise = middle_rise
-            high_rise = allowed + (high_rise - allowed) / 2 if undershot else high_rise
+            high_rise = allowed + (high_rise - allowed) / 2 if was_below else high_rise
         else:
             high = middle
             high_rise = middle_rise
-        undershot = middle_rise <= allowed
+        was_below = middle_rise <= allowed
         if allowed - low_rise < CLOSE:
             break
     return float(np.sqrt(low))

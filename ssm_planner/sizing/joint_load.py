@@ -170,9 +170,9 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     inertia, velocity, gravity = RigidBody.from_robot(robot).effort_parts(
         samples.q, samples.qd, samples.qdd
     )
-    departing, starting = directions(robot, samples, 1)
-    arriving, _ = directions(robot, samples, -1)
-    direction = np.where(is_last[:, None], arriving, departing)
+    direction_after, starting = directions(robot, samples, 1)
+    direction_before, _ = directions(robot, samples, -1)
+    direction = np.where(is_last[:, None], direction_before, direction_after)
     breakaway = np.where(is_first[:, None], starting, 0.0)
     weight = _weights(samples.t)
     return tuple(
@@ -247,8 +247,8 @@ def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indic
     order = np.lexsort((starts, pieces))
     pieces = pieces[order]
     starts = starts[order]
-    final = np.append(np.diff(pieces), 1) > 0
-    return pieces, starts, np.where(final, lengths[pieces], np.append(starts[1:], 0.0))
+    is_final = np.append(np.diff(pieces), 1) > 0
+    return pieces, starts, np.where(is_final, lengths[pieces], np.append(starts[1:], 0.0))
 
 
 def _turns(

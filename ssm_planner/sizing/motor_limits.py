@@ -156,9 +156,9 @@ def continuous_torque(motor: Motor, ambient: float) -> float | None:
         return motor.nominal_torque
     if motor.max_winding_temperature is None:
         return None
-    spare = motor.max_winding_temperature - ambient
+    permitted_rise = motor.max_winding_temperature - ambient
     return motor.nominal_torque * math.sqrt(
-        max(spare, 0.0) / (motor.max_winding_temperature - REFERENCE_TEMPERATURE)
+        max(permitted_rise, 0.0) / (motor.max_winding_temperature - REFERENCE_TEMPERATURE)
     )
 
 

@@ -187,22 +187,26 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
     moving = load.direction != 0
     zero = np.zeros_like(load.t)
     lossless = _with_bearings_only(drive, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
-    rough = _with_bearings_only(drive)
+    drive_with_bearings = _with_bearings_only(drive)
     w = load.speed()
     wd = load.acceleration()
     sign = np.where(moving, load.direction, 1.0)
     carried = output_effort(lossless, load.inertia, zero, load.qdd, sign)
-    rubbing = output_effort(drive, zero, load.qd, zero, load.direction)
+    friction_effort = output_effort(drive, zero, load.qd, zero, load.direction)
     # An antibacklash nut accelerates with wd, so its inertia and its lossless preload (which
     # cancels) belong to the input side.
     input_inertia = motor_torque(lossless, zero, zero, wd, direction=sign)
     output_inertia = _mesh(lossless, carried, sign)
     load_torque = _mesh(lossless, load.velocity + load.gravity, sign)
-    bearing = np.where(moving, motor_torque(rough, rubbing, w, zero, direction=sign), 0.0)
+    bearing = np.where(
+        moving, motor_torque(drive_with_bearings, friction_effort, w, zero, direction=sign), 0.0
+    )
     total = load.torque()
     effort = load.effort()
     without = np.where(
-        moving, motor_torque(rough, effort, w, wd, direction=sign), _mesh(lossless, effort, sign)
+        moving,
+        motor_torque(drive_with_bearings, effort, w, wd, direction=sign),
+        _mesh(lossless, effort, sign),
     )
     components = {
         "input_inertia": input_inertia,

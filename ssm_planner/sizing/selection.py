@@ -378,8 +378,12 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     answers["heat"] = _heat(
         load, fleet, conditions, band=(share * highest["rms"], share * lowest["rms"]), fails=fails
     )
-    together = np.min([np.where(has_limit[name], answers[name], 1) for name in has_limit], axis=0)
-    answers[CONFIDENCE] = (together if spread.is_stated else 0 * together).astype(np.int8)
+    combined_answers = np.min(
+        [np.where(has_limit[name], answers[name], 1) for name in has_limit], axis=0
+    )
+    answers[CONFIDENCE] = (combined_answers if spread.is_stated else 0 * combined_answers).astype(
+        np.int8
+    )
     return answers, margins, gear
 
 
@@ -429,11 +433,11 @@ def _bands(
     peak, volts, rms = np.max(demands, axis=0)
     low_peak, low_volts, low_rms = np.min(demands, axis=0)
     # The demands are convex in the inertia, so between its ends they fall by at most this.
-    fall = (ends[:, 1] - ends[:, 0]) / 2
+    half_width = (ends[:, 1] - ends[:, 0]) / 2
     wd = np.abs(load.acceleration())
-    low_peak = low_peak - fall * wd.max()
-    low_rms = low_rms - fall * float(load.rms(wd))
-    low_volts = low_volts - fall * wd.max() * fleet.volts
+    low_peak = low_peak - half_width * wd.max()
+    low_rms = low_rms - half_width * float(load.rms(wd))
+    low_volts = low_volts - half_width * wd.max() * fleet.volts
     lowest = {"peak": low_peak, "volts": low_volts, "rms": low_rms}
     return {"peak": peak, "volts": volts, "rms": rms}, {
         name: np.maximum(low, 0.0) for name, low in lowest.items()

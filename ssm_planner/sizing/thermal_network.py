@@ -85,9 +85,9 @@ class Modes:
 
 
 def follow(modes: Modes, t: Array, power: Array) -> Array:
-    """Compute the modes (2, n) at instants t (n,) exactly, beginning with zero.
+    """Compute the states (2, n) of the modes at instants t (n,), s, which begin with zero.
 
-    The power (n,), in W, is linear between the instants.
+    The solution is exact for a power (n,), in W, that is linear between the instants.
     """
     step = np.diff(t)
     x = modes.rates[:, None] * step
@@ -115,10 +115,10 @@ def _running(factor: Array, gained: Array) -> Array:
 
 def _phi(x: Array) -> tuple[Array, Array]:
     """Return (eˣ − 1)/x and (eˣ − 1 − x)/x²."""
-    small = np.abs(x) < SMALL
-    safe = np.where(small, 1.0, x)
-    order_one = np.where(small, 1.0 + x / 2 + x * x / 6, np.expm1(safe) / safe)
-    order_two = np.where(small, 0.5 + x / 6 + x * x / 24, (np.expm1(safe) - safe) / safe**2)
+    is_small = np.abs(x) < SMALL
+    safe = np.where(is_small, 1.0, x)
+    order_one = np.where(is_small, 1.0 + x / 2 + x * x / 6, np.expm1(safe) / safe)
+    order_two = np.where(is_small, 0.5 + x / 6 + x * x / 24, (np.expm1(safe) - safe) / safe**2)
     return order_one, order_two
 
 
@@ -425,8 +425,10 @@ def _later(
     modes, power = _linearised(model, cycle, temperatures.winding)
     decay = modes.decay(cycle.period)[:, 0]
     initial = modes.states(np.array([start.winding, start.housing]) - model.ambient)
-    gained = follow(modes, cycle.t, power)[:, -1]
-    state = decay**stride * initial + gained * np.expm1(stride * np.log(decay)) / (decay - 1.0)
+    gained_states = follow(modes, cycle.t, power)[:, -1]
+    state = decay**stride * initial + gained_states * np.expm1(stride * np.log(decay)) / (
+        decay - 1.0
+    )
     winding, housing = model.ambient + modes.temperatures(state)
     return _Start(start.cycles + stride, float(winding), float(housing))
 

@@ -97,17 +97,19 @@ class Evaluation:
         components: dict[str, str] = {}
         fastest: Motions = {}
         if study.selected:
-            originals = dict(problems_of(study, design))
+            original_problems = dict(problems_of(study, design))
             undriven = {
                 name: _without_selected_motors(study, problem)
-                for name, problem in originals.items()
+                for name, problem in original_problems.items()
             }
             fastest = _plan_motions(undriven, {})
-            components = select_parts(study, originals, fastest, slowdown)
+            components = select_parts(study, original_problems, fastest, slowdown)
         problems = dict(problems_of(study, {**design, **components}))
-        reduced = {name: with_motor_margin(problem, margin) for name, problem in problems.items()}
+        reduced_problems = {
+            name: with_motor_margin(problem, margin) for name, problem in problems.items()
+        }
         try:
-            motions = _plan_motions(reduced, fastest)
+            motions = _plan_motions(reduced_problems, fastest)
         except Rejected as error:
             raise Rejected(error.stage, str(error), components) from error
         results = {
@@ -116,7 +118,7 @@ class Evaluation:
             **_geometry_figures(next(iter(problems.values()))),
         }
         if slowdown > 1 and not _keeps_margin(results, margin):
-            results |= _slower_figures(problems, reduced, fastest, slowdown, margin=margin)
+            results |= _slower_figures(problems, reduced_problems, fastest, slowdown, margin=margin)
         if not _keeps_margin(results, margin):
             reason = (
                 f"a motor margin of {100 * results['motor_margin']:.4g} %, required are "

@@ -275,8 +275,8 @@ class _Driver:
         waiting: list[Task] = []
         new: list[tuple[int, str, Design]] = []
         for number, (key, design) in enumerate(zip(keys, designs, strict=True), first_number):
-            earlier, state = self._earlier.get(key, (None, "waiting"))
-            if earlier != number:
+            known_number, state = self._earlier.get(key, (None, "waiting"))
+            if known_number != number:
                 new.append((number, key, design))
             if state == "waiting":
                 waiting.append((key, number, design))
@@ -323,7 +323,7 @@ class _Driver:
         The candidates of a batch that ended its worker are submitted again, one by one. Raises
         StudyError if the executor fails in another way.
         """
-        lost: BaseException | None = None
+        worker_error: BaseException | None = None
         for future in wait(self._pending, timeout=COMMIT_EVERY, return_when=FIRST_COMPLETED).done:
             batch = self._pending.pop(future)
             try:
@@ -331,7 +331,7 @@ class _Driver:
             except (CancelledError, Exception) as error:  # noqa: BLE001 of the executor
                 # Dask raises KilledWorker instead of WorkerDied.
                 if not isinstance(error, WorkerDied) and type(error).__name__ != "KilledWorker":
-                    lost = error
+                    worker_error = error
                 elif len(batch) > 1:
                     for task in batch:
                         self._submit([task])
@@ -343,13 +343,13 @@ class _Driver:
             self._batch_candidates = 0.8 * self._batch_candidates + len(batch)
             for (key, _, _), row in zip(batch, rows, strict=True):
                 self._record(key, row)
-        if lost is not None or time.monotonic() - self._last_write > COMMIT_EVERY:
+        if worker_error is not None or time.monotonic() - self._last_write > COMMIT_EVERY:
             self.flush()
-        if lost is not None:
-            reason = f"the workers are lost ({type(lost).__name__})"
+        if worker_error is not None:
+            reason = f"the workers are lost ({type(worker_error).__name__})"
             raise StudyError(
                 f"{reason}; the results are stored, and the same command continues the study"
-            ) from lost
+            ) from worker_error
 
     def _record(self, key: str, row: Candidate) -> None:
         """Add a result to those of the next write, and count its state."""

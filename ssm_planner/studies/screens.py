@@ -156,10 +156,10 @@ class Screens:
         return None
 
     def _alternatives(self) -> dict[str, dict[str, Joint | ProblemError]]:
-        """Build the joint with each entry of each choice of drives and motors.
+        """Build one joint for each drive or motor that the study can choose.
 
-        All other values are those of the first candidate. The result contains the joints, or the
-        error of an invalid entry, by path of the choice and name of the entry.
+        All other values are those of the first candidate. The result contains the joints by path of
+        the choice and name of the entry, or the error if an entry is invalid.
         """
         joints: dict[str, dict[str, Joint | ProblemError]] = {}
         for variable in self.study.vary:

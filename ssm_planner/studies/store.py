@@ -288,8 +288,8 @@ def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candid
     points.sort(key=lambda point: point[:2])
     front: list[tuple[list[float], Candidate]] = []
     for costs, _, row in points:
-        dominated = (all(map(operator.le, other, costs)) for other, _ in front)
-        if not any(dominated):
+        is_dominated = (all(map(operator.le, other, costs)) for other, _ in front)
+        if not any(is_dominated):
             front.append((costs, row))
     return tuple(row for _, row in front)
 

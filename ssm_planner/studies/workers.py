@@ -160,12 +160,14 @@ def _resolve(future: Future[Any], answer: bytes | None, died: int) -> None:
 def _start_worker() -> subprocess.Popen[bytes]:
     """Start a worker process with one thread for linear algebra."""
     # One thread for each worker is enough, because the workers share the processors.
-    quiet = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    single_thread = dict.fromkeys(
+        ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+    )
     return subprocess.Popen(
         python_command(_START),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        env={**os.environ, **quiet},
+        env={**os.environ, **single_thread},
         start_new_session=True,  # only the driver receives Ctrl-C
     )
 
