@@ -209,32 +209,73 @@ class _ElementInputs:
 @lru_cache(maxsize=64)
 def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs:
     """Return the inputs for rows at collocation points, between them, or at breakaway."""
-    data = _model_data(element)
+    breakaway = location == "breakaway"
     rows = element.row_places
-    if location == "breakaway":
+    if breakaway:
         rows = [row for row in element.all_rows if row[0] == MotorTorque.name]
-    slots = np.full(3 * len(data.actuation) + element.first_actuation, -1)
+    actuation, drives = _actuations(element, breakaway=breakaway)
+    slots = np.full(3 * len(actuation) + element.first_actuation, -1)
     slots[[index for *_, index in rows]] = np.arange(len(rows))
-    actuation = data.actuation.copy()
-    if location == "breakaway":
-        actuation[:, 2] -= actuation[:, 2] % len(LAWS)
-    values_by_name = {
+    cost, cost_drives = _costs(element if location == "collocation" else None)
+    values_by_name: dict[str, Any] = {
         "shares": PLACES[location],
         "weights": SIMPSON,
-        "moving": element.moving if isinstance(element, FreeElement) else [0],
+        "moving": [0],
+        "undriven": [joint.drive is None for joint in element.robot.joints],
         "slots": slots,
         "actuation": actuation,
-        "drives": data.drives[int(location == "breakaway")],
-        "cost": data.cost if element.aim != "time" and location == "collocation" else data.cost[:0],
-        **data.arrays,
+        "drives": drives,
+        "cost": cost,
+        "cost_drives": cost_drives,
     }
+    offset = 0.0
+    if isinstance(element, FreeElement):
+        values_by_name |= _free_values(element)
+        (offset,) = values_by_name["mechanism"][MECHANISM.slices["offset"]]
     arrays = {
         name: np.ascontiguousarray(values, dtype=int if name in _INTEGERS else float)
         for name, values in values_by_name.items()
     }
-    return _ElementInputs(
-        arrays, _addresses(arrays), len(rows), len(element.robot.loads), data.offset
-    )
+    loads = len(element.robot.loads)
+    return _ElementInputs(arrays, _addresses(arrays), len(rows), loads, offset)
+
+
+def _free_values(element: FreeElement) -> dict[str, Any]:
+    """Return the arrays of `_Context` that only free motions need."""
+    mechanism, eye = _posture_figures(element.mechanism, element.eye)
+    load = [load_figures(load.geometry, load.bodies, load.gravity) for load in element.robot.loads]
+    return {"moving": element.moving, "load": load, "mechanism": mechanism, "eye": eye}
+
+
+def _actuations(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array]:
+    """Return joint, load and law of every actuation, by load, (a, 3), and its drive (a, DRIVE).
+
+    At breakaway the law of a constant coefficient holds.
+    """
+    by_load = actuations_by_load(element.robot)
+    actuation = np.array([(i, load, _law(drive)) for i, _, load, drive, _ in by_load], dtype=int)
+    drives = np.array([_drive_figures(drive, breakaway=breakaway) for *_, drive, _ in by_load])
+    actuation = actuation.reshape(-1, 3)
+    if breakaway:
+        actuation[:, 2] -= actuation[:, 2] % len(LAWS)
+    return actuation, drives.reshape(-1, DRIVE.size)
+
+
+def _costs(element: ElementModel | None) -> tuple[Array, Array]:
+    """Return joint and law of every motor in the cost, (q, 2), and its drive (q, DRIVE).
+
+    With effort, the other joints are included. None: no cost.
+    """
+    if element is None or element.aim == "time":
+        return np.zeros((0, 2), dtype=int), np.zeros((0, DRIVE.size))
+    joints = element.robot.joints
+    laws = [(i, _law(drive)) for i, drive, _ in motorised(joints)]
+    drives = [_drive_figures(drive, motor.nominal_torque) for _, drive, motor in motorised(joints)]
+    if element.aim == "effort":
+        others = list(motorless(joints))
+        laws += [(i, 0) for i in others]
+        drives += [ACCELERATION] * len(others)
+    return np.array(laws, dtype=int).reshape(-1, 2), np.array(drives).reshape(-1, DRIVE.size)
 
 
 def _in_lanes(fits: Array) -> Array:
@@ -417,62 +458,6 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
 
 
 _INTEGERS = ("moving", "undriven", "slots", "actuation", "cost")
-
-
-@record
-class _ModelData:
-    """Data that are the same for all problems of an element model."""
-
-    actuation: Array
-    """Joint, load and law of every actuation, by load, (a, 3)."""
-    drives: tuple[Array, Array]
-    """Data of every drive in motion, and at breakaway, (a, DRIVE) each."""
-    cost: Array
-    """Joint and law of every motor in the cost, (q, 2). With effort, the other joints are included.
-    """
-    arrays: Arrays
-    """Arrays by their names in `_Context`."""
-    offset: float
-
-
-@lru_cache(maxsize=32)
-def _model_data(element: ElementModel) -> _ModelData:
-    """Return the data of an element model."""
-    robot = element.robot
-    by_load = actuations_by_load(robot)
-    costs = [
-        (i, _law(drive), _drive_figures(drive, motor.nominal_torque))
-        for i, drive, motor in motorised(robot.joints)
-    ]
-    if element.aim == "effort":
-        costs += [(i, 0, ACCELERATION) for i in motorless(robot.joints)]
-    arrays = {
-        "undriven": np.array([joint.drive is None for joint in robot.joints]),
-        "cost_drives": np.array([data for *_, data in costs]),
-    }
-    offset = 0.0
-    if isinstance(element, FreeElement):
-        offset = axes_frames((robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3))[
-            2
-        ]
-        arrays["load"] = np.array(
-            [load_figures(loaded.geometry, loaded.bodies, loaded.gravity) for loaded in robot.loads]
-        )
-        arrays["mechanism"], arrays["eye"] = _posture_figures(element.mechanism, element.eye)
-    return _ModelData(
-        np.array([(i, load, _law(drive)) for i, _, load, drive, _ in by_load], dtype=int).reshape(
-            -1, 3
-        ),
-        (
-            np.array([_drive_figures(drive) for *_, drive, _ in by_load]).reshape(-1, DRIVE.size),
-            np.array([_drive_figures(drive, breakaway=True) for *_, drive, _ in by_load]).reshape(
-                -1, DRIVE.size
-            ),
-        ),
-        np.array([(i, law) for i, law, _ in costs], dtype=int).reshape(-1, 2),
-        arrays,
-        offset,
-    )
 
 
 def _law(drive: Drive) -> int:

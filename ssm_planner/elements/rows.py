@@ -7,12 +7,9 @@ robot is constant in the expressions (`robot_key`).
 from __future__ import annotations
 
 import pickle
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
-from operator import is_
 from types import SimpleNamespace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -124,30 +121,15 @@ def robot_key(robot: Robot) -> bytes:
     These are geometry, bodies, gravity, drives and nominal torques. Limits are parameters. Equal
     keys mean equal content. Equal content may have different keys, which only costs time.
     """
-    drives = tuple(joint.drive for joint in robot.joints)
+    drives = [joint.drive for joint in robot.joints]
     nominal = [
         None if joint.motor is None else joint.motor.nominal_torque for joint in robot.joints
     ]
-    components = robot.geometry, *robot.bodies, *drives, robot.corners, robot.lightest
-    # Every robot copies its gravity, so it is compared by value.
-    numbers = nominal, robot.gravity.tobytes()
-    for entry in tuple(_latest_keys):
-        if entry[1] == numbers and all(map(is_, entry[0], components)):
-            return entry[2]
-    joints = list(zip(drives, nominal, strict=True))
-    corners = (
-        [load.bodies for load in robot.loads],
-        [robot.actuations(i) for i in range(4)] if robot.corners else None,
+    loads = [load.bodies for load in robot.loads]
+    actuations = [robot.actuations(i) for i in range(4)] if robot.corners else None
+    return pickle.dumps(
+        (robot.geometry, robot.bodies, robot.gravity, drives, nominal, loads, actuations)
     )
-    key = pickle.dumps((robot.geometry, robot.bodies, robot.gravity, joints, corners))
-    _latest_keys.appendleft((components, numbers, key))
-    return key
-
-
-_latest_keys: deque[tuple[tuple[Any, ...], tuple[list[float | None], bytes], bytes]] = deque(
-    maxlen=4
-)
-"""Latest robots: their parts, their nominal torques and gravity, and their keys."""
 
 
 def limits_jerk(robot: Robot) -> bool:

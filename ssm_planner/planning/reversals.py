@@ -21,7 +21,7 @@ from ssm_planner.planning.ocp.turning import LEAST_SEGMENT
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array
 
 MULTIPLIER = 1e-3
 """Sum of the multipliers of one joint over a stretch of time above which its direction is opened.
@@ -29,7 +29,7 @@ MULTIPLIER = 1e-3
 THRESHOLD = 0.2
 """Share of the largest sum above which stretches are opened together."""
 NEGLIGIBLE = 1e-3
-"""Share of the largest multiplier, or of a joint's largest velocity, that counts as 0."""
+"""Share of the largest multiplier that counts as 0."""
 
 
 def refine_directions(
@@ -70,27 +70,24 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     multipliers = motion.direction_multipliers
     if multipliers is None or multipliers.largest_sum <= MULTIPLIER:
         return None
-    guess = Trajectory(motion.breaks, motion.coefficients, ())
-    middles = (multipliers.instants[1:] + multipliers.instants[:-1]) / 2
-    speed = np.abs(guess.sample(middles).qd)
-    directions = _opened(multipliers, speed <= NEGLIGIBLE * speed.max(axis=0))
+    directions = _opened(multipliers)
     if np.array_equal(directions, multipliers.directions):
         return None
-    return _reversals(phase, multipliers, directions, guess)
+    return _reversals(phase, motion, multipliers, directions)
 
 
 def current_reversals(phase: Phase, motion: PhaseSolution) -> Borders:
     """Return the reversals of a motion, to solve it again on a mesh made for it."""
     multipliers = motion.direction_multipliers
     assert multipliers is not None
-    guess = Trajectory(motion.breaks, motion.coefficients, ())
-    return _reversals(phase, multipliers, multipliers.directions, guess)
+    return _reversals(phase, motion, multipliers, multipliers.directions)
 
 
 def _reversals(
-    phase: Phase, multipliers: DirectionMultipliers, directions: Array, guess: Trajectory
+    phase: Phase, motion: PhaseSolution, multipliers: DirectionMultipliers, directions: Array
 ) -> Borders:
-    """Return reversals with borders where `directions` (n, 4) change. The guess is a motion."""
+    """Return reversals with borders where `directions` (n, 4) change. The motion is the guess."""
+    guess = Trajectory(motion.breaks, motion.coefficients, ())
     instants = _borders(multipliers, directions)
     is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
     middles = np.searchsorted(multipliers.instants, (instants[1:] + instants[:-1]) / 2) - 1
@@ -100,19 +97,11 @@ def _reversals(
     return Borders(points, free, directions[middles], guess=(guess, instants))
 
 
-def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
-    """Return directions (n, 4), opened in the stretches whose multipliers exceed the tolerance.
-
-    `at_rest` (n, 4) is True where joints rest. A stretch is extended while its joint rests.
-    """
+def _opened(multipliers: DirectionMultipliers) -> Array:
+    """Return directions (n, 4), opened in the stretches whose multipliers exceed the tolerance."""
     directions = multipliers.directions.copy()
-    signs = np.sign(
-        np.where(
-            np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_sum,
-            multipliers.values,
-            0.0,
-        )
-    )
+    counts = np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_sum
+    signs = np.where(counts, np.sign(multipliers.values), 0.0)
     stretches = [
         (joint, start, stop, float(np.abs(values[start:stop]).sum()))
         for joint, values in enumerate(multipliers.values.T)
@@ -122,8 +111,7 @@ def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
     threshold = max(MULTIPLIER, THRESHOLD * largest)
     for joint, start, stop, size in stretches:
         if size >= threshold:
-            low, end = _extended(start, stop, at_rest[:, joint] & (signs[:, joint] == 0))
-            directions[low:end, joint] = signs[start, joint]
+            directions[start:stop, joint] = signs[start, joint]
     for joint in range(4):
         if not multipliers.directions[:, joint].any() and directions[:, joint].any():
             directions[:, joint] = _fill_zeros(signs[:, joint])
@@ -134,15 +122,6 @@ def _stretches(signs: Array) -> list[tuple[int, int]]:
     """Return first element and end of every run of equal nonzero signs (n,)."""
     edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     return [(start, end) for start, end in pairwise(edges) if signs[start]]
-
-
-def _extended(start: int, end: int, allowed: Mask) -> tuple[int, int]:
-    """Extend the elements from `start` to `end` by neighbours that are allowed, (n,)."""
-    while start > 0 and allowed[start - 1]:
-        start -= 1
-    while end < len(allowed) and allowed[end]:
-        end += 1
-    return start, end
 
 
 def _fill_zeros(directions: Array) -> Array:
