@@ -12,13 +12,12 @@ from dataclasses import dataclass, field, replace
 from itertools import count
 
 from ssm_planner.atomic import first_interruption
-from ssm_planner.kinematics import Mechanism
 from ssm_planner.pipeline.certified import Outcome
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.planning.candidates.candidate import CandidateEntry
 from ssm_planner.planning.candidates.other_joints import JointsPlanner, MissionMotion, OtherJoints
+from ssm_planner.planning.feasibility import eye_forbids_target, feasible_phases
 from ssm_planner.planning.phases import Phase, phases_from, start_configurations
-from ssm_planner.planning.prechecks import eye_forbids_target, feasible_phases
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import GAP
@@ -184,6 +183,5 @@ def targets(problem: Problem) -> list[tuple[int, int]]:
 
 def _phases(problem: Problem) -> tuple[Phase, ...]:
     """Return the planned phases, or those of the first start configuration."""
-    mechanism = Mechanism.from_robot(problem.robot)
-    phases, _ = feasible_phases(problem, mechanism)
-    return phases or phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
+    phases, _ = feasible_phases(problem)
+    return phases or phases_from(problem, start_configurations(problem)[0])

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any, Literal, get_args
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.planning.prechecks import eye_forbids_target
+from ssm_planner.planning.feasibility import eye_forbids_target
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.planning.work import Work

@@ -29,9 +29,9 @@ from ssm_planner.pipeline.mission import plan_mission
 from ssm_planner.pipeline.relaxation import changes_of_limits, find_relaxation
 from ssm_planner.pipeline.thermal import ThermalSearch, quickly
 from ssm_planner.planning.candidates.stop_first import stopping_point
-from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.motor_strength import exceeds_thermal_bound
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import PlannerResult, plan_motion
-from ssm_planner.planning.prechecks import exceeds_thermal_bound
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.planning.work import Work

@@ -25,7 +25,7 @@ from functools import partial
 import numpy as np
 
 from ssm_planner.pipeline.certified import Outcome, checked
-from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import joined, with_duration
 from ssm_planner.planning.tolerances import GAP, SAME
 from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked

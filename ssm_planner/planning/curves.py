@@ -15,12 +15,11 @@ from ssm_planner.kinematics import (
     Mechanism,
     inverse_tip,
     joints_of_task,
-    pose_from_task,
     task_from_joints,
     tip_position,
 )
 from ssm_planner.planning.retiming.paths import TipPath
-from ssm_planner.planning.scan_pattern import refuse_tilt, tips_over_retina
+from ssm_planner.planning.scan_pattern import refuse_tilt, tips_over_retina, tool_axis
 from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
 from ssm_planner.problem import TASK, Follow, Joints, Point, Problem, Task, Tip
 from ssm_planner.typing import Array, Mask, record
@@ -216,8 +215,7 @@ class CurveFollower:
 
     def _over_retina(self, task: Array) -> Array:
         """Return the tip (1, 3) at its distance from the retina, in the direction of `task`."""
-        # The tip at a depth of 1 m gives the direction.
-        axis = pose_from_task(self.mechanism, [[*task[:3], 1.0]])[1]
+        axis = tool_axis(self.mechanism, task)
         return tips_over_retina(self.problem, self.motion, axis, self.motion.distance or 0.0)
 
 

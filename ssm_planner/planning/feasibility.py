@@ -1,7 +1,8 @@
-"""Reasons that geometry alone gives: ranges, the eye, velocities, and distances to stop.
+"""Phases that geometry allows, and reasons that it gives before any solver runs.
 
-`infeasible_place` checks straight paths and the points of other motions, and `with_boundary_rates`
-the velocities at both ends of a motion.
+The reasons are ranges, the eye, velocities, and distances to stop. `infeasible_place` checks
+straight paths and the points of other motions, and `with_boundary_rates` the velocities at both
+ends of a motion.
 """
 
 from __future__ import annotations
@@ -22,7 +23,13 @@ from ssm_planner.kinematics import (
     task_rates,
     tip_position,
 )
-from ssm_planner.planning.phases import Phase, reversal_ranges, straight_path
+from ssm_planner.planning.phases import (
+    Phase,
+    phases_from,
+    reversal_ranges,
+    start_configurations,
+    straight_path,
+)
 from ssm_planner.planning.reason import Reason, exceeded
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import PolylinePath
@@ -32,12 +39,17 @@ from ssm_planner.problem import (
     JointAcceleration,
     JointPosition,
     JointVelocity,
+    LensClearance,
     Limit,
+    Problem,
     RetinaClearance,
     TaskRange,
     in_words,
 )
 from ssm_planner.typing import Array, record
+
+RATES = ("start_rate", "end_rate")
+"""Keys of the velocities at both ends of a problem."""
 
 
 @record
@@ -88,6 +100,43 @@ def _excess(
     """
     k, worst = _worst(limit, values)
     return exceeded(limit, worst, places.location(k), words, tolerance)
+
+
+def feasible_phases(
+    problem: Problem,
+) -> tuple[tuple[Phase, ...], Reason | None]:
+    """Return the phases of a problem, or the reason why no start configuration allows them.
+
+    Start configurations are tried in order, from the home branch and the one nearest to q = 0. The
+    first one is taken whose joints stay in range on all phases. The phases contain the rates at
+    both ends.
+
+    Raises
+    ------
+    ProblemError
+        If a point is out of reach, or if no motion goes anywhere.
+    """
+    reasons = []
+    for q in start_configurations(problem):
+        phases = phases_from(problem, q)
+        reason = infeasible_place(phases)
+        if reason is None:
+            return with_boundary_rates(phases)
+        reasons.append(reason)
+        if isinstance(reason.limit, (RetinaClearance, LensClearance)):
+            # All joint solutions bring the tip to the same place, so other start configurations
+            # do not help.
+            break
+    return (), reasons[0]
+
+
+def eye_forbids_target(problem: Problem) -> bool:
+    """Return True if the eye forbids a place that the problem gives.
+
+    Other joints cannot change that.
+    """
+    _, reason = feasible_phases(problem)
+    return reason is not None and isinstance(reason.limit, (RetinaClearance, LensClearance))
 
 
 def infeasible_place(phases: Sequence[Phase]) -> Reason | None:
@@ -248,7 +297,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
 
     Raises ProblemError for rates that do not point along the path of the phase.
     """
-    key = ("start_rate", "end_rate")[side]
+    key = RATES[side]
     problem, mechanism = phase.problem, phase.mechanism
     rate = np.array([getattr(problem, key).get(name, 0.0) for name in TASK])
     if not rate.any():
@@ -277,7 +326,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
 def _too_fast(phase: Phase, side: int) -> Iterator[Reason | None]:
     """Yield the limits that velocities at an end exceed: velocities, and the distance to stop."""
     qd = (phase.qd_start, phase.qd_end)[side]
-    location = f"{phase.motion.name}, {('start', 'end')[side]} rate"
+    location = f"{phase.motion.name}, {RATES[side].replace('_', ' ')}"
     for joint, speed in zip(phase.problem.robot.joints, np.abs(qd).tolist(), strict=True):
         words = f"joint {joint.name} would move at {{value}}, but its limit is {{bound}}"
         limit = joint.limit(JointVelocity)

@@ -94,9 +94,8 @@ def _time_alone(
     steps = steps[np.abs(steps) > ROUNDING]
     reversals = np.flatnonzero(steps[1:] * steps[:-1] < 0) + 1
     runs = np.add.reduceat(steps, np.append(0, reversals)) if len(steps) else np.zeros(1)
-    if not speeds.any():
-        jerk = jerk if len(runs) == 1 else math.inf
-        return float(rest_times(np.abs(runs), velocity, acceleration, jerk).sum())
+    if len(runs) == 1 and not speeds.any():
+        return float(rest_times(np.abs(runs), velocity, acceleration, jerk)[0])
     starts, ends = np.zeros((2, len(runs)))
     starts[0], ends[-1] = speeds
     if len(runs) > 1:
@@ -145,13 +144,10 @@ def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
     sine = min(abs(math.sin(low)), abs(math.sin(high)))
     radius = math.sin(mechanism.alpha if name == "spin" else mechanism.beta)
     slope, curvature = (1.0, 1.0) if name == "tilt" else (1 / sine, 2 / sine)
-    contribution = (
-        radius * slope * second.acceleration
-        + (radius + curvature * radius**2) / sine * second.velocity**2
-    )
-    return (
-        contribution + {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]
-    )
+    along = radius * slope * second.acceleration
+    across = (radius + curvature * radius**2) / sine * second.velocity**2
+    own = {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]
+    return along + across + own
 
 
 def minimum_times(

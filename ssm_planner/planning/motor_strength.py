@@ -22,13 +22,13 @@ from ssm_planner.dynamics import (
     motor_torque_rows,
     motorised,
 )
-from ssm_planner.planning.feasibility import blocked_by_eye
+from ssm_planner.planning.feasibility import blocked_by_eye, feasible_phases
 from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason, exceeded
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples, joint_starts
 from ssm_planner.planning.tolerances import ROUNDING, SAMPLES
-from ssm_planner.problem import ContinuousTorque, Drive, MotorTorque, Robot
+from ssm_planner.problem import ContinuousTorque, Drive, MotorTorque, Problem, Robot
 from ssm_planner.typing import Array, record
 
 
@@ -180,6 +180,15 @@ def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
         "would run at an RMS torque of at least {value}, however slowly it moves, because of "
         "friction and load alone; its continuous torque is {bound}",
     )
+
+
+def exceeds_thermal_bound(problem: Problem) -> Reason | None:
+    """Return the motor whose continuous torque every motion exceeds, however slow it is.
+
+    None if that is not certain without planning.
+    """
+    phases, reason = feasible_phases(problem)
+    return None if reason is not None else motor_too_hot(phases)
 
 
 @record

@@ -7,7 +7,7 @@ alone.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Any
 
@@ -20,20 +20,43 @@ from ssm_planner.planning.ocp.free import ELEMENTS, find_best_free, solve_free
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.straight import solve_straight
-from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
+from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.postprocess import BETWEEN, retimed, slowed_to_stop
 from ssm_planner.planning.reason import Reason, duration_too_short, not_constant
 from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import retime, stays_at
 from ssm_planner.planning.tolerances import GAP, SAME
-from ssm_planner.problem import Follow, TipSpeed, unchecked
+from ssm_planner.planning.work import Work
+from ssm_planner.problem import Follow, Problem, Robot, TipSpeed, unchecked
+from ssm_planner.typing import Array, record
 
 METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipopt": "Ipopt"}
 """Solution methods by the name of the planner."""
 
 
-class PhasePlanner(PhaseTask):
-    """The solvers for one phase of a problem."""
+@record
+class PhasePlanner:
+    """Requirements on the motion of a phase, and the solvers for it."""
+
+    strict: Robot
+    """The robot with the limits that the motion must keep.
+
+    They may be tighter than those of the problem.
+    """
+    phase: Phase
+    cooling: Array | None = None
+    """Weights (4,) of the motors' heat relative to time. None: heat does not count."""
+    approximate: bool = False
+    """True if an estimate of the duration by the structured solver in few rounds suffices."""
+    may_reverse: bool = True
+    """True if joints may reverse where they need not."""
+    work: Work = field(default_factory=Work)
+
+    @property
+    def problem(self) -> Problem:
+        """Problem of the phase."""
+        return self.phase.problem
 
     def with_problem(self, **changes: Any) -> PhasePlanner:
         """Return a copy with changes of the problem."""
@@ -42,15 +65,13 @@ class PhasePlanner(PhaseTask):
 
     @property
     def for_time(self) -> PhasePlanner:
-        """Copy that looks for the fastest motion, without objective and requested duration."""
-        untimed = replace(self.phase, motion=unchecked(self.phase.motion, duration=None))
-        return replace(self, phase=untimed).with_problem(objective="time")
+        """Copy that looks for the fastest motion, without a requested duration.
 
-    @property
-    def unconfirmed(self) -> PhasePlanner:
-        """Copy that does without Ipopt's confirmation."""
-        optimal = self.problem.planner == "optimal"
-        return self.with_problem(planner="fast") if optimal else self
+        Ipopt does not confirm it.
+        """
+        untimed = replace(self.phase, motion=unchecked(self.phase.motion, duration=None))
+        planner = "fast" if self.problem.planner == "optimal" else self.problem.planner
+        return replace(self, phase=untimed).with_problem(objective="time", planner=planner)
 
     def along_path(self, path: JointPath) -> PlannedPhase | Reason:
         """Return the motion along a path, by optimal control or timed by TOPP-RA alone."""
@@ -62,7 +83,7 @@ class PhasePlanner(PhaseTask):
         rated = bool(self.problem.rates) and self._may_be_retimed(path)
         samples = isinstance(path, SplinePath) and not path.pieces
         if self.problem.planner == "toppra" or samples or rated:
-            return retimed(self, path)
+            return retimed(self.phase, self.strict, path)
         return self._optimal(path)
 
     def free(
@@ -111,13 +132,13 @@ class PhasePlanner(PhaseTask):
         fewer = ELEMENTS if count is None and len(phase.points) == 2 else None
         by_ipopt = borders is None or borders.guess is None
         motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
-        return self.phase_result(self._direct, slowed_to_stop(self, motion))
+        return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
         """Return the motion for the objective from a free motion with `fastest_only`."""
         duration = self.phase.motion.duration
         motion = find_best_free(fastest.motion, self.problem.objective, duration, cutoff)
-        return self.phase_result(self._direct, slowed_to_stop(self, motion))
+        return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
 
     @property
     def _direct(self) -> JointPath:
@@ -180,7 +201,7 @@ class PhasePlanner(PhaseTask):
             return retiming.solved and stays_at(retiming, path, limit_speed)
 
         if is_feasible(speed):
-            return retimed(with_tip_speed(speed), path)
+            return retimed(with_tip_speed(speed).phase, self.strict, path)
         slow, fast = 0.0, speed
         while fast - slow > GAP * speed:
             middle = (slow + fast) / 2
@@ -209,7 +230,7 @@ class PhasePlanner(PhaseTask):
         )
         result = self.phase_result(path, self._solved(solve))
         if isinstance(result, Reason) and self._may_be_retimed(path):
-            return retimed(self, path)
+            return retimed(self.phase, self.strict, path)
         return result
 
     def _may_be_retimed(self, path: JointPath) -> bool:

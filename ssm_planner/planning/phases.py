@@ -140,7 +140,7 @@ def task_at_end(mechanism: Mechanism, points: Array, start: Array) -> Array:
     return task
 
 
-def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
+def start_configurations(problem: Problem) -> list[Array]:
     """Return the start configurations (4,) to try.
 
     These are the given joints, or every closed-form solution with its whole turns, the home branch
@@ -150,6 +150,7 @@ def start_configurations(problem: Problem, mechanism: Mechanism) -> list[Array]:
     if isinstance(target, Joints):
         return [np.array(target.values)]
     with within("start"):
+        mechanism = Mechanism.from_robot(problem.robot)
         solutions = _solutions(problem, mechanism, target, np.zeros(4), None)
     reaching = np.flatnonzero(solutions.reaches[0])
     order = sorted(reaching, key=lambda k: bool(solutions.branch[0, k] != mechanism.home_branch))
@@ -170,7 +171,7 @@ def _with_turns(q: Array) -> list[Array]:
     return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
 
 
-def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase, ...]:
+def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
     """Return the phases that follow each other from a start configuration q (4,).
 
     Task coordinates are continuous from phase to phase.
@@ -180,6 +181,7 @@ def phases_from(problem: Problem, mechanism: Mechanism, q: Array) -> tuple[Phase
     ProblemError
         If a point is out of reach, or if no motion goes anywhere.
     """
+    mechanism = Mechanism.from_robot(problem.robot)
     phases: list[Phase] = []
     reference = None
     if isinstance(problem.start, Task):

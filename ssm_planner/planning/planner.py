@@ -7,16 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.kinematics import Mechanism
 from ssm_planner.planning.candidates.candidate import CandidateEntry, PhaseEvaluation
 from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
+from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.motor_strength import motor_too_hot, motor_too_weak_to_brake
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
-from ssm_planner.planning.phase_task import PlannedPhase
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.prechecks import feasible_phases
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason, duration_too_short, durations_disagree
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
@@ -88,23 +87,29 @@ def plan_motion(
     problem = unchecked(problem, robot=robot)
     strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
     may_reverse = may_reverse and problem.stop_travel is None
-    phases, reason = feasible_phases(problem, Mechanism.from_robot(robot))
     work = work or Work()
 
     def planner(phase: Phase) -> PhasePlanner:
         return PhasePlanner(strict, phase, cooling, may_reverse=may_reverse, work=work)
 
+    phases, reason = feasible_phases(problem)
     if reason is None and not may_overheat:
         reason = motor_too_hot(phases)
     if reason is None and problem.duration is not None:
         phases, reason = _with_durations(phases, problem.duration, planner, progress)
     if reason is not None:
         return PlannerResult("infeasible", None, (), reason)
+    return _planned(list(map(planner, phases)), progress)
+
+
+def _planned(planners: list[PhasePlanner], progress: Progress) -> PlannerResult:
+    """Return the motions of all phases, one after the other."""
     solutions: list[PlannedPhase] = []
     entries = []
-    for k, phase in enumerate(phases):
-        progress(Step(phase.motion.name, k, len(phases) if len(phases) > 1 else 0))
-        solution, evaluations = plan_phase(planner(phase))
+    for k, planner in enumerate(planners):
+        count = len(planners) if len(planners) > 1 else 0
+        progress(Step(planner.phase.motion.name, k, count))
+        solution, evaluations = plan_phase(planner)
         entries.append(tuple(item.to_dict(solution) for item in evaluations))
         if isinstance(solution, Reason):
             status = "not converged" if solution.limit is None else "infeasible"
@@ -127,10 +132,7 @@ def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[Phase
 def joined(phases: Sequence[PlannedPhase]) -> Trajectory:
     """Return the trajectory in which the phases follow each other."""
     return join(
-        [
-            (phase.phase.motion.name, phase.motion.breaks, phase.motion.coefficients)
-            for phase in phases
-        ]
+        [(item.phase.motion.name, item.motion.breaks, item.motion.coefficients) for item in phases]
     )
 
 
@@ -142,7 +144,7 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
     seconds, or if none is found.
     """
     of_time = unchecked(problem, objective="time")
-    phases, reason = feasible_phases(of_time, Mechanism.from_robot(problem.robot))
+    phases, reason = feasible_phases(of_time)
     if reason is not None:
         return np.inf
     if problem.duration is not None:
@@ -171,43 +173,27 @@ def _with_durations(
     Phases with a duration of their own keep it. The others are slowed down in proportion to their
     fastest motions.
     """
-    planners = [planner(phase).for_time for phase in phases]
-    if sum(phase.least_duration for phase in phases) > duration * (1 + SAME):
-        # The duration is too short. Only the amount is needed for the message, so Ipopt need not
-        # confirm it.
-        planners = [solver.unconfirmed for solver in planners]
-    durations = _fastest_durations(phases, planners, progress)
-    if isinstance(durations, Reason):
-        return phases, durations
-    total_given = sum(phase.motion.duration or 0.0 for phase in phases)
-    free, needed = duration - total_given, sum(durations)
+    given = sum(phase.motion.duration or 0.0 for phase in phases)
+    fastest = []
+    for phase in phases:
+        progress(Step(f"{phase.motion.name}, fastest"))
+        result: PlannedPhase | Reason | None = None
+        if phase.motion.duration is None:
+            result, _ = plan_phase(planner(phase).for_time)
+        if isinstance(result, Reason):
+            return phases, result
+        fastest.append(0.0 if result is None else result.duration)
+    free, needed = duration - given, sum(fastest)
     if needed == 0.0:
         agrees = abs(free) <= SAME * duration
-        return phases, None if agrees else durations_disagree(duration, total_given)
+        return phases, None if agrees else durations_disagree(duration, given)
     if free < needed:
-        return phases, duration_too_short("the whole motion", duration, total_given + needed)
+        return phases, duration_too_short("the whole motion", duration, given + needed)
     timed = (
         replace(phase, motion=with_duration(phase.motion, minimum * free / needed))
-        for phase, minimum in zip(phases, durations, strict=True)
+        for phase, minimum in zip(phases, fastest, strict=True)
     )
     return tuple(timed), None
-
-
-def _fastest_durations(
-    phases: Sequence[Phase], planners: Sequence[PhasePlanner], progress: Progress
-) -> list[float] | Reason:
-    """Return the durations of the fastest motions, s, and 0 for phases whose duration is given."""
-    durations = []
-    for phase, planner in zip(phases, planners, strict=True):
-        progress(Step(f"{phase.motion.name}, fastest"))
-        if phase.motion.duration is not None:
-            durations.append(0.0)
-            continue
-        result, _ = plan_phase(planner)
-        if isinstance(result, Reason):
-            return result
-        durations.append(result.duration)
-    return durations
 
 
 def with_duration(motion: Motion, duration: float) -> Motion:

@@ -10,11 +10,13 @@ from ssm_planner.elements.rows import with_margin
 from ssm_planner.planning.motor_strength import no_motion
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.ocp.straight import retimed_pieces
-from ssm_planner.planning.phase_task import PhaseTask, PlannedPhase
+from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.retime import motion_along, retime, retime_motion
+from ssm_planner.problem import Robot
 from ssm_planner.trajectory import Trajectory
 
 TOPPRA = "TOPP-RA"
@@ -24,11 +26,14 @@ BETWEEN = 2e-5
 """
 
 
-def retimed(task: PhaseTask, path: JointPath) -> PlannedPhase | Reason:
-    """Return a motion along a path that TOPP-RA alone has timed."""
-    phase, robot = task.phase, with_margin(task.strict, BETWEEN)
+def retimed(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase | Reason:
+    """Return a motion along a path that TOPP-RA alone has timed.
+
+    `strict` is the robot with the limits that the motion must keep.
+    """
+    robot = with_margin(strict, BETWEEN)
     speeds = phase.speeds_along(path)
-    retiming = retime(path, robot, path.intervals, task.problem.task_limits, speeds)
+    retiming = retime(path, robot, path.intervals, phase.problem.task_limits, speeds)
     if not retiming.solved:
         return no_motion(phase, path, retiming.message)
     pieces = retimed_pieces(path, retiming, speeds[1])
@@ -36,42 +41,37 @@ def retimed(task: PhaseTask, path: JointPath) -> PlannedPhase | Reason:
     return PlannedPhase(phase, motion, phase.lower_bound)
 
 
-def slowed_to_stop(task: PhaseTask, motion: PhaseSolution) -> PhaseSolution:
+def slowed_to_stop(phase: Phase, strict: Robot, motion: PhaseSolution) -> PhaseSolution:
     """Return a free motion from which the tip can always stop within the allowed distance.
 
     If the tip would travel too far, TOPP-RA times the same path again with a bound on the braking
     distance (`retiming.constraints.braking_travel`).
     """
-    limit = task.problem.stop_travel
+    limit, mechanism = phase.problem.stop_travel, phase.mechanism
     if limit is None or not motion.solved:
         return motion
     trajectory = Trajectory(motion.breaks, motion.coefficients, ())
     knots = motion.border_instants / trajectory.duration
-    path = MotionPath(task.phase.mechanism, trajectory, knots, motion.directions)
+    path = MotionPath(mechanism, trajectory, knots, motion.directions)
     samples = path.trajectory.sample(np.linspace(0.0, motion.duration, FEW))
-    travel = braking_travel(task.phase.mechanism, task.problem.robot, samples.q, samples.qd)
-    return motion if travel.max() <= limit.largest else _with_toppra_timing(task, motion, path)
-
-
-def _with_toppra_timing(task: PhaseTask, motion: PhaseSolution, path: MotionPath) -> PhaseSolution:
-    """Return a motion with TOPP-RA's timing of its path."""
+    travel = braking_travel(mechanism, phase.problem.robot, samples.q, samples.qd)
+    if travel.max() <= limit.largest:
+        return motion
     # At rest, both ends stay at rest for every ṡ. The motion's own ṡ would leave no margin
     # to the limits.
-    speed_ratio = 1.0 if task.phase.qd_start.any() else 1 - 2 * BETWEEN
-    robot = with_margin(task.strict, BETWEEN)
-    retiming = retime_motion(path, robot, task.problem.task_limits, speed_ratio=speed_ratio)
+    speed_ratio = 1.0 if phase.qd_start.any() else 1 - 2 * BETWEEN
+    robot = with_margin(strict, BETWEEN)
+    retiming = retime_motion(path, robot, phase.problem.task_limits, speed_ratio=speed_ratio)
     if not retiming.solved:
         return replace(motion, status=retiming.status, message=retiming.message)
     trajectory = motion_along(path, retiming)
-    duration = task.phase.motion.duration
+    duration = phase.motion.duration
     if duration is not None:
         trajectory = trajectory.slower(min(trajectory.duration / duration, 1.0))
-    border_instants = (
-        np.interp(path.knots, retiming.s, retiming.times) * trajectory.duration / retiming.duration
-    )
+    instants = np.interp(path.knots, retiming.s, retiming.times)
     return replace(
         motion,
         breaks=trajectory.breaks,
         coefficients=trajectory.coefficients,
-        border_instants=border_instants,
+        border_instants=instants * trajectory.duration / retiming.duration,
     )

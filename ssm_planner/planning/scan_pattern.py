@@ -34,19 +34,20 @@ def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> l
     """
     eye, task = problem.eye, _middle(problem, mechanism, scan)
     assert eye is not None  # A Problem with a scan has an eye.
-    axis, side = _axis(mechanism, task)
+    (axis,) = tool_axis(mechanism, task)
+    # Rows run in the direction in which roll turns the tool.
+    side = np.cross(mechanism.omega1, axis)
     planes = (spots_on_retina(eye, axis, side, plane) for plane in pattern(scan))
     runs = [tips_over_retina(problem, scan, spots, scan.distance) for spots in planes]
-    names = [scan.name] if len(runs) == 1 else [f"{scan.name} {k}" for k in range(1, len(runs) + 1)]
+    spin = float(task[2])
     if scan.order == "fastest":
         tips = np.concatenate(runs)
-        runs = [tips[_soonest(problem, mechanism, tips, float(task[2]), q)]]
-        names = [scan.name]
+        runs = [tips[_soonest(problem, mechanism, tips, spin, q)]]
     result: list[Motion] = []
-    for name, tips in zip(names, runs, strict=True):
-        result += _visits(
-            scan, name, [Tip((x, y, z), float(task[2]), scan.line) for x, y, z in tips.tolist()]
-        )
+    for k, tips in enumerate(runs, 1):
+        name = scan.name if len(runs) == 1 else f"{scan.name} {k}"
+        spots = [Tip((x, y, z), spin, scan.line) for x, y, z in tips.tolist()]
+        result += _visits(scan, name, spots)
     return result
 
 
@@ -171,11 +172,10 @@ def _visits(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
     return result
 
 
-def _axis(mechanism: Mechanism, task: Array) -> tuple[Array, Array]:
-    """Return the tool's direction (3,), and the direction in which roll turns it (3,)."""
+def tool_axis(mechanism: Mechanism, task: Array) -> Array:
+    """Return the tool's direction (1, 3) at task coordinates (4,)."""
     # The tip at a depth of 1 m gives the direction.
-    (axis,) = pose_from_task(mechanism, [[*task[:3], 1.0]])[1]
-    return axis, np.cross(mechanism.omega1, axis)
+    return pose_from_task(mechanism, [[*task[:3], 1.0]])[1]
 
 
 def _soonest(problem: Problem, mechanism: Mechanism, tips: Array, spin: float, q: Array) -> Indices:

@@ -20,8 +20,8 @@ from ssm_planner.kinematics.forward import forward_symbolic
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.phases import reversal_ranges
-from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
@@ -94,7 +94,7 @@ def rows_of(problem: Problem, mechanism: Mechanism) -> ca.Function:
 def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
     """The shortest motion that Ipopt finds from so many starts, s."""
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    phase = feasible_phases(problem, mechanism)[0][0]
+    phase = feasible_phases(problem)[0][0]
     first, last = phase.points
     room = reversal_ranges(problem, mechanism, phase.points)
     velocity, acceleration = np.array(

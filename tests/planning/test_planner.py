@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.lower_bound import rest_to_rest
-from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TipSpeed
 from ssm_planner.problem.motion import Free, Straight, Task
@@ -77,7 +76,7 @@ def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
     start = Task(**{"roll": np.radians(30), "tilt": np.radians(-86), "spin": 0.0, "depth": 0.0})
     problem = dataclasses.replace(problem, start=start)
     result = plan(problem)
-    phases, _ = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
+    phases, _ = feasible_phases(problem)
     assert phases[0].path is not None
     assert len(phases[0].path.directions[0]) > 2
     assert result.passed

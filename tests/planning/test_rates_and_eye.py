@@ -13,8 +13,8 @@ from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.ocp.free import solve_free
-from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import (
@@ -196,7 +196,7 @@ def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
     """Twice as many elements gain less than 0.2 %."""
     problem = moving(laser_scan, "free", SWING, FAR, eye=in_the_way(laser_scan))
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    points = feasible_phases(problem, mechanism)[0][0].points
+    points = feasible_phases(problem)[0][0].points
     coarse, fine = (solve_free(problem, mechanism, points, count=n) for n in (40, 80))
     assert coarse.solved
     assert fine.solved
@@ -213,7 +213,7 @@ def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(
         with_insertion_motor(laser_scan, strength), "free", SWING, FAR, eye=in_the_way(laser_scan)
     )
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    points = feasible_phases(problem, mechanism)[0][0].points
+    points = feasible_phases(problem)[0][0].points
     durations = [solve_free(problem, mechanism, points, count=n).duration for n in (40, 57, 80)]
     assert max(durations) / min(durations) - 1 < 2e-3
 

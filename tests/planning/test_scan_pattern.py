@@ -15,8 +15,8 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
+from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.planning.scan_pattern import shortest_order
 from ssm_planner.plans import Plan
 from ssm_planner.problem.motion import Scan, Task
@@ -40,9 +40,7 @@ def scanning(laser_scan: Problem, scan: Scan, **changes: Any) -> Plan:
 
 def phases(result: Plan) -> tuple[Phase, ...]:
     """The phases of a plan with the points that they pass."""
-    return feasible_phases(result.problem, Mechanism.from_geometry(result.problem.robot.geometry))[
-        0
-    ]
+    return feasible_phases(result.problem)[0]
 
 
 def spots(result: Plan) -> list[Array]:

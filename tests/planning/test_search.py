@@ -15,7 +15,7 @@ from ssm_planner.planning.candidates import listed
 from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phase_planner import PhasePlanner
-from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import GAP
 from ssm_planner.problem.motion import Free, Task

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Generic, Protocol, TypeVar
 
 from ssm_planner.planning.phase_planner import PhasePlanner
-from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.typing import record
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
 from ssm_planner.planning.phase_planner import PhasePlanner
-from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.typing import record
 

@@ -15,12 +15,12 @@ from typing import ClassVar
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics import Mechanism, task_from_joints
+from ssm_planner.kinematics import task_from_joints
 from ssm_planner.planning.candidates.candidate import Candidate, Evaluation
-from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.phases import Phase, other_ends
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import estimated_duration
-from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
 from ssm_planner.planning.work import Work
@@ -56,11 +56,6 @@ class JointsPlanner:
     report: Callable[[], None]
     """Called before every candidate."""
 
-    @cached_property
-    def mechanism(self) -> Mechanism:
-        """Mechanism of the robot."""
-        return Mechanism.from_robot(self.problem.robot)
-
     @property
     def motion(self) -> Free:
         """The free motion to the target."""
@@ -82,19 +77,6 @@ class JointsPlanner:
     def spin_free(self) -> bool:
         """True if the target leaves the spin open."""
         return self.motion.spin_free and self.target[1] == len(self.motion.through)
-
-    def phases_with(self, q: Array) -> tuple[tuple[Motion, ...], tuple[Phase, ...]]:
-        """Return the motions with joints q (4,) at the target, and their phases.
-
-        There are no phases if the problem is then infeasible.
-        """
-
-        start = Joints.from_array(self.phases[0].q_start)
-        problem = _with_target(unchecked(self.problem, start=start), *self.target, q)
-        try:
-            return problem.motion, feasible_phases(problem, self.mechanism)[0]
-        except ProblemError:  # A straight motion cannot begin at these joints.
-            return problem.motion, ()
 
     def known_duration(self, phase: Phase) -> float:
         """Return the duration of a phase if the best motion contains it, else its bound, s."""
@@ -126,7 +108,7 @@ class JointsPlanner:
         phase, problem = self.phase, self.problem
         low, high = problem.robot.joints[2].position
         start, speed = phase.q_start[2], phase.qd_start[2]
-        spin = task_from_joints(self.mechanism, q[None], near=phase.start)[0, 2]
+        spin = task_from_joints(self.phase.mechanism, q[None], near=phase.start)[0, 2]
         ends = problem.ranges.get("spin", (-np.inf, np.inf))
         if ends[1] - ends[0] < 2 * np.pi:
             low = max(low, q[2] + ends[0] - spin)
@@ -136,7 +118,7 @@ class JointsPlanner:
         values = np.clip([q[2], start, stop, *turn], low, high)
         configurations = np.tile(q, (len(values), 1))
         configurations[:, 2] = values
-        tasks = task_from_joints(self.mechanism, configurations, near=phase.start)
+        tasks = task_from_joints(self.phase.mechanism, configurations, near=phase.start)
         bounds = [
             replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task).lower_bound
             for joints, task in zip(configurations, tasks, strict=True)
@@ -159,9 +141,8 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     """The joints (4,)."""
     least: float
     """Lower bound of the duration, s."""
-    steps: tuple[float, ...] | None = None
-    """Distances of neighbouring spins that are worth a trial, rad. None: not sought by its spin."""
-
+    spun: bool = False
+    """True if only the spin differs from joints that were tried before."""
     kind: ClassVar[str] = "other joints"
 
     @property
@@ -174,22 +155,20 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         cls, planner: JointsPlanner, latest: Evaluation[JointsPlanner, MissionMotion] | None
     ) -> Iterator[OtherJoints]:
         """Yield other branches and whole turns first, and spins beside every motion."""
-        if latest is None:
-            options = [option for q in planner.joints() for option in cls._allowed(planner, q)]
-            options.sort(key=lambda option: option.bound)
-            if planner.best is not None:
-                yield from options
-                if planner.spin_free:
-                    yield from cls._spun(planner, planner.phase.points[-1], planner.best)
-            else:
-                yield from cls._rescues(planner, options)
-        elif planner.spin_free and isinstance(latest.result, MissionMotion):
-            solved = latest.candidate
-            assert isinstance(solved, OtherJoints)
-            if solved.steps is None:
-                yield from cls._spun(planner, solved.q, latest.result)
-            elif solved.steps:
-                yield from cls._neighbours(planner, solved.q, solved.steps)
+        if latest is not None:
+            if planner.spin_free and isinstance(latest.result, MissionMotion):
+                assert isinstance(latest.candidate, OtherJoints)
+                if not latest.candidate.spun:
+                    yield from cls._spun(planner, latest.candidate.q, latest.result)
+            return
+        options = [option for q in planner.joints() for option in cls._allowed(planner, q)]
+        options.sort(key=lambda option: option.bound)
+        if planner.best is None:
+            yield from cls._rescues(planner, options)
+            return
+        yield from options
+        if planner.spin_free:
+            yield from cls._spun(planner, planner.phase.points[-1], planner.best)
 
     @classmethod
     def _rescues(cls, planner: JointsPlanner, options: list[OtherJoints]) -> list[OtherJoints]:
@@ -206,25 +185,30 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
 
     @classmethod
     def _allowed(
-        cls, planner: JointsPlanner, q: Array, steps: tuple[float, ...] | None = None
+        cls, planner: JointsPlanner, q: Array, *, spun: bool = False
     ) -> Iterator[OtherJoints]:
         """Yield the candidate with joints q (4,) if it is feasible and may be shorter.
 
         Phases that are already planned count with their duration.
         """
-        motion, phases = planner.phases_with(q)
-        problem = unchecked(planner.problem, motion=motion)
+        start = Joints.from_array(planner.phases[0].q_start)
+        problem = _with_target(unchecked(planner.problem, start=start), *planner.target, q)
+        try:
+            phases, _ = feasible_phases(problem)
+        except ProblemError:  # A straight motion cannot begin at these joints.
+            return
         requested = problem.duration or 0.0
         bound = max(sum(map(planner.known_duration, phases)), requested)
         in_time = not requested or bound <= requested * (1 + SAME)
         if phases and in_time and bound < planner.cutoff:
-            yield cls(planner, problem, q, bound, steps)
+            problem = unchecked(planner.problem, motion=problem.motion)
+            yield cls(planner, problem, q, bound, spun)
 
     @classmethod
     def _spun(
         cls, planner: JointsPlanner, q: Array, motion: MissionMotion
     ) -> Iterator[OtherJoints]:
-        """Yield spins between which the motion to joints q (4,) may become faster.
+        """Yield three spins between those at which the motion to joints q (4,) may become faster.
 
         Durations of the other joints depend on joint 3 only through their load, so a coarse search
         suffices.
@@ -235,19 +219,8 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         configurations, bounds = planner.spins(q)
         spins = configurations[bounds < next(durations, 0.0) * (1 - GAP), 2]
         if planner.motion.duration is None and spins.size:
-            low, quarter = spins.min(), np.ptp(spins) / 4
-            for k in (1, 2, 3):
-                beside = np.array([*q[:2], low + k * quarter, q[3]])
-                yield from cls._allowed(planner, beside, (quarter / 2, quarter / 4))
-            yield from cls._neighbours(planner, q, (quarter / 2, quarter / 4))
-
-    @classmethod
-    def _neighbours(
-        cls, planner: JointsPlanner, q: Array, steps: tuple[float, ...]
-    ) -> Iterator[OtherJoints]:
-        """Yield the spins at a step before and after joints q (4,)."""
-        for step in (-steps[0], steps[0]):
-            yield from cls._allowed(planner, q + np.array([0.0, 0.0, step, 0.0]), steps[1:])
+            for spin in np.linspace(spins.min(), spins.max(), 5)[1:-1]:
+                yield from cls._allowed(planner, np.array([*q[:2], spin, q[3]]), spun=True)
 
     def estimate(self, cutoff: float) -> MissionMotion | Reason | None:
         """Return the duration by the structured solver alone, without reversals."""

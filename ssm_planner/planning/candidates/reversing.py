@@ -11,7 +11,7 @@ from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvalu
 from ssm_planner.planning.ocp.free import ELEMENTS
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
-from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.reversals import current_reversals, refine_directions
 from ssm_planner.planning.tolerances import GAP
@@ -64,7 +64,7 @@ class Reversing(PhaseCandidate):
         planner = self.planner
         if len(planner.phase.points) > 2:
             return None
-        quick = planner.for_time.unconfirmed
+        quick = planner.for_time
 
         def solve(borders: Borders, limit: float) -> PhaseSolution | None:
             result = quick.free(borders, cutoff=limit, count=ELEMENTS)

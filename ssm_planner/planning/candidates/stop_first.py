@@ -13,7 +13,7 @@ from ssm_planner.planning.candidates.detour import Detour
 from ssm_planner.planning.candidates.direct import Direct
 from ssm_planner.planning.feasibility import infeasible_place
 from ssm_planner.planning.phase_planner import PhasePlanner
-from ssm_planner.planning.phase_task import PlannedPhase
+from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.problem import Robot

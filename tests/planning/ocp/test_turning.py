@@ -292,8 +292,7 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
             to_anywhere, robot=dataclasses.replace(robot, joints=joints), duty=None
         )
         there = starting_from(weak, shipped, at)
-        mechanism = Mechanism.from_geometry(robot.geometry)
-        (phase,), _ = planner.feasible_phases(there, mechanism)
+        (phase,), _ = planner.feasible_phases(there)
         reason = planner.motor_too_weak_to_brake(phase)
         assert (reason is None) == (share > 1)
         if reason is not None:
@@ -309,7 +308,7 @@ def test_a_joint_that_stands_but_for_rounding_begins_at_rest(
     drift[:, :, 2] = 0.0
     drift[:, 1, 2] = 2e-7
     there = starting_from(to_anywhere, dataclasses.replace(shipped.motion, coefficients=drift), 1.0)
-    (phase,), _ = planner.feasible_phases(there, Mechanism.from_geometry(there.robot.geometry))
+    (phase,), _ = planner.feasible_phases(there)
     assert phase.qd_start[2] == 0.0
 
 

@@ -30,8 +30,7 @@ def cornered(problem: Problem, blend: float | None, **changes: Any) -> Problem:
 
 
 def phases(problem: Problem) -> tuple[Phase, ...]:
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    return phases_from(problem, mechanism, start_configurations(problem, mechanism)[0])
+    return phases_from(problem, start_configurations(problem)[0])
 
 
 @pytest.mark.parametrize("blend", [1e-4, 1e-3])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.planning.prechecks import feasible_phases
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
 from ssm_planner.planning.retiming.retime import retime, retime_motion
 from ssm_planner.problem.motion import Free, Task
@@ -23,7 +23,7 @@ Weaker = Callable[[Robot, float], Robot]
 
 
 def paths(problem: Problem) -> list[StraightPath]:
-    phases, reason = feasible_phases(problem, Mechanism.from_geometry(problem.robot.geometry))
+    phases, reason = feasible_phases(problem)
     assert reason is None
     return [phase.path for phase in phases if phase.path is not None]
 

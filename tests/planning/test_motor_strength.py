@@ -10,7 +10,7 @@ import pytest
 from ssm_planner import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning import phase_planner
-from ssm_planner.planning.prechecks import exceeds_thermal_bound
+from ssm_planner.planning.motor_strength import exceeds_thermal_bound
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
 from ssm_planner.sizing.size import size_motion

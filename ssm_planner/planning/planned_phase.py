@@ -1,0 +1,32 @@
+"""The planned phase."""
+
+from __future__ import annotations
+
+from ssm_planner.planning.ocp.motion import PhaseSolution
+from ssm_planner.planning.phases import Phase
+from ssm_planner.typing import record
+
+
+@record
+class PlannedPhase:
+    """A phase with its motion and a lower bound of its duration."""
+
+    phase: Phase
+    motion: PhaseSolution
+    lower_bound: float
+    """Duration that no motion within the same limits can beat, s."""
+
+    @property
+    def duration(self) -> float:
+        """Duration of the motion, s."""
+        return self.motion.duration
+
+    @property
+    def turns_back(self) -> bool:
+        """True for a free motion from rest to rest whose joints reverse between its points."""
+        phase = self.phase
+        return (
+            phase.path is None
+            and phase.begins_and_ends_at_rest
+            and len(self.motion.border_instants) > len(phase.points)
+        )
