@@ -160,25 +160,26 @@ def exceeded(problem: Problem, certificate: Certificate) -> Reason:
     if violation.name in JUMPS and violation.joint is not None:
         limit = Jump(violation.joint, violation.limit, derivative=JUMPS.index(violation.name))
     joint = "" if violation.joint is None else f" of joint {violation.joint}"
-    text = (
-        f"the independent check found {violation.name}{joint} exceeded: {violation.worst:.6g} "
-        f"{violation.unit} against {violation.limit:.6g} {violation.unit} at "
-        f"t = {violation.time:.4f} s; the motion is not written"
-    )
     required, available = violation.worst, violation.limit
-    if isinstance(limit, SelfLocking) or (limit is not None and limit.is_floor):
-        required, available = available, required
-    if isinstance(limit, SelfLocking):
-        text = (
-            f"the drive{joint} is not self-locking: its friction coefficient may be as low as "
-            f"{available:.4g}, but self-locking requires {required:.4g}; "
-            "the load would drive it back"
-        )
-    location: str | None = f"t = {violation.time:.4f} s"
+    instant: str | None = f"t = {violation.time:.4f} s"
     if isinstance(limit, ContinuousTorque):
-        location = None
+        instant = None
         text = (
             f"the motor{joint} would run at an RMS torque of {1e3 * required:.6g} mN·m, but "
             f"its continuous torque is {1e3 * available:.6g} mN·m; the motion is not written"
         )
-    return Reason(limit, location, required, available, text)
+    elif isinstance(limit, SelfLocking):
+        text = (
+            f"the drive{joint} is not self-locking: its friction coefficient may be as low as "
+            f"{required:.4g}, but self-locking requires {available:.4g}; "
+            "the load would drive it back"
+        )
+    else:
+        text = (
+            f"the independent check found {violation.name}{joint} exceeded: {required:.6g} "
+            f"{violation.unit} against {available:.6g} {violation.unit} at {instant}; "
+            "the motion is not written"
+        )
+    if isinstance(limit, SelfLocking) or (limit is not None and limit.is_floor):
+        required, available = available, required
+    return Reason(limit, instant, required, available, text)

@@ -75,8 +75,6 @@ def plan_mission(
         best=plan(problem),
         best_problem=problem,
     )
-    if search.best.passed and first_suffices:
-        return search.best, problem, False
     stoppable = stoppable and search.best.passed
     search.hint = "; Ctrl-C takes it" if stoppable else ""
     with first_interruption() if stoppable else nullcontext(lambda: False) as came:
@@ -122,19 +120,20 @@ class _Search:
         Alternatives are planned without Ipopt's confirmation. Ipopt confirms the best of them at
         the end.
         """
-        problem, begin = self.problem, self.work.spent
+        problem, limit = self.problem, self.work.spent + SEARCH_BUDGET
         for target in [] if eye_forbids_target(problem) else targets(problem):
-            self._search(self.best_problem, target, begin)
             if self.first_suffices and self.best.passed:
                 return
+            self._search(target, limit)
         if problem.planner == "optimal" and self.best_problem is not problem:
             confirmed = self.plan(self.best_problem)
             if confirmed.duration < (1 + GAP) * self.best.duration:
                 self.best = confirmed
 
-    def _search(self, problem: Problem, target: tuple[int, int], begin: float) -> None:
-        """Search over the joints at one target of a problem."""
-        phases, best = _phases(problem), self.best
+    def _search(self, target: tuple[int, int], limit: float) -> None:
+        """Search over the joints at one target until the work reaches a limit."""
+        problem, best = self.best_problem, self.best
+        phases = _phases(problem)
         name, number = problem.motion[target[0]].name, count(1)
 
         def report() -> None:
@@ -159,7 +158,7 @@ class _Search:
             self.work,
             best.duration * (1 - GAP),
             gap=1.0 if self.first_suffices else GAP,
-            budget=SEARCH_BUDGET + begin - self.work.spent,
+            budget=limit - self.work.spent,
         )
         self.entries.setdefault(phases.index(planner.phase), []).extend(
             item.to_dict(solution) for item in evaluations

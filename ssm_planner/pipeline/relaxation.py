@@ -23,10 +23,10 @@ from ssm_planner.problem import (
     JointAcceleration,
     JointVelocity,
     Limit,
-    MotorTorque,
     Problem,
     StopTravel,
 )
+from ssm_planner.problem.limit import replaced
 from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 
@@ -123,11 +123,7 @@ class LessRate(Relaxation):
     def problem(self, value: float) -> Problem:
         """Return the problem with the reduced rates."""
         reduced = {name: value * rate for name, rate in self.rates.items()}
-        return (
-            replace(self.base, start_rate=reduced)
-            if self.end == "start_rate"
-            else replace(self.base, end_rate=reduced)
-        )
+        return replaced(self.base, **{self.end: reduced})
 
     def described(self, value: float) -> str:
         """Describe the rates."""
@@ -256,15 +252,13 @@ def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[s
     for share in SHARES if moved else ():
         changed, words = problem, []
         for limit, looser in moved:
-            old, new = limit.high, looser.high
-            if old == new:
-                old, new = limit.low, looser.low
-            value = limit.rounded(old + share * (new - old))
-            following = limit.relaxed(value)
-            if following is None:
+            needed = looser.low if looser.high == limit.high else looser.high
+            relaxation = Relaxation(changed, limit, needed)
+            value = relaxation.value(share)
+            if limit.relaxed(value) is None:
                 return changes
-            changed = following.on(changed)
-            words.append(limit.described(value))
+            changed = relaxation.problem(value)
+            words.append(relaxation.described(value))
         changes[share] = " and ".join(words), changed
     return changes
 
@@ -312,14 +306,11 @@ class _Trials:
         Cure
             The smallest change that gives a motion, or the last one that was tried.
         """
-        share, cure = self._bisected(relaxation, shares, lower, self.feasible, stop_if)
-        if not cure.works or self.plan is self.feasible:
-            return cure
-        planned = _try_cure(relaxation, cure.value, self.plan)
-        larger = [item for item in shares if item > share]
-        if planned.works or not larger:
-            return planned
-        return self._bisected(relaxation, larger, share, self.plan, stop_if)[1]
+        lower, upper, cure = self._bisected(relaxation, shares, lower, self.feasible, stop_if)
+        if cure.works and self.plan is not self.feasible:
+            remaining = [upper, *(share for share in shares if share > upper)]
+            _, _, cure = self._bisected(relaxation, remaining, lower, self.plan, stop_if)
+        return cure
 
     def _bisected(
         self,
@@ -328,10 +319,19 @@ class _Trials:
         lower: float,
         plan: Planner,
         stop_if: Callable[[Cure], bool],
-    ) -> tuple[float, Cure]:
-        """Return the smallest share that gives a motion, by bisection, and its cure.
+    ) -> tuple[float, float, Cure]:
+        """Return the smallest share that gives a motion, by bisection.
 
         The bisection ends if the largest share without a motion is at least SHARP of the result.
+
+        Returns
+        -------
+        lower : float
+            The largest share without a motion.
+        upper : float
+            The smallest share with a motion, or the last one that was tried.
+        cure : Cure
+            The change by the share `upper`.
         """
 
         def cure(share: float) -> Cure:
@@ -350,7 +350,7 @@ class _Trials:
                 result, upper = trial, middle
             else:
                 lower = middle
-        return upper, result
+        return lower, upper, result
 
     def grown(self, relaxation: Relaxation) -> Cure | None:
         """Return the smallest change of one limit that gives a motion. None if it cannot change.
@@ -416,13 +416,9 @@ def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
 
 def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
     """Yield relaxations of all limits that may be to blame, joints first, then the tool."""
-    order: list[Limit] = []
-    for joint in problem.robot.joints:
-        for limit_class in (MotorTorque, JointVelocity):
-            order += (limit for limit in joint.limits if isinstance(limit, limit_class))
-    order += problem.speeds
-    order += (limit for limit in problem.limits if limit not in problem.speeds)
-    for limit in order:
+    of_joints = (limit for joint in problem.robot.joints for limit in reversed(joint.limits))
+    others = (limit for limit in problem.limits if limit not in problem.speeds)
+    for limit in (*of_joints, *problem.speeds, *others):
         for value in limit.trials():
             yield Relaxation(problem, limit, value)
 
@@ -448,7 +444,7 @@ def _other_relaxations(
     if isinstance(limit, ContinuousTorque) and duration is not None:
         yield from _more_time(problem, limit, duration, (required / available) ** 2 - 1)
     if limit.name in OF_RATES:
-        possible = min(available / required, 1.0) if required > available > 0 else 0.0
+        possible = available / required if required > available > 0 else 0.0
         shares = sorted({1 - possible, 1.0})
         ends = (LessRate(problem, limit, 0.0, end) for end in get_args(End))
         yield from ((relaxation, shares) for relaxation in ends if relaxation.rates)

@@ -156,9 +156,7 @@ def _points(reading: Reading) -> Array:
     Pieces between many points are so short that one point of each suffices.
     """
     breaks = reading.trajectory.breaks
-    count = 1
-    if reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MANY:
-        count = POINTS_PER_PIECE
-    fractions = np.arange(count) / count
-    times = (breaks[:-1, None] + fractions * np.diff(breaks)[:, None]).ravel()
-    return reading.trajectory.positions(np.append(times, breaks[-1]))
+    has_pieces = reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MANY
+    count = POINTS_PER_PIECE if has_pieces else 1
+    index = np.arange(count * (len(breaks) - 1) + 1) / count
+    return reading.trajectory.positions(np.interp(index, np.arange(len(breaks)), breaks))

@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial, wraps
-from itertools import zip_longest
 from pathlib import Path
 from threading import RLock
 from typing import ParamSpec, TypeVar
@@ -33,7 +32,7 @@ from ssm_planner.planning.motor_strength import exceeds_thermal_bound
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import GAP, ROUNDING
 from ssm_planner.planning.work import Work
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
@@ -51,15 +50,13 @@ from ssm_planner.problem import (
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.representation import ShortRepr
-from ssm_planner.trajectory import Span, Trajectory
+from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.limits import JUMP
 from ssm_planner.verification.promises import WayKept, promises_kept
 
 P = ParamSpec("P")
 T = TypeVar("T")
-NOTABLE = 1e-3
-"""Share of the duration that a larger change of a limit must save."""
 _ONE_AT_A_TIME = RLock()
 """Plans share programs and solutions, so only one thread plans at a time.
 
@@ -73,10 +70,10 @@ def _renamed(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> T:
-            for old in names.keys() & kwargs:
-                new = names[old]
-                warn(f"{old}= is now {new}=", DeprecationWarning, stacklevel=2)
-                kwargs[new] = kwargs.pop(old)
+            for old, new in names.items():
+                if old in kwargs:
+                    warn(f"{old}= is now {new}=", DeprecationWarning, stacklevel=2)
+                    kwargs[new] = kwargs.pop(old)
             return function(*args, **kwargs)
 
         return call
@@ -136,69 +133,66 @@ def plan(
         logging.getLogger("ssm_planner").info(step)
         progress(step)
 
-    with _ONE_AT_A_TIME:
-        return _plan(
-            problem,
-            _report,
-            on_solution,
-            on_relaxation,
-            relaxations=relaxations,
-            stoppable=stoppable,
-        )
-
-
-def _plan(
-    problem: Problem,
-    progress: Progress,
-    on_solution: Callable[[Trajectory], None],
-    on_relaxation: Callable[[Problem], None],
-    *,
-    relaxations: bool,
-    stoppable: bool,
-) -> Plan:
-    start, work = time.perf_counter(), Work()
+    work = Work()
     motions: list[Trajectory] = []
 
-    def show(trajectory: Trajectory) -> None:
+    def _show(trajectory: Trajectory) -> None:
         motions.append(trajectory)
         on_solution(trajectory)
 
     # Some cures follow from the motion that gets too warm. Without relaxations it is not needed.
-    def attempt(candidate: Problem) -> Outcome:
-        return _attempt(candidate, work, progress, show, may_overheat=relaxations)
+    def _plan_candidate(candidate: Problem) -> Outcome:
+        return _attempt(candidate, work, _report, _show, may_overheat=relaxations)
 
-    outcome, final_problem, stopped = plan_mission(
-        problem, attempt, work, progress, stoppable=stoppable
+    with _ONE_AT_A_TIME:
+        start = time.perf_counter()
+        outcome, final_problem, stopped = plan_mission(
+            problem, _plan_candidate, work, _report, stoppable=stoppable
+        )
+        result, reason = outcome.planned, outcome.reason
+        if result.trajectory is not None and motions[-1] is not result.trajectory:
+            on_solution(result.trajectory)
+        if reason is not None and relaxations:
+            _report(Step("looking for a relaxation"))
+            reason = _with_relaxation(problem, outcome, reason, work, on_relaxation)
+        return Plan(
+            problem=problem,
+            status=result.status,
+            trajectory=result.trajectory,
+            phases=_summaries(problem, result),
+            certificate=outcome.certificate,
+            reason=reason,
+            nominal_duration=_nominal(final_problem, _report) if reason is None else None,
+            solve_time=time.perf_counter() - start,
+            stopped=stopped,
+            candidates=result.candidates,
+        )
+
+
+def _with_relaxation(
+    problem: Problem,
+    outcome: Outcome,
+    reason: Reason,
+    work: Work,
+    on_relaxation: Callable[[Problem], None],
+) -> Reason:
+    """Return the reason of a failure with the smallest change of a limit that gives a motion."""
+    trajectory = outcome.planned.trajectory
+    # The fastest motion is planned soonest, but it is warmer than the requested one.
+    any_suffices = not isinstance(reason.limit, ContinuousTorque)
+    cure = find_relaxation(
+        problem,
+        reason,
+        partial(_duration_or_reason, work=work),
+        None if trajectory is None else trajectory.duration,
+        feasible=partial(_feasible, work=work, any_suffices=any_suffices),
+        work=work,
     )
-    result = outcome.planned
-    certificate = outcome.certificate
-    reason = outcome.reason
-    if result.trajectory is not None and motions[-1] is not result.trajectory:
-        on_solution(result.trajectory)
-    if reason is not None and relaxations:
-        progress(Step("looking for a relaxation"))
-        duration = None if result.trajectory is None else result.trajectory.duration
-        # The fastest motion is planned soonest, but it is warmer than the requested one.
-        any_motion = not isinstance(reason.limit, ContinuousTorque)
-        feasible = partial(_feasible, work=work, any_suffices=any_motion)
-        complete = partial(_duration_or_reason, work=work)
-        cure = find_relaxation(problem, reason, complete, duration, feasible=feasible, work=work)
-        if cure is not None:
-            reason = replace(reason, relaxation=cure.text)
-            if cure.works:
-                on_relaxation(cure.problem)
-    return Plan(
-        problem=problem,
-        status=result.status,
-        trajectory=result.trajectory,
-        phases=_summaries(problem, result),
-        certificate=certificate,
-        reason=reason,
-        nominal_duration=_nominal(final_problem, progress) if reason is None else None,
-        solve_time=time.perf_counter() - start,
-        stopped=stopped,
-        candidates=result.candidates,
-    )
+    if cure is None:
+        return reason
+    if cure.works:
+        on_relaxation(cure.problem)
+    return replace(reason, relaxation=cure.text)
 
 
 @frozen
@@ -262,17 +256,15 @@ class Replanner(ShortRepr):
     def _to(self, target: Point) -> tuple[Motion, ...]:
         """Return the motion list with another target."""
         motions = list(self.problem.motion)
-        index = next(
-            (k for k in reversed(range(len(motions))) if isinstance(motions[k], (Straight, Free))),
-            None,
-        )
-        entry = None if index is None else motions[index]
-        if index is None or not isinstance(entry, (Straight, Free)):
+        has_target = [isinstance(entry, (Straight, Free)) for entry in motions]
+        if not any(has_target):
             raise ProblemError("no motion of this problem has a target", key="target", value=target)
+        last = int(np.flatnonzero(has_target)[-1])
+        entry = motions[last]
         if isinstance(entry, Free):
-            motions[index] = replace(entry, to=_merged(entry.to, target))
+            motions[last] = replace(entry, to=_merged(entry.to, target))
         elif isinstance(target, Task):
-            motions[index] = unchecked(entry, **target.set_coordinates)
+            motions[last] = unchecked(entry, **target.set_coordinates)
         else:
             reason = "a straight motion is one of task coordinates"
             raise ProblemError(
@@ -341,20 +333,15 @@ def _nominal(problem: Problem, progress: Progress) -> float | None:
 
 def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, ...]:
     """Return the summaries of the phases, with the measured deviations from their paths."""
-    promises: dict[Span, WayKept] = {}
-    has_promises = any(
-        getattr(motion, "blend", None) or getattr(motion, "constant_speed", None)
-        for motion in problem.motion
-    )
-    if result.trajectory is not None and has_promises:
-        mechanism = Mechanism.from_robot(problem.robot)
-        promises = {
-            promise.way.span: promise
-            for promise in promises_kept(result.trajectory, mechanism, problem.task_limits)
-        }
-    spans = () if result.trajectory is None else result.trajectory.phases
+    if result.trajectory is None:
+        return tuple(_summary(phase, None) for phase in result.phases)
+    mechanism = Mechanism.from_robot(problem.robot)
+    kept = promises_kept(result.trajectory, mechanism, problem.task_limits)
+    promises = {promise.way.span: promise for promise in kept}
+    spans = result.trajectory.phases
     return tuple(
-        _summary(phase, promises.get(span)) for phase, span in zip_longest(result.phases, spans)
+        _summary(phase, promises.get(span))
+        for phase, span in zip(result.phases, spans, strict=True)
     )
 
 
@@ -442,7 +429,7 @@ def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, f
         outcome = _feasible(changed, Work(), any_suffices=True)
         if isinstance(outcome, float):
             yield words, outcome
-            if outcome > (1 - NOTABLE) * shortest:
+            if outcome > (1 - GAP) * shortest:
                 break
             shortest = outcome
 

@@ -19,7 +19,7 @@ such phases or if that does not suffice.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -51,14 +51,12 @@ class ThermalSearch:
     """Motion without any weight of heat."""
     plan: Callable[[Problem, Array], Outcome]
     """Plans and checks a problem with weights of the motors' heat, (4,)."""
-    hot: set[str] = field(init=False)
-    """Names of the joints whose motors were too hot in any motion."""
-    coolest: tuple[float, Outcome] = field(init=False)
-    """Multiplier and motion with the smallest sum of duration and necessary rest so far."""
 
     def __post_init__(self) -> None:
         self.hot = set(self.initial.hot_joints)
+        """Names of the joints whose motors were too hot in any motion."""
         self.coolest = 0.0, self.initial
+        """Multiplier and motion with the smallest sum of duration and necessary rest so far."""
 
     def run(self) -> Outcome | None:
         """Return the fastest certified motion, or None if none was found.

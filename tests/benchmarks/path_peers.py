@@ -138,7 +138,8 @@ def copp_robot(
     at = path.sample(grid)
     robot = copp.Robot(4, capacity=len(grid), inverse_dynamics=user.motor_torque)
     robot.append_s(grid)
-    third = np.ascontiguousarray(path.third_derivative(grid))
+    h = 1e-5
+    third = (path.sample(grid + h).ddq - path.sample(grid - h).ddq) / (2 * h)
     robot.set_q(*(np.ascontiguousarray(value) for value in (at.q, at.dq, at.ddq)), 0, dddq=third)
     whole = {"start_idx_s": 0, "length": len(grid)}
     robot.add_velocity_limits(user.velocity, -user.velocity, **whole)

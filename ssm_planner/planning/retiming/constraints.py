@@ -5,10 +5,11 @@ and of the speed ṡ ≥ 0,
 
     a(s) s̈ + b(s) ṡ² + c(s) + k(s) ṡ,   (1)
 
-because q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ², with primes for derivatives with respect to s. `PathTerm`
-is one such function. A limit becomes a row (1) ≤ 1, divided by the limit. `LinearConstraints` holds
-all rows of a path. With x = ṡ², (1) is linear in (s̈, x) except for k √x. This term is concave, and
-a tangent that overestimates it takes its place.
+because q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ², with primes for derivatives with respect to s. A term is
+one such function, as the array of its coefficients a, b, c, k at n points, (4, n). A limit becomes
+a row (1) ≤ 1, divided by the limit. `LinearConstraints` holds all rows of a path. With x = ṡ², (1)
+is linear in (s̈, x) except for k √x. This term is concave, and a tangent that overestimates it
+takes its place.
 
 Sources: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018, §II (rows linear in (s̈, ṡ²));
@@ -38,36 +39,6 @@ ACTIVE = 0.998
 
 
 @record
-class PathTerm:
-    """The function a s̈ + b ṡ² + c + k ṡ at n points of a path."""
-
-    values: Array
-    """Coefficients a, b, c, k, (4, n)."""
-
-    __array_ufunc__ = None
-    """Makes array * term a term instead of an array of objects."""
-
-    def __add__(self, other: PathTerm | Array | float) -> PathTerm:
-        if isinstance(other, PathTerm):
-            return PathTerm(self.values + other.values)
-        values = self.values.copy()
-        values[2] += other
-        return PathTerm(values)
-
-    def __rmul__(self, factor: Array | float) -> PathTerm:
-        return PathTerm(factor * self.values)
-
-    def __neg__(self) -> PathTerm:
-        return PathTerm(-self.values)
-
-    def without_negative_k(self) -> PathTerm:
-        """Return a term that is at least as large, and concave in ṡ²."""
-        values = self.values.copy()
-        np.maximum(values[3], 0.0, out=values[3])
-        return PathTerm(values)
-
-
-@record
 class LinearConstraints:
     """Rows a s̈ + b ṡ² + c + k ṡ ≤ 1, (n, rows) each, and the bound ṡ² ≤ ceiling, (n,).
 
@@ -79,12 +50,6 @@ class LinearConstraints:
     c: Array
     k: Array
     ceiling: Array
-
-    @classmethod
-    def from_rows(cls, rows: list[tuple[PathTerm, float]], ceiling: Array) -> LinearConstraints:
-        """Build the constraints from pairs (term, limit) with term ≤ limit, in their order."""
-        a, b, c, k = np.stack([term.values / limit for term, limit in rows], axis=-1)
-        return cls(a, b, c, k, ceiling)
 
     def tangent(self, speed_squared: Array) -> LinearConstraints:
         """Return rows without k that are at least as strict, and exact at ṡ² = speed_squared (n,).
@@ -167,23 +132,23 @@ class PathLimits:
         static_start : bool
             Friction is static where joints start.
         """
-        rows: list[tuple[PathTerm, float]] = []
+        rows: list[Array] = []
         for i, joint in enumerate(self.robot.joints):
-            acceleration = self._term(a=self.samples.dq[:, i], b=self.samples.ddq[:, i])
-            rows += [(acceleration, joint.acceleration), (-acceleration, joint.acceleration)]
+            dq = self.samples.dq[:, i]
+            acceleration = self._term(a=dq, b=self.samples.ddq[:, i]) / joint.acceleration
+            rows += [acceleration, -acceleration]
             if self.stops is not None:
-                braking = self._term(b=self.stops * np.abs(self.samples.dq[:, i]))
-                rows.append(
-                    (braking + -np.sign(self.samples.dq[:, i]) * acceleration, joint.acceleration)
-                )
+                braking = self._term(b=self.stops * np.abs(dq)) / joint.acceleration
+                rows.append(braking - np.sign(dq) * acceleration)
         for i, joint in enumerate(self.robot.joints):
             limit = np.inf if joint.motor is None else joint.motor.max_torque
             for load, drive, sides in self.robot.actuations(i):
                 mu = self._friction_coefficient(drive, i, speed_squared, static_start)
                 driving, braking = self._torque_terms(drive, i, mu, self.loads[load], speed_squared)
-                rows += [(term, limit) for term in driving] if 1 in sides else []
-                rows += [(braking, limit)] if -1 in sides else []
-        return LinearConstraints.from_rows(rows, self.ceiling)
+                rows += [term / limit for term in driving] if 1 in sides else []
+                rows += [braking / limit] if -1 in sides else []
+        a, b, c, k = np.stack(rows, axis=-1)
+        return LinearConstraints(a, b, c, k, self.ceiling)
 
     def _friction_coefficient(
         self, drive: Drive, i: int, speed_squared: Array, static_start: bool
@@ -202,7 +167,7 @@ class PathLimits:
         mu: Array,
         load: tuple[Array, Array, Array],
         speed_squared: Array,
-    ) -> tuple[list[PathTerm], PathTerm]:
+    ) -> tuple[list[Array], Array]:
         """Return the terms of the torque of motor i for friction coefficients mu (n,).
 
         With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor velocity w = r
@@ -217,9 +182,9 @@ class PathLimits:
 
         Returns
         -------
-        driving : list of PathTerm
+        driving : list of (4, n) arrays
             Terms that must stay below the limit in driving.
-        braking : PathTerm
+        braking : (4, n) array
             Term that must stay below the limit in braking.
         """
         sigma = self.directions[:, i]
@@ -227,14 +192,17 @@ class PathLimits:
         qd = self._term(k=sigma * np.abs(dq))
         qdd = self._term(a=dq, b=self.samples.ddq[:, i])
         a, b, c = (matrix[:, i] for matrix in load)
-        effort = sigma * output_effort(drive, self._term(a, b, c), qd, qdd, sigma)
+        direction = self._term(c=sigma)
+        effort = sigma * output_effort(drive, self._term(a, b, c), qd, qdd, direction)
         rows = motor_torque_rows(drive, sigma, mu)
-        motor = sigma * rows.torque(self._term(), drive.ratio * qd, drive.ratio * qdd)
-        driving = [(slope * effort + motor).without_negative_k() for slope in rows.slope]
-        _, b, c, _ = effort.values
-        at_speed = b * speed_squared + c
+        inertia, viscous = drive.ratio * rows.inertia, drive.ratio * rows.viscous
+        motor = sigma * (inertia * qdd + self._term(c=rows.coulomb) + viscous * qd)
+        driving = [slope * effort + motor for slope in rows.slope]
+        for term in driving:  # Terms with k ≥ 0 are concave in ṡ².
+            np.maximum(term[3], 0.0, out=term[3])
+        at_speed = effort[1] * speed_squared + effort[2]
         first, second = (slope * at_speed for slope in rows.slope)
-        a, b, c, k = np.where(first > second, driving[0].values, driving[1].values)
+        a, b, c, k = np.where(first > second, driving[0], driving[1])
         return driving, -self._term(a, b + k / np.sqrt(self.ceiling), c)
 
     def _term(
@@ -243,11 +211,10 @@ class PathLimits:
         b: Array | float = 0.0,
         c: Array | float = 0.0,
         k: Array | float = 0.0,
-    ) -> PathTerm:
-        """Build a term from coefficients, each (n,) or a number."""
-        values = np.zeros((4, len(self.ceiling)))
-        values[0], values[1], values[2], values[3] = a, b, c, k
-        return PathTerm(values)
+    ) -> Array:
+        """Return the term of coefficients, each (n,) or a number, as an array (4, n)."""
+        a, b, c, k, _ = np.broadcast_arrays(a, b, c, k, self.ceiling)
+        return np.stack([a, b, c, k])
 
 
 def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:
@@ -280,15 +247,14 @@ def _speed_ceiling(
     for i, drive, motor in motorised(robot.joints):
         limit[i] = min(limit[i], motor.max_speed / drive.ratio)
     with np.errstate(divide="ignore", over="ignore"):
-        speed = (limit / np.abs(samples.dq)).min(axis=1)
+        speeds = [*(limit / np.abs(samples.dq)).T]
         for bound in limits.speeds:
             slope = tool_speed(type(bound), path.mechanism, samples.q, samples.dq)
-            speed = np.minimum(speed, bound.largest / slope)
+            speeds.append(bound.largest / slope)
         if limits.stop_travel is not None:
             travel = braking_travel(path.mechanism, robot, samples.q, samples.dq)
-            speed = np.minimum(speed, np.sqrt(limits.stop_travel.largest / travel))
+            speeds.append(np.sqrt(limits.stop_travel.largest / travel))
         if limits.rates:
-            slope = np.abs(task_rates(path.mechanism, samples.q, samples.dq))
-            for name, rate in limits.rates.items():
-                speed = np.minimum(speed, rate / slope[:, TASK.index(name)])
-    return np.asarray(speed**2)
+            slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq))
+            speeds += [rate / slopes[:, TASK.index(name)] for name, rate in limits.rates.items()]
+    return np.asarray(np.min(speeds, axis=0) ** 2)

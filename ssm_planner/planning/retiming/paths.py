@@ -138,18 +138,14 @@ class ClosedPath(JointPath):
     """Joints whose reversals matter, because they have a drive."""
 
     @abstractmethod
-    def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
-        """Return the joints up to whole turns and their derivatives at s (n,), (n, 4) each."""
+    def _derivatives(self, s: Array) -> tuple[Array, ...]:
+        """Return the joints up to whole turns, and q' and q'', at s (n,), (n, 4) each."""
 
     def sample(self, s: Array) -> PathSamples:
         """Return q, q' and q'' at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = self._derivatives(s)
         return PathSamples(s, q + self._turns, dq, ddq)
-
-    def third_derivative(self, s: Array) -> Array:
-        """Return d³q/ds³ at s (n,), (n, 4)."""
-        return self._derivatives(np.asarray(s, dtype=float), order=3)[3]
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
@@ -177,28 +173,29 @@ class StraightPath(ClosedPath):
     first: Array
     watched: tuple[int, ...] = (0, 1, 2, 3)
 
-    def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
-        function = _line(self.mechanism, self.branch, order)
-        ends = (np.tile(task, (len(s), 1)) for task in (self.start, self.end - self.start))
-        return call(function, s[:, None], *ends)
+    def _derivatives(self, s: Array) -> tuple[Array, ...]:
+        function = _line(self.mechanism, self.branch)
+        return _evaluated(function, s, [*self.start, *(self.end - self.start)])
 
 
 @lru_cache(maxsize=16)
-def _line(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
-    """Return a Function of (s, start, displacement) for a line in task coordinates."""
-    s = ca.SX.sym("s")
-    start = ca.SX.sym("start", 4)
-    displacement = ca.SX.sym("way", 4)
-    joints = joints_from_task_symbolic(mechanism, start + s * displacement, branch)
-    return ca.Function("path", [s, start, displacement], _with_derivatives(joints, s, order))
+def _line(mechanism: Mechanism, branch: int) -> ca.Function:
+    """Return a Function of s and of start and displacement: the joints and their derivatives."""
+    s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", 8)
+    task = parameters[:4] + s * parameters[4:]
+    joints = joints_from_task_symbolic(mechanism, task, branch)
+    return _with_derivatives(joints, s, parameters)
 
 
-def _with_derivatives(joints: ca.SX, s: ca.SX, order: int) -> Any:
-    """Return the joints and their derivatives with respect to s up to an order."""
-    values: Any = [joints]
-    for _ in range(order):
-        values.append(ca.jacobian(values[-1], s))
-    return ca.cse(values)
+def _with_derivatives(joints: ca.SX, s: ca.SX, parameters: ca.SX) -> ca.Function:
+    """Return a Function of s and parameters: joints and their first two derivatives."""
+    slope: Any = ca.jacobian(joints, s)
+    return ca.Function("path", [s, parameters], ca.cse([joints, slope, ca.jacobian(slope, s)]))
+
+
+def _evaluated(function: ca.Function, s: Array, parameters: list[float]) -> tuple[Array, ...]:
+    """Return the values of a Function of s and parameters at s (n,)."""
+    return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
 
 
 @record
@@ -219,13 +216,6 @@ class TipPath(ClosedPath):
     first: Array
     watched: tuple[int, ...] = (0, 1, 2, 3)
 
-    @property
-    def length(self) -> float:
-        """Length of the tip's path, m. The tip speed is this length times ṡ."""
-        return float(
-            np.linalg.norm(self.terms[1]) + abs(self.angle) * np.linalg.norm(self.terms[2])
-        )
-
     def tips(self, s: Array) -> Array:
         """Return the tip at s (n,), (n, 3)."""
         turn = self.angle * s
@@ -233,10 +223,10 @@ class TipPath(ClosedPath):
             np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms
         )
 
-    def _derivatives(self, s: Array, order: int = 2) -> tuple[Array, ...]:
-        function = _tip_curve(self.mechanism, self.branch, order)
+    def _derivatives(self, s: Array) -> tuple[Array, ...]:
+        function = _tip_curve(self.mechanism, self.branch)
         parameters = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
-        return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
+        return _evaluated(function, s, parameters)
 
     @cached_property
     def _middle_roll(self) -> float:
@@ -248,7 +238,7 @@ class TipPath(ClosedPath):
 
 
 @lru_cache(maxsize=16)
-def _tip_curve(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
+def _tip_curve(mechanism: Mechanism, branch: int) -> ca.Function:
     """Return a Function of s and of the data of a TipPath: its joints and their derivatives.
 
     The data are the rows of its terms, the angle, the spins, and the roll from which rolls are
@@ -261,11 +251,8 @@ def _tip_curve(mechanism: Mechanism, branch: int, order: int) -> ca.Function:
     roll = parameters[15]
     tip = terms @ ca.vertcat(1, s, ca.cos(s * angle), ca.sin(s * angle))
     task = task_of_tip_symbolic(mechanism, tip, roll, spin)
-    return ca.Function(
-        "tip_path",
-        [s, parameters],
-        _with_derivatives(joints_from_task_symbolic(mechanism, task, branch), s, order),
-    )
+    joints = joints_from_task_symbolic(mechanism, task, branch)
+    return _with_derivatives(joints, s, parameters)
 
 
 def sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:
@@ -414,10 +401,11 @@ class SplinePath(JointPath):
     @property
     def off_lines(self) -> Array:
         """Largest distance of each joint from the lines between the points, (4,), rad and m."""
-        share = np.linspace(0.0, 1.0, PER_POINT, endpoint=False)
-        s = (self.nodes[:-1, None] + share * np.diff(self.nodes)[:, None]).ravel()
-        lines = np.column_stack([np.interp(s, self.nodes, self.points[:, i]) for i in range(4)])
-        return np.asarray(np.abs(self.sample(s).q - lines).max(axis=0))
+        count = len(self.points) - 1
+        share = np.linspace(0.0, 1.0, PER_POINT * count + 1)
+        s = np.interp(share, np.linspace(0.0, 1.0, count + 1), self.nodes)
+        lines = PolylinePath(self.mechanism, self.points).sample(share)
+        return np.asarray(np.abs(self.sample(s).q - lines.q).max(axis=0))
 
 
 def smooth_runs(points: Array, scale: Array) -> list[Array]:

@@ -20,7 +20,7 @@ from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest_profile
 from ssm_planner.planning.tolerances import GAP, ROUNDING, SAMPLES
 from ssm_planner.problem import Robot, TaskLimits, TipSpeed
-from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.trajectory import Samples, Trajectory, hermite
 from ssm_planner.typing import Array, Indices, record
 
 UNIFORM = 0.1
@@ -41,18 +41,11 @@ class Retiming:
     speed_squared: Array
     active: Indices
     """Row that binds on each grid interval, (n,), as `LinearConstraints.active`."""
-    passes: int = 0
-    """Number of passes until the last motion. 0 without a motion."""
-    converged: bool = False
-    """True if the last pass changed the duration by a share of less than GAP.
-
-    Another pass would change it by about the square of that.
-    """
 
     @property
     def solved(self) -> bool:
         """True if there is a motion."""
-        return self.passes > 0
+        return bool(self.speed_squared.any())
 
     @property
     def status(self) -> str:
@@ -155,19 +148,15 @@ def motion_along(path: MotionPath, retiming: Retiming) -> Trajectory:
     t[behind - 1] = motion.breaks[1:-1]
     t, x = np.delete(t, behind), np.delete(x, behind)
     pull = (np.diff(x) / (2 * np.diff(t)))[:, None]
-    ends = [
-        (
-            sample.q,
-            sample.qd * np.sqrt(square)[:, None],
-            sample.qdd * square[:, None] + sample.qd * pull,
-        )
-        for sample, square in (
-            (motion.sample(t[:-1], "right"), x[:-1]),
-            (motion.sample(t[1:], "left"), x[1:]),
-        )
-    ]
+
+    def states(samples: Samples, squares: Array) -> tuple[Array, Array, Array]:
+        speed, square = np.sqrt(squares)[:, None], squares[:, None]
+        return samples.q, samples.qd * speed, samples.qdd * square + samples.qd * pull
+
     breaks = _times(t, x)
-    return Trajectory(breaks, hermite(breaks, ends[0], ends[1]), ())
+    starts = states(motion.sample(t[:-1], "right"), x[:-1])
+    ends = states(motion.sample(t[1:], "left"), x[1:])
+    return Trajectory(breaks, hermite(breaks, starts, ends), ())
 
 
 def _retimed(
@@ -183,7 +172,7 @@ def _retimed(
     The first tangents are taken at ṡ² = tangent (n,).
     """
     result = Retiming(grid, np.zeros_like(grid), np.zeros(len(grid) - 1, dtype=int))
-    for count in range(1, PASSES + 1):
+    for _ in range(PASSES):
         rows = path_limits.constraints(tangent, static_start=static)
         # The square root has no tangent at 0.
         linear = rows.tangent(np.maximum(tangent, 1e-12 * tangent.max()))
@@ -199,8 +188,9 @@ def _retimed(
         has_tangent = np.append(rows.k.any(axis=0), [False, False])
         exact = not has_tangent[linear.active(grid, squares)].any()
         duration = float(_times(grid, squares)[-1])
+        # Another pass would change the duration by about the square of the last change.
         converged = exact or abs(result.duration - duration) <= GAP * duration
-        result = Retiming(grid, squares, rows.active(grid, squares), count, converged)
+        result = Retiming(grid, squares, rows.active(grid, squares))
         if converged:
             break
         tangent = squares
@@ -210,9 +200,8 @@ def _retimed(
 def _times(grid: Array, speed_squared: Array) -> Array:
     """Return the time at each grid point, (n + 1,), for ṡ² that is linear in s between them."""
     speed = np.sqrt(speed_squared)
-    return np.concatenate(
-        [[0.0], np.cumsum(2 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-300))]
-    )
+    steps = 2 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-300)
+    return np.append(0.0, np.cumsum(steps))
 
 
 def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:

