@@ -244,6 +244,9 @@ def test_round_trip(
         for limit in found.limits:
             if limit.name.endswith("jump") or (to == "epos4" and limit.name == "acceleration"):
                 continue
+            if to == "epos4" and limit.name == "motor torque":  # the upper end of a band
+                assert limit.margin <= original[limit.name, limit.joint]
+                continue
             compared += 1
             # counts: half an increment in position, one increment a millisecond in speed; else 1e-4
             allowed = 0.012 if to == "epos4" else 1e-4
