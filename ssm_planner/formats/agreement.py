@@ -89,9 +89,8 @@ def require_agreement(
             fault = fault or f"plan.duration_s and stretch give {planned} s, not {duration} s"
     except (KeyError, TypeError):
         fault = fault or "plan.duration_s or stretch is not a number"
-    stop_files = [manifest["stops"].get("file")] if isinstance(manifest.get("stops"), dict) else []
     fault = fault or difference(
-        sorted(manifest["files"]), sorted([*content.files, *stop_files]), f"{MANIFEST}.files"
+        sorted(manifest["files"]), sorted(content.files), f"{MANIFEST}.files"
     )
     for name, text in content.files.items():
         if fault is None and text is not None:

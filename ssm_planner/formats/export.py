@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import json
 import pkgutil
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.agreement import UNVERIFIED
+from ssm_planner.formats.csv import layout_of, read_csv
 from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.signature import SIGNATURE, signature_of
+from ssm_planner.formats.stop_table import stop_table
 from ssm_planner.plans import Plan, as_plan, software
 from ssm_planner.problem import Robot, robot_hash
 from ssm_planner.publishing import EXPORT, MANIFEST, VERSION, hashes, publishing
@@ -119,9 +118,7 @@ def export(
         if speed != 1.0:
             details["speed"] = speed
         if stops is not None:
-            details["stops"] = write_stops(
-                source, temporary / f"stops{suffix}.csv", stops, details.get("axes", {})
-            )
+            details |= _stops(source, temporary, f"stops{suffix}.csv", stops, details)
         manifest = write_manifest(
             temporary,
             to,
@@ -159,64 +156,27 @@ def slower(plan: Plan, speed: float, passed: bool) -> Plan:
     return slowed
 
 
-STOP_PERIOD = 1e-3
-"""Time between two rows of a stop, s."""
+def _stops(plan: Plan, folder: Path, name: str, count: int, details: JsonObject) -> JsonObject:
+    """Write controlled stops from `count` instants of the exported motion.
 
-
-def write_stops(plan: Plan, path: Path, count: int, axes: Mapping[str, Any]) -> JsonObject:
-    """Write controlled stops from `count` instants to a CSV file and return their manifest entries.
-
-    The stops follow each other. Each has one row per millisecond and ends at rest.
-
-    Parameters
-    ----------
-    plan : Plan
-    path : Path
-    count : int
-    axes : Mapping[str, Any]
-        Drive axes of the export by joint. Positions of these joints are in increments.
-
-    Raises
-    ------
-    ExportError
-        If a stop exceeds a limit.
+    `details` has the entries of the manifest. Returns further ones. Raises ExportError if a stop
+    exceeds a limit.
     """
-    stops = controlled_stops(plan.motion, plan.robot, plan.limits, count)
+    stretch = details.get("stretch", 1.0)
+    motion, limits = plan.motion.slower(1 / stretch), plan.limits.slower(stretch)
+    table = folder / details.get("trajectory", "")
+    if table.is_file() and "q1_rad" in layout_of(table).names:
+        reading = read_csv(table, plan.robot)
+        if reading.resolution is None and not reading.check(plan.robot, limits).violations:
+            motion = reading.trajectory
+    stops = controlled_stops(motion, plan.robot, limits, count)
     if not stops.passed:
         violation = stops.certificate.worst
         raise ExportError(
             f"{plan.path}: a stop exceeds {violation.name} of {violation.joint or 'the tool'}: "
             "stops not exported"
         )
-    per_unit = [axes.get(joint.name, {}).get("increments_per_unit") for joint in plan.robot.joints]
-    names = [
-        f"{joint.name}_{joint.unit if scale is None else 'inc'}"
-        for joint, scale in zip(plan.robot.joints, per_unit, strict=True)
-    ]
-    stop_rows = []
-    for start, stop in zip(stops.time, stops.motions, strict=True):
-        if stop is not None:
-            t = np.append(np.arange(0.0, stop.duration, STOP_PERIOD), stop.duration)
-            columns = [
-                q if scale is None else np.round(scale * q) + 0.0
-                for q, scale in zip(stop.sample(t).q.T, per_unit, strict=True)
-            ]
-            stop_rows.append(np.column_stack([np.full(len(t), start), t, *columns]))
-    rows = np.vstack(stop_rows) if stop_rows else np.empty((0, 2 + len(names)))
-    np.savetxt(
-        path,
-        rows,
-        fmt=["%.6f"] * 2 + ["%.12g"] * 4,
-        delimiter=",",
-        header=",".join(["from_s", "time_s", *names]),
-        comments="",
-    )
-    return {
-        "file": path.name,
-        "instants": len(stops.time),
-        "longest_s": float(stops.duration.max()),
-        "farthest_m": float(stops.travel.max()),
-    }
+    return stop_table(stops, plan.robot, details.get("axes", {}), name).write(folder)
 
 
 def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:

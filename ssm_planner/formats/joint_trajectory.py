@@ -266,7 +266,7 @@ def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
 
 def _time(point: Any, k: int, location: str) -> float:
     stamp = point.get("time_from_start") if isinstance(point, dict) else None
-    if isinstance(stamp, dict):
+    if isinstance(stamp, dict) and stamp.keys() <= {"sec", "nanosec"}:
         sec = stamp.get("sec", 0)
         nanosec = stamp.get("nanosec", 0)
         is_integer = type(sec) is int and type(nanosec) is int

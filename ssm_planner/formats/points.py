@@ -69,6 +69,8 @@ class Reading:
     """Rates of task coordinates that the file declares at the end, rad/s or m/s."""
     content: Content | None = None
     """Content that an export folder with this motion must have. None for a single file."""
+    stops: tuple[Trajectory, ...] = ()
+    """Controlled stops through the points of a table."""
 
     def check(self, robot: Robot, limits: TaskLimits) -> Certificate:
         """Check the trajectory and the other data of the file."""
@@ -79,7 +81,14 @@ class Reading:
             interpolation=self.interpolation,
             resolution=self.resolution,
         )
-        return certificate.with_more(self.checks)
+        # A stop begins in motion, and ends at rest unless the motion itself ends moving.
+        alone = replace(limits, start_rate=None, end_rate=limits.end_rate and None, motion=())
+        found = [check(stop, robot, alone, resolution=self.resolution) for stop in self.stops]
+        of_stops = [
+            replace(worst, name="controlled stop", case=worst.name)
+            for worst in sorted((each.worst for each in found), key=lambda line: line.margin)[:1]
+        ]
+        return certificate.with_more((*self.checks, *of_stops))
 
     def ends_on(self, limits: TaskLimits) -> TaskLimits:
         """Add the start and end rates that the file declares to limits.

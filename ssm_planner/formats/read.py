@@ -13,6 +13,7 @@ from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.joint_trajectory import read_yaml
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.ros2 import read_rosbag
+from ssm_planner.formats.stop_table import with_stops
 from ssm_planner.loading.json_files import read_json
 from ssm_planner.problem import TASK, Robot
 from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, VERSION, is_inside, sha256
@@ -98,6 +99,7 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
                 f"{folder / MANIFEST}: the trajectory {name[:80]!r} is not in the list of files"
             )
         reading = _read_file(folder / name, robot)
+    reading = with_stops(folder, manifest, reading, robot)
     if reading.content is not None:
         require_agreement(folder, manifest, reading.content, reading.trajectory.duration)
     return replace(reading, start_rate=start, end_rate=end)

@@ -15,7 +15,6 @@ import numpy as np
 
 from ssm_planner.dynamics import (
     RigidBody,
-    directions,
     drive_torque,
     drive_with,
     spread_of,
@@ -25,12 +24,18 @@ from ssm_planner.problem import LAW, LAWS, Drive, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Arrays, Indices
 from ssm_planner.verification.limits import Case, Quantity
+from ssm_planner.verification.pieces import pieces_of
+from ssm_planner.verification.sampled_extremes import Intervals
 
 INSTANTS = 250
 """Number of evenly spaced instants that are evaluated with every set.
 
 As many instants with the largest nominal torque are added.
 """
+RATE = 1e6
+"""Rate of the instants in short pieces, Hz."""
+SHARES = np.array([[0.0], [0.5], [1.0]])
+"""Instants in every interval in which no joint reverses."""
 BLOCK = 400_000
 """Number of torques that are evaluated together."""
 
@@ -92,21 +97,22 @@ class _Motion:
     """A motion at instants that include the ends of every piece."""
 
     def __init__(self, trajectory: Trajectory, robot: Robot, masses: list[float]) -> None:
-        lengths = np.diff(trajectory.breaks)
-        inner = max(INSTANTS // len(lengths), 1)
-        share = np.tile(
-            np.concatenate([[0.0], np.arange(1, inner + 1) / (inner + 1), [1.0]]), len(lengths)
-        )
-        piece_index = np.repeat(np.arange(len(lengths)), inner + 2)
-        samples = trajectory.sample_pieces(piece_index, share * lengths[piece_index])
-        departing, starting = directions(robot, samples, 1)
-        arriving, _ = directions(robot, samples, -1)
-        self.way = np.where(share[:, None] == 1.0, arriving, departing)
-        self.start = np.where(share[:, None] == 0.0, starting, 0.0) > 0
-        self.qd = samples.qd
-        self.qdd = samples.qdd
+        most = max(INSTANTS // (len(trajectory.breaks) - 1), 1)
+        parts = []
+        for pieces in pieces_of(trajectory):
+            intervals = Intervals.of_segments(
+                pieces, robot, *pieces.segments(robot), rate=RATE, max_intervals=most
+            )
+            s = intervals.begin + SHARES * intervals.width
+            starting = intervals.starting * (SHARES[:, :, None] == 0)
+            way = np.broadcast_to(intervals.direction, starting.shape)
+            parts.append(
+                np.stack([*pieces.evaluate(intervals.piece, s), way, starting]).reshape(5, -1, 4)
+            )
+        q, self.qd, self.qdd, self.way, start = np.concatenate(parts, axis=1)
+        self.start = start > 0
         bodies = (RigidBody.from_robot(with_payload(robot, mass)) for mass in masses)
-        self.tau = [body.inverse_dynamics(samples.q, samples.qd, samples.qdd) for body in bodies]
+        self.tau = [body.inverse_dynamics(q, self.qd, self.qdd) for body in bodies]
 
     def torque(self, i: int, drive: Drive, load: int, instants: Indices) -> Array:
         """Return the torque (sets, instants) of joint i for a drive with columns (sets, 1)."""

@@ -156,10 +156,14 @@ class Certificate(ShortRepr):
         raise KeyError(key)
 
     def with_more(self, checks: tuple[LimitCheck, ...]) -> Certificate:
-        """Return the certificate with further limits, which are judged then."""
+        """Return the certificate with further limits, which are judged then.
+
+        They replace results for the same limits unless these are violated.
+        """
         judged = {(limit.name, limit.joint) for limit in checks}
+        limits = [c for c in self.limits if not c.passed or (c.name, c.joint) not in judged]
         unjudged = tuple(u for u in self.unjudged if (u.name, u.joint) not in judged)
-        return replace(self, limits=(*self.limits, *checks), unjudged=unjudged)
+        return replace(self, limits=(*limits, *checks), unjudged=unjudged)
 
     def allowing(self, *names: str) -> Certificate:
         """Return the certificate in which limits with these names may remain unjudged.

@@ -18,7 +18,7 @@ from ssm_planner.dynamics import self_locking_margin, spread_of
 from ssm_planner.kinematics import Mechanism
 from ssm_planner.problem import ENDS, JUMPS, ContinuousTorque, Joint, Robot, SelfLocking, TaskLimits
 from ssm_planner.trajectory import BLOCK, Trajectory, blocks
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.cases import worst_cases
 from ssm_planner.verification.certificate import (
     Certificate,
@@ -34,6 +34,7 @@ from ssm_planner.verification.polylines import linear_limits
 from ssm_planner.verification.promises import promises_kept, unchecked_lines
 from ssm_planner.verification.sampled_extremes import SampledExtremes
 from ssm_planner.verification.stops import StopMotions, quickest_stops
+from ssm_planner.verification.torque_bands import torque_bands
 
 RATE = 10_000.0
 RATE_OF_STOPS = 1000.0
@@ -105,13 +106,25 @@ def check(
             trajectory, robot, limits, resolution, dict(zip(checked, checks, strict=True))
         )
         unchecked += rounded
+        every = blocks(len(trajectory.breaks) - 1, BLOCK)
+        curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in every]
+        index = np.flatnonzero(np.concatenate(curved))
+        lines: list[LimitCheck] = []
+        if len(index):
+            checks += _dynamics_of_smooth_pieces(trajectory, index, robot, limits, rate=rate)
+        else:
+            lines, bands = torque_bands(trajectory, robot, limits, resolution, UNDEFINED)
+            unjudged += bands
+        checks += lines
+        judged = {(line.name, line.joint) for line in lines}
+        judged |= {(u.name, u.joint) for u in unjudged}
         unjudged += [
             Unjudged(limit.name, limit.joint, UNDEFINED)
             for owner in (*robot.joints, limits)
             for limit in owner.limits
             if limit.order > 1 and (limits.duty is not None or type(limit) is not ContinuousTorque)
+            if (limit.name, limit.joint) not in judged
         ]
-        checks += _dynamics_of_smooth_pieces(trajectory, robot, limits, rate)
     checks += jumps.checks(straight)
     checks += end_checks(trajectory, robot, limits, straight)
     checks += _locking(robot, limits.friction)
@@ -153,17 +166,12 @@ def _worst_values(
 
 
 def _dynamics_of_smooth_pieces(
-    trajectory: Trajectory, robot: Robot, limits: TaskLimits, rate: float
+    trajectory: Trajectory, index: Indices, robot: Robot, limits: TaskLimits, *, rate: float
 ) -> list[LimitCheck]:
-    """Check accelerations, jerks and torques on the pieces that are not linear.
+    """Check accelerations, jerks and torques on the pieces with index (n,), which are not linear.
 
     These pieces are joined without the linear ones, because each quantity depends on one piece.
     """
-    every = blocks(len(trajectory.breaks) - 1, BLOCK)
-    curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in every]
-    index = np.flatnonzero(np.concatenate(curved))
-    if not len(index):
-        return []
     breaks = np.append(0.0, np.cumsum(np.diff(trajectory.breaks)[index]))
     part = Trajectory(breaks, trajectory.pieces(index), ())
     checked = [item for item in quantities(robot, limits) if item.limit.order >= 2]

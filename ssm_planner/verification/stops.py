@@ -30,6 +30,7 @@ from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Joint, Robot
 from ssm_planner.trajectory import DEGREE, Trajectory, parts_of, quintics
 from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.verification.pieces import still
 
 INSTANTS = 1000
 STEP = 2e-3
@@ -48,8 +49,6 @@ NEAR = 2e-4
 
 Rounding would otherwise spoil the acceleration of very short pieces.
 """
-RESTS = 1e-9
-"""A joint rests below this fraction of its velocity limit."""
 LEG = 1500
 """Smallest number of pieces between two rests of the motion that are searched together.
 
@@ -134,7 +133,7 @@ class _Path:
             coefficients.reshape(q.shape)
             for coefficients in body.path_load(*(x.reshape(-1, 4) for x in (q, dq, ddq)))
         )
-        slow = RESTS * robot.velocities
+        slow = still(robot)
         rests = np.append(np.all(np.abs(dq[0]) <= slow, axis=1), np.all(np.abs(dq[1, -1]) <= slow))
         return cls(s, q, dq=dq, ddq=ddq, load=(load[0], load[1], load[2]), rests=rests)
 
@@ -152,7 +151,7 @@ def quickest_stops(
         if isinstance(instants, int)
         else np.sort(np.asarray(instants, float))
     )
-    slow = RESTS * robot.velocities
+    slow = still(robot)
     rests = np.flatnonzero((np.abs(motion.sample(motion.breaks).qd) <= slow).all(axis=1))
     firsts = [0]
     for rest in rests:

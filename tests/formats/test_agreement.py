@@ -24,6 +24,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "epos4": {"counts_per_turn": 4096, "rate": 100.0},
     "pvt": {"counts_per_turn": 4096},
     "ros2": {"rate": 20.0},
+    "csv with stops": {"stops": 9},
+    "epos4 with stops": {"counts_per_turn": 4096, "rate": 200.0, "stops": 9},
 }
 Change = Callable[[Path, dict[str, Any]], None]
 
@@ -32,7 +34,7 @@ Change = Callable[[Path, dict[str, Any]], None]
 def exports(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("exports")
     for kind, options in OPTIONS.items():
-        export(plan, kind, root / kind, **options)
+        export(plan, kind.split()[0], root / kind, **options)
     return root
 
 
@@ -160,9 +162,55 @@ CSV: dict[str, Change] = {
     "rate": entry("rate_hz", value=1000.0),
     "duration of the plan": entry("plan", "duration_s", value=lambda x: 1.01 * x),
 }
+
+
+def cell(row: int, column: int, change: Callable[[float], float]) -> Change:
+    """Change one number of the table of stops. Rows are counted from the end."""
+
+    def changed(folder: Path, _: dict[str, Any]) -> None:
+        rows = (folder / "stops.csv").read_text(encoding="utf-8").splitlines()
+        cells = rows[-row].split(",")
+        cells[column] = f"{change(float(cells[column])):.12g}"
+        rows[-row] = ",".join(cells)
+        (folder / "stops.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+    return changed
+
+
+def one_stop_less(folder: Path, _: dict[str, Any]) -> None:
+    rows = (folder / "stops.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    begins = [row.split(",")[0] for row in rows[1:]]
+    kept = [row for row, begin in zip(rows[1:], begins, strict=True) if begin != begins[0]]
+    (folder / "stops.csv").write_text(rows[0] + "".join(kept), encoding="utf-8")
+
+
+STOPS: dict[str, Change] = {
+    "no stop from one instant": one_stop_less,
+    "last row": cell(1, 3, lambda x: 1.001 * x),
+    "jump": cell(20, 3, lambda x: 1.01 * x),
+    "other joint": cell(12, 2, lambda x: x + 40),
+    "time": cell(9, 1, lambda x: x + 2e-3),
+    "end a little later": cell(1, 1, lambda x: x + 2e-3),
+    "instant": cell(7, 0, lambda x: x + 0.1),
+    "no rows": lambda folder, _: (folder / "stops.csv").write_text("from_s,time_s\n"),
+    "number of instants": entry("stops", "instants", value=8),
+    "longest": entry("stops", "longest_s", value=lambda x: 1.1 * x),
+    "farthest": entry("stops", "farthest_m", value=lambda x: 0.9 * x),
+    "name of the file": entry("stops", "file", value="objects.csv"),
+    "no entry": lambda _, manifest: manifest.pop("stops"),
+    "only its name": entry("stops", value="stops.csv"),
+    "columns": replaced("stops.csv", "roll_", "tilt_"),
+}
 CASES = [
     (kind, name, change)
-    for kind, cases in (("epos4", EPOS4), ("pvt", PVT), ("ros2", ROS2), ("csv", CSV))
+    for kind, cases in (
+        ("epos4", EPOS4),
+        ("pvt", PVT),
+        ("ros2", ROS2),
+        ("csv", CSV),
+        ("csv with stops", STOPS),
+        ("epos4 with stops", {name: STOPS[name] for name in STOPS if "est" not in name}),
+    )
     for name, change in cases.items()
 ]
 

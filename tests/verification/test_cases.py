@@ -53,6 +53,44 @@ def test_joints_start_at_the_begin_of_the_motion_alone(robot: Robot) -> None:
     assert np.array_equal(found.way[-1], np.sign(found.qd[-2]))
 
 
+def test_a_joint_rests_and_starts_by_the_rule_of_the_nominal_torque(robot: Robot) -> None:
+    """A velocity may jump a little where a joint starts; slower than that it is noise of a joint at rest."""
+    velocity = robot.velocities
+    coefficients = np.zeros((2, 6, 4))
+    coefficients[:, 0] = [0.3, 1.15, 0.1, -0.01]
+    coefficients[1, 1:3, :2] = [[3e-8, 3e-8], [0.1, -0.05]] * velocity[:2]
+    coefficients[:, 2, 3] = 4e-10 * velocity[3]
+    coefficients[1, 1, 3] = 8e-10 * velocity[3]
+    coefficients[1, 2, 3] *= -1
+    found = cases._Motion(Trajectory(np.array([0.0, 1.0, 2.0]), coefficients, ()), robot, [0.0])
+    jumped = np.abs(found.qd / velocity - 3e-8).min(axis=0) < 1e-12
+    assert jumped.tolist() == [True, True, False, False]
+    assert found.start.any(axis=0).tolist() == [True, True, False, False]
+    assert found.way.any(axis=0).tolist() == [True, True, False, False]
+    # the second joint turns back, and starts once more
+    assert {-1.0, 1.0} <= set(found.way[:, 1])
+
+
+def test_friction_at_a_start_with_a_small_jump_is_a_case(robot: Robot) -> None:
+    """The set with the largest static friction counts wherever the nominal torque has a start."""
+    joints = []
+    for joint in robot.joints:
+        if joint.drive is not None and joint.drive.friction is not None:
+            mu = joint.drive.friction.mu
+            drive = replace(joint.drive, friction_ranges={"mu_static": (mu, 4 * mu)})
+            joint = replace(joint, drive=drive)
+        joints.append(joint)
+    stuck, tilt = replace(robot, joints=tuple(joints)), joints[1]
+    coefficients = np.zeros((2, 6, 4))
+    coefficients[:, 0] = [0.3, 1.15, 0.1, -0.01]
+    worst = []
+    for jump in (0.0, 3e-8):
+        coefficients[1, 1:3, 1] = [jump * tilt.velocity, 0.05 * tilt.velocity]
+        whole = Trajectory(np.array([0.0, 1.0, 2.0]), coefficients.copy(), ())
+        worst.append(check(whole, stuck, TaskLimits(friction=0.95))["motor torque", "tilt"].worst)
+    assert worst[1] == pytest.approx(worst[0], rel=1e-6)
+
+
 def test_cases_are_named_by_their_parameters() -> None:
     assert cases._case_text("mu", 0.123456) == "mu 0.1235"
     for k, law in enumerate(LAWS):

@@ -40,7 +40,7 @@ def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -
         ):
             assert found[end] == pytest.approx(expected)
     speeds = np.abs(motion.sample(3.0 + path.s).qd)
-    slow = module.RESTS * np.array([joint.velocity for joint in robot.joints])
+    slow = module.still(robot)
     assert np.array_equal(path.rests, np.all(speeds <= slow, axis=1))
     assert path.rests[[0, -1]].all()
 

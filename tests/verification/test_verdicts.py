@@ -76,18 +76,18 @@ def test_limits_are_allowed_to_remain_unjudged_by_name() -> None:
     assert sum("why (allowed)" in text for text in allowed.unchecked) == 3
 
 
-def test_positions_alone_leave_the_torque_unjudged_and_a_script_can_tell(
+def test_positions_alone_leave_the_acceleration_unjudged_and_a_script_can_tell(
     robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = table(tmp_path / "q.csv", robot)
     assert run("check", path, "--robot", ROBOT, "--json") == 4
     data = json.loads(capsys.readouterr().out)
     assert (data["verdict"], data["passed"]) == ("not judged", False)
-    assert {u["name"] for u in data["unjudged"]} >= {"acceleration", "motor torque"}
+    assert {u["name"] for u in data["unjudged"]} >= {"acceleration", "continuous torque"}
     assert run("check", path, "--robot", ROBOT) == 4
     said = capsys.readouterr().out
     assert "check: NOT JUDGED" in said
-    assert "not judged: motor torque of roll, tilt" in said
+    assert "not judged: acceleration of roll, tilt" in said
     names = ",".join({u["name"] for u in data["unjudged"]})
     assert run("check", path, "--robot", ROBOT, "--allow-unjudged", names) == 0
     assert "check: PASSED" in capsys.readouterr().out

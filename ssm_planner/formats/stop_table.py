@@ -1,0 +1,141 @@
+"""The table of controlled stops in an export folder.
+
+Stops follow from the accelerations of the motion. They are derived again if the folder states
+accelerations. If it states positions alone, its table of stops is played instead.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ssm_planner.errors import TrajectoryError
+from ssm_planner.formats.agreement import Content, suffix_of
+from ssm_planner.formats.csv import read_columns
+from ssm_planner.formats.points import Points, Reading, join_points
+from ssm_planner.problem import Robot
+from ssm_planner.stopping import Stops
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array, JsonObject
+from ssm_planner.verification import StopMotions, quickest_stops
+from ssm_planner.verification.stops import NEAR
+
+PERIOD = 1e-3
+"""Time between two rows of a stop, s."""
+DIGIT = 1e-6
+"""Last digit of a time, s."""
+MOST = 100_000
+"""Largest number of instants with a stop."""
+
+
+def stop_table(
+    stops: Stops | StopMotions, robot: Robot, axes: Mapping[str, Any], name: str
+) -> Content:
+    """Return the file with all stops, one after the other, and the entry of the manifest.
+
+    axes: drive axes of the export by joint. Positions of these joints are in increments.
+    """
+    header, scales = _columns(robot, axes)
+    rows = [np.empty((0, len(header)))]
+    for start, stop in zip(stops.time, stops.motions, strict=True):
+        if stop is not None:
+            t = np.append(np.arange(0.0, stop.duration, PERIOD), stop.duration)
+            q = stop.sample(t).q * scales
+            q = np.where(scales == 1, q, np.round(q) + 0.0)
+            rows.append(np.column_stack([np.full(len(t), start), t, q]))
+    text = io.StringIO()
+    fmt = ["%.6f"] * 2 + ["%.12g"] * 4
+    np.savetxt(text, np.vstack(rows), fmt, delimiter=",", header=",".join(header), comments="")
+    entry = {
+        "file": name,
+        "instants": len(stops.time),
+        "longest_s": float(stops.duration.max()),
+        "farthest_m": float(stops.travel.max()),
+    }
+    return Content({"stops": entry}, {name: text.getvalue()})
+
+
+def _columns(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
+    """Return the names of the columns, and the numbers (4,) by which positions are multiplied."""
+    scales = [axes.get(joint.name, {}).get("increments_per_unit") for joint in robot.joints]
+    names = [
+        f"{joint.name}_{joint.unit if scale is None else 'inc'}"
+        for joint, scale in zip(robot.joints, scales, strict=True)
+    ]
+    return ["from_s", "time_s", *names], np.array([scale or 1.0 for scale in scales])
+
+
+def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robot) -> Reading:
+    """Return the motion of a folder with the stops that the folder must or does contain.
+
+    Raises TrajectoryError if stops that are played do not follow the motion.
+    """
+    content = reading.content
+    if "stops" not in manifest or content is None:
+        return reading
+    name = f"stops{suffix_of(manifest)}.csv"
+    stated = manifest["stops"]
+    count = stated.get("instants") if isinstance(stated, dict) else None
+    if type(count) is not int or not 0 < count <= MOST or name not in manifest["files"]:
+        raise TrajectoryError(f"{folder}: the manifest does not give the number of stops")
+    if reading.resolution is None:
+        table = stop_table(quickest_stops(reading.trajectory, robot, count), robot, {}, name)
+    else:
+        header, scales = _columns(robot, content.entries.get("axes", {}))
+        has_rows = (folder / name).read_bytes().strip().count(b"\n")
+        rows = read_columns(folder / name, header) if has_rows else np.empty((0, len(header)))
+        rows[:, 2:] /= scales
+        stops = _played(rows, count, reading, robot, path=folder / name)
+        reading = replace(reading, stops=tuple(stops))
+        table = Content({"stops": {**stated, "file": name}}, {name: None})
+    content = Content(content.entries | table.entries, {**content.files, **table.files})
+    return replace(reading, content=content)
+
+
+def _played(
+    rows: Array, count: int, reading: Reading, robot: Robot, *, path: Path
+) -> Iterator[Trajectory]:
+    """Yield the stops in the rows of a table.
+
+    Each row must be on the path of the motion, as closely as the points of the motion determine it.
+    A stop may only be missing where the robot rests.
+    """
+    motion = reading.trajectory
+    assert reading.resolution is not None
+    interval = float(np.diff(motion.breaks).max())
+    bend = robot.accelerations * interval**2 / 2
+    slack = bend / 4 + 2 * reading.resolution + robot.velocities * DIGIT
+
+    def positions(times: Array) -> Array:
+        return motion.positions(np.clip(motion.breaks[0] + times, *motion.breaks[[0, -1]]))
+
+    for time in np.linspace(0.0, motion.duration, count):
+        steps = np.diff(positions(time + interval * np.array([-1.0, 0.0, 1.0])), axis=0)
+        if np.all(np.abs(rows[:, 0] - time) > NEAR + interval) and np.any(
+            np.abs(steps) > 2 * bend + slack
+        ):
+            raise TrajectoryError(f"{path}: no stop begins at {time:.6f} s")
+    for stop in np.split(rows, np.flatnonzero(rows[1:, 1] == 0) + 1) if len(rows) else ():
+        t, q = stop[:, 1], stop[:, 2:]
+        regular = np.arange(len(t)) * PERIOD
+        way = positions(stop[0, 0] + regular)
+        off = np.abs(q[:, None] - way) / (slack + np.abs(np.diff(way, axis=0)).max(axis=0))
+        faults = (
+            np.ptp(stop[:, 0]),
+            np.abs(t - regular)[:-1].max(initial=0.0) - DIGIT,
+            t[-1] - regular[-1] - DIGIT,
+            np.abs(q[0] - way[0]) - slack,
+            off.max(axis=2).min(axis=1).max() - 1,
+        )
+        if not np.max(np.hstack(faults)) <= 0:
+            raise TrajectoryError(
+                f"{path}: the stop from {stop[0, 0]} s does not follow the motion"
+            )
+        # Times have so few digits that a short last interval has no certain length.
+        keep = np.append(t[:-1] < t[-1] - PERIOD / 2, True)
+        yield join_points(Points(t[keep], q[keep]), robot).trajectory

@@ -1,0 +1,172 @@
+"""Torques of tables of positions: called kept or violated only where the independent oracle agrees."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ssm_planner.problem.limits import MotorTorque
+from ssm_planner.problem.problem import TaskLimits
+from ssm_planner.problem.robot import Joint, Robot
+from ssm_planner.problem.value import unchecked
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.verification.certificate import Certificate
+from ssm_planner.verification.check import check
+from tests.campaign.adversary import varied
+from tests.support import oracle
+from tests.support.plans import smooth, trapezoids
+from tests.verification.test_polylines import through
+
+TORQUE = MotorTorque.name
+
+
+def peaks(motion: Trajectory, robot: Robot) -> dict[str, float]:
+    """Largest motor torques of a smooth motion by joint, N·m."""
+    found = oracle.violations(oracle.of_pieces(motion.breaks, motion.coefficients), robot)
+    return {
+        joint.name: (1 + found[TORQUE, joint.name]) * joint.motor.max_torque
+        for joint in robot.joints
+        if joint.motor is not None and joint.drive is not None
+    }
+
+
+def with_torques(robot: Robot, largest: dict[str, float]) -> Robot:
+    """The robot with motors of other largest torques."""
+
+    def weaker(joint: Joint) -> Joint:
+        if joint.name not in largest or joint.motor is None:
+            return joint
+        torque = largest[joint.name]
+        nominal = min(joint.motor.nominal_torque, torque)
+        motor = unchecked(joint.motor, max_torque=torque, nominal_torque=nominal)
+        return dataclasses.replace(joint, motor=motor)
+
+    return dataclasses.replace(robot, joints=tuple(map(weaker, robot.joints)), limits=())
+
+
+def verdicts(certificate: Certificate) -> dict[str, str]:
+    """Verdicts on the torque by joint."""
+    torques = {u.joint: "not judged" for u in certificate.unjudged if u.name == TORQUE}
+    lines = [line for line in certificate.limits if line.name == TORQUE]
+    assert not torques.keys() & {line.joint for line in lines}
+    return torques | {line.joint: certificate.verdict_of(line) for line in lines}  # type: ignore[return-value]
+
+
+def rows(motion: Trajectory, rng: np.random.Generator, digits: float) -> Trajectory:
+    """A table of the motion at even or uneven times, rounded."""
+    count = int(np.exp(rng.uniform(np.log(40), np.log(1500))))
+    t = np.linspace(motion.breaks[0], motion.breaks[-1], count)
+    if rng.random() < 0.4:
+        t[1:-1] += rng.uniform(-0.4, 0.4, count - 2) * (t[1] - t[0])
+    q = motion.sample(t).q
+    return through(np.round(q / digits) * digits if digits else q, t)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_verdict_is_that_of_the_oracle(robot: Robot, seed: int) -> None:
+    """Friction with and without Stribeck effect, jerk limits, roundings, sparse and dense rows."""
+    rng = np.random.default_rng(seed)
+    stiff = rng.random() < 0.5
+    joints = tuple(varied(joint, rng, stiff) for joint in robot.joints)
+    robot = dataclasses.replace(robot, joints=joints, limits=())
+    steps = rng.uniform((-0.5, -0.2, -0.5, -0.006), (0.5, 0.15, 0.5, -0.001), (2, 4))
+    steps *= rng.random((2, 4)) < 0.8
+    steps[0, 0] += 0.05
+    make = smooth if stiff else trapezoids
+    motion = make(robot, tuple(steps), float(rng.uniform(0.2, 0.9)))
+    true = peaks(motion, robot)
+    digits = float(rng.choice([0.0, 1e-9, 1e-6, 1e-5]))
+    table = rows(motion, rng, digits)
+    judged = set()
+    for share in (0.2, 0.5, 2 / 3, 0.9, 0.999, 1.001, 1.1, 1.5, 3.0, 30.0):
+        weak = with_torques(robot, {name: share * torque for name, torque in true.items()})
+        found = verdicts(check(table, weak, resolution=np.full(4, digits / 2)))
+        assert found.keys() == true.keys()
+        wrong = "kept" if share < 1 else "violated"
+        moving = {name for name in found if true[name] > 1e-9}
+        assert not [name for name in moving if found[name] == wrong], share
+        judged |= {found[name] for name in moving}
+    assert {"kept", "not judged"} <= judged
+
+
+@pytest.mark.parametrize("make", [smooth, trapezoids])
+@pytest.mark.parametrize(("rate", "digits"), [(1000.0, 0.0), (1000.0, 1e-6), (200.0, 1e-6)])
+def test_fine_tables_are_judged(
+    robot: Robot, make: Callable[[Robot], Trajectory], rate: float, digits: float
+) -> None:
+    """A torque 1.5 times too high is violated; one of half the limit is kept."""
+    motion = make(robot)
+    true = peaks(motion, robot)
+    s = motion.uniform(rate)
+    table = through(np.round(s.q / digits) * digits if digits else s.q, s.t)
+    for share, expected in ((2 / 3, "violated"), (2.0, "kept")):
+        weak = with_torques(robot, {name: share * torque for name, torque in true.items()})
+        found = check(table, weak, resolution=np.full(4, digits / 2))
+        assert set(verdicts(found).values()) == {expected}
+        for line in found.limits:
+            if line.name == TORQUE:
+                assert line.worst == pytest.approx(true[str(line.joint)], rel=0.5)
+                assert motion.breaks[0] <= line.time <= motion.breaks[-1]
+
+
+def test_a_band_that_contains_the_limit_is_stated(robot: Robot) -> None:
+    motion = trapezoids(robot)
+    true = peaks(motion, robot)
+    s = motion.uniform(1000.0)
+    found = check(through(s.q, s.t), with_torques(robot, true), resolution=np.zeros(4))
+    reasons = {u.joint: u.reason for u in found.unjudged if u.name == TORQUE}
+    assert reasons.keys() == true.keys()
+    for name, reason in reasons.items():
+        low, high = (float(reason.split(f"{word} ")[1].split(" ")[0]) for word in ("from", "to"))
+        assert 0 < low <= true[str(name)] * 1.01
+        assert high >= true[str(name)] * 0.99
+
+
+def test_a_range_of_friction_or_payload_is_never_kept_by_the_nominal_band(robot: Robot) -> None:
+    motion = smooth(robot)
+    s = motion.uniform(1000.0)
+    strong = with_torques(robot, {name: 3 * x for name, x in peaks(motion, robot).items()})
+    found = check(
+        through(s.q, s.t), strong, TaskLimits(payload=(0.0, 0.05)), resolution=np.zeros(4)
+    )
+    assert set(verdicts(found).values()) == {"not judged"}
+
+
+def test_rows_that_do_not_move_need_no_torque(robot: Robot) -> None:
+    """A joint whose rows are equal rests, however fast its acceleration limit would let it move."""
+    t = np.linspace(0.0, 1.0, 101)
+    q = np.tile([0.3, 1.15, 0.1, -0.01], (101, 1))
+    q[:, 3] -= 0.005 * (3 * t**2 - 2 * t**3)
+    found = verdicts(check(through(q, t), robot, resolution=np.zeros(4)))
+    assert found["roll"] == found["tilt"] == "kept"
+
+
+@pytest.mark.parametrize(("factor", "violated"), [(1.5, True), (0.95, False)])
+def test_rounding_hides_no_acceleration_over_longer_windows(
+    robot: Robot, factor: float, violated: bool
+) -> None:
+    """Rounding explains the acceleration of every three rows, but not that of rows farther apart."""
+    joint, dt = robot.joints[1], 1e-3
+    bend = factor * joint.acceleration
+    quarter = 0.5 * joint.velocity / bend
+    t = np.arange(0.0, 4 * quarter, dt)
+    rise = np.minimum(t, quarter) ** 2 / 2 + quarter * np.maximum(t - quarter, 0.0)
+    fall = np.clip(t - quarter, 0.0, 2 * quarter) ** 2 / 2
+    later = 2 * quarter * np.maximum(t - 3 * quarter, 0.0)
+    last = np.maximum(t - 3 * quarter, 0.0) ** 2 / 2
+    q = np.tile([0.3, 1.15, 0.1, -0.01], (len(t), 1))
+    q[:, 1] += bend * (rise - fall - later + last)
+    digits = 2 * joint.acceleration * dt**2
+    rounded = np.round(q / digits) * digits
+    found = check(through(rounded, t), robot, resolution=np.full(4, digits / 2))
+    lines = [line for line in found.violations if line.name == "acceleration"]
+    assert [line.joint for line in lines] == ["tilt"] * violated
+    assert len(found.violations) == len(lines)
+    for line in lines:
+        assert line.worst / line.limit == pytest.approx(factor, rel=0.3)
+    open_end = TaskLimits(end_rate=None)
+    close = check(through(rounded[:4], t[:4]), robot, open_end, resolution=np.full(4, digits / 2))
+    assert not close.violations
