@@ -156,7 +156,7 @@ class BodyMoments:
 
     @property
     def possible(self) -> tuple[bool, bool]:
-        """Whether a body can have the moments `as_tensor`, and whether it can have `as_cad`."""
+        """True for each of `as_tensor` and `as_cad` if a body can have these moments."""
         return possible(self.as_tensor), possible(self.as_cad)
 
 

@@ -93,7 +93,7 @@ class SpeedRun:
         return float(np.abs(rates[:, TASK.index("tilt")]).max())
 
     def reaches(self) -> bool:
-        """Whether a rotary joint and the translation both reach the printed speeds."""
+        """True if a rotary joint and the translation both reach the printed speeds."""
         trajectory = self.plan.trajectory
         if trajectory is None:
             return False
