@@ -39,7 +39,7 @@ def with_torques(robot: Robot, largest: dict[str, float]) -> Robot:
     def weaker(joint: Joint) -> Joint:
         if joint.name not in largest or joint.motor is None:
             return joint
-        torque = largest[joint.name]
+        torque = max(largest[joint.name], 1e-6)  # a motor must have some
         nominal = min(joint.motor.nominal_torque, torque)
         motor = unchecked(joint.motor, max_torque=torque, nominal_torque=nominal)
         return dataclasses.replace(joint, motor=motor)
