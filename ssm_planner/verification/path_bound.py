@@ -283,7 +283,8 @@ def _matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
     values = factors[:, interval, row] * weights[side, :, interval].T
     points = np.arange(shape[0]).reshape(factors.shape[:2])[:, interval]
     columns = np.broadcast_to(unknowns[side, interval, row], points.shape)
-    return csr_matrix((values.ravel(), (points.ravel(), columns.ravel())), shape)
+    entries: Any = points.ravel(), columns.ravel()
+    return csr_matrix((values.ravel(), entries), shape)
 
 
 def _smallest_values(p: Array, kappa: Array, fastest: Array) -> Array:
