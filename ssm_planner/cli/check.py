@@ -5,6 +5,8 @@ This module never imports the planner.
 
 from __future__ import annotations
 
+import json
+import math
 from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
@@ -75,6 +77,17 @@ def check_arguments(parser: ArgumentParser) -> None:
         metavar="PERCENT",
         help="playback speed such as 10%%, or a range of speeds such as 1%%..100%%",
     )
+    parser.add_argument(
+        "--proof",
+        action="store_true",
+        help="bound every limit of a plan.json for all times; a limit without a proof is not judged",
+    )
+    parser.add_argument(
+        "--checker",
+        type=Path,
+        metavar="FILE",
+        help="also write the program of the proof, which needs only Python and NumPy",
+    )
     output_arguments(parser)
 
 
@@ -104,11 +117,57 @@ def run_check(options: Namespace) -> int:
     certificate = reading.check(robot, limits)
     if problem is not None:
         certificate = with_task(certificate, reading.trajectory, replace(problem, robot=robot))
+    proven: list[str] = []
+    if options.proof or options.checker:
+        progress(Step("proving"))
+        certificate, proven = _with_proof(certificate, options, document)
     certificate = _allowing(certificate, options.allow_unjudged)
     progress(Step("done"))
     document |= certificate.to_dict()
-    show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
+    lines = certificate_lines(certificate, reading.notes, robot)
+    show(options.json, document, lambda: [*proven, *lines])
     return STATUS[certificate.verdict]
+
+
+def _with_proof(
+    certificate: ssm.Certificate, options: Namespace, document: JsonObject
+) -> tuple[ssm.Certificate, list[str]]:
+    """Return the certificate with what the proof refutes or leaves open, and the proof as text.
+
+    Adds the proof to `document` and writes the checker. Raises ProblemError for other files than
+    plan.json, and with options that replace limits of the plan.
+    """
+    from ssm_planner.atomic import write_text
+    from ssm_planner.verification import LimitCheck, Unjudged, prove
+
+    path = options.trajectory
+    path = path / PLAN_FILE if path.is_dir() else path
+    others = (options.robot, options.problem, options.tip_speed, options.start_rate)
+    if path.suffix.lower() != ".json" or any((*others, options.end_rate)):
+        raise ProblemError(
+            "a proof is about a plan with its own robot and limits",
+            key="--proof",
+            allowed="a plan.json alone",
+        )
+    claims = prove.prove(json.loads(path.read_text(encoding="utf-8")))
+    document["proof"] = [
+        {key: None if value in (-math.inf, math.inf) else value for key, value in fields.items()}
+        for fields in (claim._asdict() for claim in claims)
+    ]
+    if options.checker:
+        write_text(options.checker, Path(prove.__file__).read_text(encoding="utf-8"))
+    refuted = (
+        LimitCheck(c.name, c.joint, c.high, c.limit, margin=-c.excess, time=c.time, unit="")
+        for c in claims
+        if c.verdict == "REFUTED"
+    )
+    open_ = (Unjudged(c.name, c.joint, "it has no proof") for c in claims if c.verdict == "OPEN")
+    certificate = replace(
+        certificate,
+        limits=(*certificate.limits, *refuted),
+        unjudged=(*certificate.unjudged, *open_),
+    )
+    return certificate, [*prove.table(claims), ""]
 
 
 def _signature_fault(folder: Path, key: Path) -> str | None:

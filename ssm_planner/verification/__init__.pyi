@@ -3,6 +3,7 @@
 from .certificate import (
     Certificate as Certificate,
     LimitCheck as LimitCheck,
+    Unjudged as Unjudged,
     broken_seal as broken_seal,
     sealed as sealed,
     subjects as subjects,
