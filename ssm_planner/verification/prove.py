@@ -192,18 +192,19 @@ class Boxes:
 def cut(plan):
     """Return boxes in which joints turn little, keep their direction, and μ is nearly a polynomial.
 
-    A joint stands in a piece if its speed stays below STILL. Around starts and reversals of other
-    joints, boxes are halved down to SHORT; in the last of them, both directions count.
+    A joint stands in a piece if its speed stays below STILL; in a slow box, it has the directions of
+    the piece. Around starts and reversals, boxes are halved down to SHORT; there, both count.
     """
     joints, length = plan["problem"]["robot"]["joints"], np.diff(plan["trajectory"]["breaks_s"])
     piece, begin, end, done = np.arange(len(length)), 0 * length, np.nextafter(length, np.inf), []
-    top = np.array([[joint["velocity"]] for joint in joints])
-    stands = np.abs(bernstein(Boxes(plan, piece, begin, end).motion[1])[0]).max(0) <= STILL * top
+    top, (low, high) = np.array([[joint["velocity"]] for joint in joints]), bounds(Boxes(plan, piece, begin, end).motion[1])
+    ways, still = (high > STILL * top, low < -STILL * top), STILL * top
+    stands = ~(ways[0] | ways[1])
     while len(piece):
         v, width = Boxes(plan, piece, begin, end).motion[1], end - begin
         (low, high), (b, e) = bounds(v), bernstein(v)
         slow = np.abs(b[[0, -1]]) - e <= SLOW * top
-        split = (low < -STILL * top) & (high > STILL * top) | slow[0] & ~slow[1]
+        split = (low < -still) & (high > still) | slow[0] & ~slow[1]
         split = (split & ~stands[:, piece]).any(0)
         for j, drive in enumerate(joint["drive"] for joint in joints):
             if drive and drive["friction"]:
@@ -216,8 +217,9 @@ def cut(plan):
         begin, end = np.append(begin, middle), np.append(middle, end)
     piece, begin, end, *rest = (np.concatenate(x) for x in zip(*done, strict=True))
     boxes, (starts, low, high) = Boxes(plan, piece, begin, end), np.reshape(rest, (3, 4, -1))
-    still, boxes.stands = (low >= -STILL * top) & (high <= STILL * top), stands[:, piece]
-    boxes.up, boxes.down = ((x | still) & ~boxes.stands for x in (high > STILL * top, low < -STILL * top))
+    boxes.stands, slow = stands[:, piece], (low >= -still) & (high <= still)
+    boxes.up, boxes.down = ((x | slow & way[:, piece]) & ~boxes.stands for x, way in
+                            zip((high > still, low < -still), ways, strict=True))
     boxes.sure, boxes.starts = ~(boxes.up & boxes.down), starts > 0
     return boxes
 
@@ -454,12 +456,12 @@ class Proof:
             for order, kind in enumerate(("position", "velocity", "acceleration")[:3 if joint["jerk"] else 2]):
                 step = starts.motion[order][j][1:] - ends.motion[order][j][:-1]
                 low, high = bounds(step)
-                worst, sums = [0.0, 0.0, self.boxes.start.min()], [0.0, 0.0]
-                for k, x in enumerate(zip(np.maximum(np.maximum(low, -high), 0), np.maximum(high, -low), strict=True)):
-                    sums = [y + max(z - SHARE * levels[order + 1] * length[k], 0) for y, z in zip(x, sums, strict=True)]
-                    if sums[1] * UP > worst[1]:
-                        worst = [max(sums[0], worst[0]), sums[1] * UP, starts.start[k + 1]]
-                self.add((f"{kind} jump", joint["name"]), worst[:2], JUMP * levels[order], None, worst[2])
+                high, level, worst = np.maximum(high, -low), 0.0, (0.0, self.boxes.start.min())
+                for jump, time, span in zip(high, starts.start[1:], length, strict=False):
+                    level = (jump + max(level - SHARE * levels[order + 1] * span, 0)) * UP
+                    worst = max(worst, (level, time))
+                least = np.maximum(np.maximum(low, -bounds(step)[1]), 0).max(initial=0)
+                self.add((f"{kind} jump", joint["name"]), (least, worst[0]), JUMP * levels[order], None, worst[1])
             for kind, boxes, k in (("start", starts, 0), ("end", ends, -1)):
                 low, high = (float(x[k]) for x in bounds(boxes.motion[1][j]))
                 span, declared = (max(low, -high, 0.0), max(high, -low)), self.problem[f"{kind}_rate"]
@@ -494,7 +496,7 @@ def angle(c, s, low, high):
 def root(x):
     """Return the root of a number that is negative only by rounding."""
     return math.sqrt(max(x, 0.0))
-def prove(plan):
+def prove(plan: dict) -> list:
     """Return the claims about every limit of a plan, plan.json as read by json."""
     with np.errstate(all="ignore"):
         proof = Proof(plan)
@@ -518,7 +520,7 @@ def claim(name, joint, parts):
     verdict = "PROVEN" if high <= TOLERANCE else "REFUTED" if low > TOLERANCE else "OPEN"
     ends = sorted(side * (limit + x * half) for x in (low, high))
     return Claim(name, joint, *ends, side * limit, time, high, verdict)
-def table(claims):
+def table(claims: list) -> list:
     """Return the claims as lines of text."""
     return [f"{c.name:18} {c.joint or '':10} {c.low:+.10e} … {c.high:+.10e}  limit {c.limit:+.10e}  "
             f"at {c.time:.6f} s  {c.verdict}" for c in claims]
