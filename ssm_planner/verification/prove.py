@@ -117,12 +117,14 @@ def supremum(functions, sure, start, stop):
     bad = ~(np.isfinite(b).all(0) & np.isfinite(e))  # nothing is known, and nothing stays NaN
     b, e, low, high, best = np.where(bad, 0, b), np.where(bad, np.inf, e), -np.inf, -np.inf, -np.inf
     close, time = 2e-9 * np.abs(b).max(), start[b[0].min(0).argmax()]
-    for depth in range(50):
+    for depth in range(60):
         top, ends = (b.max(0) + e).min(0), (b[[0, -1]] - e).min(1)
         best, values = max(best, ends.max()), np.where(sure, ends, -np.inf)
         if values.max() > low:
             low, time = values.max(), np.stack([start, stop]).ravel()[values.argmax()]
-        done = (top <= best + close) | (top - best < 2.2 * e.max(0)) | (depth == 49) | (len(top) > 1e5)
+        known = np.where(np.isinf(e), 0, e).max(0)
+        done = (top <= best + close) | (top - best < 2.2 * known) | np.isinf(top)
+        done |= (depth == 59) | (len(top) > 1e5)
         high = max(high, top[done].max(initial=-np.inf))
         if done.all():
             break
@@ -211,16 +213,18 @@ def cut(plan):
                 mu = friction(drive, v[j] * np.where(high[j] > -low[j], 1.0, -1.0))
                 split |= ~(mu.r <= 1e-9 * drive["friction"]["mu"])
         split = split & (width > SHORT) | (v.size[:3].max(0) * width > TURN) | (width > SPAN)
-        done.append([x[~split] for x in (piece, begin, end, *slow[0], *low, *high)])
+        rest = np.abs(b[0]) + e <= still
+        done.append([x[~split] for x in (piece, begin, end, *slow[0], *rest, *low, *high)])
         piece, begin, end = (x[split] for x in (piece, begin, end))
         piece, middle = np.tile(piece, 2), (begin + end) / 2
         begin, end = np.append(begin, middle), np.append(middle, end)
     piece, begin, end, *rest = (np.concatenate(x) for x in zip(*done, strict=True))
-    boxes, (starts, low, high) = Boxes(plan, piece, begin, end), np.reshape(rest, (3, 4, -1))
+    boxes, (starts, resting, low, high) = Boxes(plan, piece, begin, end), np.reshape(rest, (4, 4, -1))
     boxes.stands, slow = stands[:, piece], (low >= -still) & (high <= still)
     boxes.up, boxes.down = ((x | slow & way[:, piece]) & ~boxes.stands for x, way in
                             zip((high > still, low < -still), ways, strict=True))
-    boxes.sure, boxes.starts = ~(boxes.up & boxes.down), starts > 0
+    boxes.sure = ~(boxes.up & boxes.down)
+    boxes.starts, boxes.rests = (starts > 0) | ~boxes.sure, (resting > 0) & (end - begin <= SHORT)
     return boxes
 
 def friction(drive, speed, static=False):
@@ -290,8 +294,8 @@ class Proof:
         at = np.broadcast_to(mask, self.boxes.half.shape)
         sure, start, stop = (np.broadcast_to(x, at.shape)[at] for x in (sure, self.boxes.start, self.boxes.stop))
         *ends, time = supremum([f[..., at] for f in functions], sure, start, stop)
-        ends = [value(x) if abs(x) < 1e9 else x for x in ends]
-        return [ends[0] - 1e-15 * min(abs(ends[0]), 1e9), ends[1] + 1e-15 * min(abs(ends[1]), 1e9)], time
+        ends = [value(x) if math.isfinite(x) else x for x in ends]
+        return [x + k * 1e-15 * (1 + min(abs(x), 1e9)) for k, x in zip((-1, 1), ends, strict=True)], time
     def below(self, key, functions, limit, half=None, side=1.0, value=float, mask=True, sure=True):
         """Bound side·value, an increasing function `value` of the smallest of the functions."""
         if np.any(mask):
@@ -332,7 +336,7 @@ class Proof:
             for mask, static in ((moves, False), (moves & boxes.starts[j], True), (stands, None)):
                 moving = (held, rest) if static is None else (load, (v, a))
                 effort, torques = rows(drive, *moving, sign, friction(drive, moving[1][0] * sign, static is not False))
-                sure = boxes.sure[j] & ((boxes.end - boxes.begin <= SHORT) | (not static))
+                sure = boxes.sure[j] & (boxes.rests[j] | (not static))
                 for row in torques if static is not None else []:
                     self.below(("motor torque", name), [row], top, None, sign, mask=mask, sure=sure)
                 self.below(("motor torque", name), [-row for row in torques], top, None, -sign, mask=mask, sure=sure)
@@ -456,7 +460,7 @@ class Proof:
             for order, kind in enumerate(("position", "velocity", "acceleration")[:3 if joint["jerk"] else 2]):
                 step = starts.motion[order][j][1:] - ends.motion[order][j][:-1]
                 low, high = bounds(step)
-                high, level, worst = np.maximum(high, -low), 0.0, (0.0, self.boxes.start.min())
+                high, level, worst = np.nan_to_num(np.maximum(high, -low), nan=np.inf), 0.0, (0.0, 0.0)
                 for jump, time, span in zip(high, starts.start[1:], length, strict=False):
                     level = (jump + max(level - SHARE * levels[order + 1] * span, 0)) * UP
                     worst = max(worst, (level, time))
@@ -505,8 +509,7 @@ def prove(plan: dict) -> list:
         proof.promises(proof.task())
         proof.breaks()
     unknown = [(line["name"], line["joint"]) for line in plan["certificate"]["limits"]]
-    if proof.problem["friction"] or proof.problem["payload"]:
-        unknown.append(("friction and payload ranges", None))
+    unknown += [(key, None) for key in ("friction", "payload", "stop_travel") if proof.problem.get(key)]
     for key in unknown:
         if key not in proof.parts:
             proof.add(key, (-math.inf, math.inf), 0.0, 1.0)
