@@ -80,7 +80,7 @@ def check_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--proof",
         action="store_true",
-        help="bound every limit of a plan.json for all times; a limit without a proof is not judged",
+        help="bound every limit of a plan.json at every instant; what has no proof is not judged",
     )
     parser.add_argument(
         "--checker",

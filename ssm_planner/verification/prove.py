@@ -51,7 +51,9 @@ class Model:
         return Model(c[:N + 1], (r + np.abs(c[N + 1:]).sum(0)) * UP)
 def constant(x, error=0.0):
     """Return numbers as models. error: their largest relative error."""
-    return x if isinstance(x, Model) else Model(np.asarray(x, float)[None], np.abs(x) * (error * UP))
+    if isinstance(x, Model):
+        return x
+    return Model(np.asarray(x, float)[None], np.abs(x) * (error * UP))
 def given(x):
     """Return a number, vector or matrix of the plan as a constant for all boxes."""
     return constant(np.asarray(x, float)[..., None])
@@ -83,7 +85,7 @@ def exponential(x):
 def power(x, p):
     """Return x^p = m^p Σ binom(p, k) d^k for p = −1 or ±1/2, where d = x/m − 1 and m = c_0.
 
-    The derivative N+1 of (1 + d)^p is at most |p (p−1) … (p−N)| (1 − |d|)^(p−N−1). |d| must be < 1/2.
+    Derivative N+1 of (1 + d)^p is at most |p (p−1) … (p−N)| (1 − |d|)^(p−N−1); |d| must be < 1/2.
     """
     m = np.where((x.c[0] > 0) | ((p == -1) & (x.c[0] < 0)), x.c[0], np.nan)
     inverse = constant(1 / m, 2 * U)
@@ -129,9 +131,14 @@ def supremum(functions, sure, start, stop):
         if done.all():
             break
         e = np.tile((e + (N + 1) * U * np.abs(b).max(0))[:, ~done], 2)
-        b, sure, start, stop = halves(b[..., ~done]), np.tile(sure[~done], 2), start[~done], stop[~done]
-        start, stop = np.append(start, (start + stop) / 2), np.append((start + stop) / 2, stop)
+        b, sure = halves(b[..., ~done]), np.tile(sure[~done], 2)
+        start, stop = split(start, stop, ~done)
     return low, max(low, high), time
+
+def split(begin, end, chosen):
+    """Return the begins and ends of the first and of the second halves of chosen intervals."""
+    begin, end = begin[chosen], end[chosen]
+    return np.append(begin, (begin + end) / 2), np.append((begin + end) / 2, end)
 
 def dot(a, b):
     """Return the inner products of vectors (3, n)."""
@@ -147,14 +154,15 @@ def unit(x):
     """Return x/|x|."""
     return x * power(dot(x, x), -0.5)
 class Boxes:
-    """Models of q, q̇, q̈ and the jerk in boxes [begin, end] of pieces, and what follows from them."""
+    """Models of q, q̇, q̈ and the jerk in boxes [begin, end] of pieces, and what follows."""
     def __init__(self, plan, piece, begin, end):
         self.piece, self.begin, self.end, self.robot = piece, begin, end, plan["problem"]["robot"]
         breaks, middle = np.array(plan["trajectory"]["breaks_s"]), (begin + end) / 2
         self.start, self.stop = breaks[piece] + begin, breaks[piece] + end
         self.half = np.nextafter(np.maximum(end - middle, middle - begin), np.inf)
-        time, terms = Model(np.stack([middle, self.half]), 0 * middle), plan["trajectory"]["coefficients"]
-        terms, self.motion = [constant(c) for c in np.array(terms, float)[piece].transpose(1, 2, 0)], []
+        time = Model(np.stack([middle, self.half]), 0 * middle)
+        terms = np.array(plan["trajectory"]["coefficients"], float)[piece].transpose(1, 2, 0)
+        terms, self.motion = [constant(c) for c in terms], []
         for _ in range(4):
             self.motion.append(terms[-1])
             for term in terms[-2::-1]:
@@ -165,7 +173,7 @@ class Boxes:
         along = self.axes[k] * dot(self.axes[k], x)
         return along + (x - along) * self.cosine[k] + cross(self.axes[k], x) * self.sine[k] * way
     def efforts(self):
-        """Return τ by Newton and Euler about the remote centre, in frames that turn with the bodies.
+        """Return τ by Newton and Euler about the remote centre, in frames that turn with bodies.
 
         f = m (−g + s̈ + ω̇×p + ω×(ω×p)) and M = I ω̇ + ω×(I ω) + p×f, I about the centre of mass.
         """
@@ -190,36 +198,37 @@ class Boxes:
         total = moments[2] + moments[3]
         second = moments[1] + self.turned(2, total)
         first = moments[0] + self.turned(1, second)
-        return [dot(x, y) for x, y in zip([*self.axes, axis], [first, second, total, force], strict=True)]
+        loads = (first, second, total, force)
+        return [dot(x, y) for x, y in zip([*self.axes, axis], loads, strict=True)]
 def cut(plan):
     """Return boxes in which joints turn little, keep their direction, and μ is nearly a polynomial.
 
-    A joint stands in a piece if its speed stays below STILL; in a slow box, it has the directions of
-    the piece. Around starts and reversals, boxes are halved down to SHORT; there, both count.
+    A joint stands in a piece if its speed stays below STILL; in a slow box, it has the directions
+    of the piece. Around starts and reversals, boxes are halved down to SHORT; there, both count.
     """
     joints, length = plan["problem"]["robot"]["joints"], np.diff(plan["trajectory"]["breaks_s"])
     piece, begin, end, done = np.arange(len(length)), 0 * length, np.nextafter(length, np.inf), []
-    top, (low, high) = np.array([[joint["velocity"]] for joint in joints]), bounds(Boxes(plan, piece, begin, end).motion[1])
-    ways, still = (high > STILL * top, low < -STILL * top), STILL * top
+    top = np.array([[joint["velocity"]] for joint in joints])
+    still, (low, high) = STILL * top, bounds(Boxes(plan, piece, begin, end).motion[1])
+    ways = high > still, low < -still
     stands = ~(ways[0] | ways[1])
     while len(piece):
         v, width = Boxes(plan, piece, begin, end).motion[1], end - begin
         (low, high), (b, e) = bounds(v), bernstein(v)
         slow = np.abs(b[[0, -1]]) - e <= SLOW * top
-        split = (low < -still) & (high > still) | slow[0] & ~slow[1]
-        split = (split & ~stands[:, piece]).any(0)
+        cuts = (low < -still) & (high > still) | slow[0] & ~slow[1]
+        cuts = (cuts & ~stands[:, piece]).any(0)
         for j, drive in enumerate(joint["drive"] for joint in joints):
             if drive and drive["friction"]:
                 mu = friction(drive, v[j] * np.where(high[j] > -low[j], 1.0, -1.0))
-                split |= ~(mu.r <= 1e-9 * drive["friction"]["mu"])
-        split = split & (width > SHORT) | (v.size[:3].max(0) * width > TURN) | (width > SPAN)
+                cuts |= ~(mu.r <= 1e-9 * drive["friction"]["mu"])
+        cuts = cuts & (width > SHORT) | (v.size[:3].max(0) * width > TURN) | (width > SPAN)
         rest = np.abs(b[0]) + e <= still
-        done.append([x[~split] for x in (piece, begin, end, *slow[0], *rest, *low, *high)])
-        piece, begin, end = (x[split] for x in (piece, begin, end))
-        piece, middle = np.tile(piece, 2), (begin + end) / 2
-        begin, end = np.append(begin, middle), np.append(middle, end)
+        done.append([x[~cuts] for x in (piece, begin, end, *slow[0], *rest, *low, *high)])
+        piece, (begin, end) = np.tile(piece[cuts], 2), split(begin, end, cuts)
     piece, begin, end, *rest = (np.concatenate(x) for x in zip(*done, strict=True))
-    boxes, (starts, resting, low, high) = Boxes(plan, piece, begin, end), np.reshape(rest, (4, 4, -1))
+    starts, resting, low, high = np.reshape(rest, (4, 4, -1))
+    boxes = Boxes(plan, piece, begin, end)
     boxes.stands, slow = stands[:, piece], (low >= -still) & (high <= still)
     boxes.up, boxes.down = ((x | slow & way[:, piece]) & ~boxes.stands for x, way in
                             zip((high > still, low < -still), ways, strict=True))
@@ -239,14 +248,14 @@ def locking(drive):
     """Return tan λ and cos θ. A drive locks if tan φ = μ/cos θ > tan λ."""
     sine, cosine = sin_cos(given(drive["lead_angle"]))
     return sine * power(cosine, -1), sin_cos(given(drive["pressure_angle"]))[1]
-def rows(drive, load, motion, sign, mu):
+def rows(drive, motion, sign, mu):
     """Return F and rows; the motor's torque times its direction `sign` is the largest row.
 
     F = τ + J_out q̈ + b_oc sgn + b_ov q̇. Row: γ tan(λ ± φ) F + J_in k q̈ + b_c sgn + b_v k q̇, with
     tan(λ ± φ) = (tan λ ± tan φ)/(1 ∓ tan λ tan φ) and tan φ = μ/cos θ. The nuts of a preloaded
     screw carry F − P and P + m₂ q̈, and the direction alone selects both signs: one row.
     """
-    (v, a), law, k, (lead, normal) = motion, drive["friction"], drive["ratio"], locking(drive)
+    (load, v, a), law, k, (lead, normal) = motion, drive["friction"], drive["ratio"], locking(drive)
     wedge, preload = mu * power(normal, -1), drive["preload"]
     up, down = ((lead + x) * power(lead * -x + 1.0, -1) * drive["gamma"] for x in (wedge, -wedge))
     effort = load + a * drive["output_inertia"] + v * law["b_ov"] + sign * law["b_oc"]
@@ -259,8 +268,8 @@ def rows(drive, load, motion, sign, mu):
 def heat(effort, torques):
     """Enclose ∫ max(r_1, r_2)² ds over s in [−1, 1] in every box.
 
-    The first row is the largest where effort ≥ 0. Boxes are halved until its sign is known. Where it
-    stays unknown, the integral of the larger square is at most its largest value times the width.
+    The first row is the largest where effort ≥ 0. Boxes are halved until its sign is known. Where
+    it stays unknown, the integral of the larger square is at most its largest value times width.
     """
     squares = [effort, torques[0] * torques[0], torques[-1] * torques[-1]]
     b, e = (np.stack(x, -2) for x in zip(*map(bernstein, squares), strict=True))
@@ -285,81 +294,99 @@ class Proof:
     def __init__(self, plan):
         self.plan, self.problem, self.parts, self.boxes = plan, plan["problem"], {}, cut(plan)
         self.robot, self.tau = self.problem["robot"], self.boxes.efforts()
-    def add(self, key, ends, limit, half=None, time=0.0, side=1.0):
-        """Note bounds (low, high) of the largest side·value, which must not exceed the limit."""
-        excess = [(x - limit) / (half or limit) for x in ends]
-        self.parts.setdefault(key, []).append((excess, limit, half or limit, time, side))
+    def add(self, key, ends, limit, **more):
+        """Note bounds (low, high) of the largest side·value, which must not exceed the limit.
+
+        more: half width that the excess refers to (default: the limit), time, and side, 1 or −1.
+        """
+        half = more.get("half", limit)
+        excess = [(x - limit) / half for x in ends]
+        part = excess, limit, half, more.get("time", 0.0), more.get("side", 1.0)
+        self.parts.setdefault(key, []).append(part)
     def largest(self, functions, mask=True, sure=True, value=float):
-        """Return bounds of the smallest function in some boxes, as values in the unit, and a time."""
+        """Return bounds of the smallest function in some boxes, and a time. value: to the unit."""
         at = np.broadcast_to(mask, self.boxes.half.shape)
-        sure, start, stop = (np.broadcast_to(x, at.shape)[at] for x in (sure, self.boxes.start, self.boxes.stop))
-        *ends, time = supremum([f[..., at] for f in functions], sure, start, stop)
+        sure, boxes = np.broadcast_to(sure, at.shape)[at], self.boxes
+        functions = [f[..., at] for f in functions]
+        *ends, time = supremum(functions, sure, boxes.start[at], boxes.stop[at])
         ends = [value(x) if math.isfinite(x) else x for x in ends]
-        return [x + k * 1e-15 * (1 + min(abs(x), 1e9)) for k, x in zip((-1, 1), ends, strict=True)], time
-    def below(self, key, functions, limit, half=None, side=1.0, value=float, mask=True, sure=True):
+        error = 0.0 if value is float else 1e-15
+        low, high = (error * (1 + min(abs(x), 1e9)) for x in ends)
+        return (ends[0] - low, ends[1] + high), time
+    def below(self, key, functions, limit, **how):
         """Bound side·value, an increasing function `value` of the smallest of the functions."""
-        if np.any(mask):
-            ends, time = self.largest(functions, mask, sure, value)
-            self.add(key, ends, limit, half, time, side)
-    def between(self, key, low, high, bands):
+        more = {name: how.pop(name) for name in ("half", "side") if name in how}
+        if np.any(how.get("mask", True)):
+            ends, time = self.largest(functions, **how)
+            self.add(key, ends, limit, time=time, **more)
+    def between(self, key, ends, bands):
         """Bound a value from both sides. bands: see `both`."""
-        half = (high - low) / 2 if 0 < high - low < math.inf else 1.0
+        half = (ends[1] - ends[0]) / 2 if 0 < ends[1] - ends[0] < math.inf else 1.0
         for functions, limit, side, value in bands:
-            self.below(key, functions, limit, half, side, value)
+            self.below(key, functions, limit, half=half, side=side, value=value)
     def joint(self, j, joint):
         """Bound position, speed, acceleration, jerk, and speed of the motor; self-locking."""
-        name, drive, motor, (q, *rates) = joint["name"], joint["drive"], joint["motor"], self.boxes.motion
-        self.between(("position", name), *joint["position"], both(q[j], *joint["position"]))
-        limits = [(kind, joint[kind], x[j]) for kind, x in zip(("velocity", "acceleration", "jerk"), rates, strict=True)]
+        name, drive, motor = joint["name"], joint["drive"], joint["motor"]
+        q, v, a, jerk = self.boxes.motion
+        self.between(("position", name), joint["position"], both(q[j], *joint["position"]))
+        limits = {"velocity": v[j], "acceleration": a[j], "jerk": jerk[j]}
+        limits = [(kind, joint[kind], x) for kind, x in limits.items()]
         if drive and motor:
-            limits.append(("motor speed", motor["max_speed"], rates[0][j] * drive["ratio"]))
+            limits.append(("motor speed", motor["max_speed"], v[j] * drive["ratio"]))
             self.torque(j, name, drive, motor)
         for kind, top, x in limits:
             if top is not None:
-                self.between((kind, name), -top, top, both(x, -top, top))
+                self.between((kind, name), (-top, top), both(x, -top, top))
         if drive and drive["self_locking"]:
             law, (lead, normal) = drive["friction"], locking(drive)
             mu = law["mu"] if law["mu_lowest"] is None else law["mu_lowest"]
             for needed in np.ravel(bounds(lead * normal)):
-                self.add(("self-locking", name), (-mu, -mu), -needed, needed, 0.0, -1.0)
+                self.add(("self-locking", name), (-mu, -mu), -needed, half=needed, side=-1.0)
     def torque(self, j, name, drive, motor):
         """Bound |τ|, the forces of the nuts, and the root mean square of τ.
 
         A standing joint has the torque nearest to 0 between the breakaway torques, −max(rows) in
-        both directions. `gap` is the part of [−1, 1] beyond a box.
+        both directions. `gap` is the part of [−1, 1] beyond a box, in s.
         """
         boxes, top, heats, duty = self.boxes, motor["max_torque"], ([], []), self.problem["duty"]
-        (_, v, a, _), load, stands = (x[j] for x in boxes.motion), self.tau[j], boxes.stands[j]
-        held, rest = load + a * drive["output_inertia"] + v * drive["friction"]["b_ov"], (v * 0.0, a * 0.0)
-        self.nuts(name, drive, held, a, stands, True)
+        (_, v, a, _), load = (x[j] for x in boxes.motion), self.tau[j]
+        starts, stands, sure = boxes.starts[j], boxes.stands[j], boxes.sure[j]
+        held = load + a * drive["output_inertia"] + v * drive["friction"]["b_ov"]
+        gap = 2 * boxes.half - (boxes.end - boxes.begin) * (1 - 4 * U)
+        self.nuts(name, drive, (held, a), mask=stands)
         for sign, moves in ((1.0, boxes.up[j]), (-1.0, boxes.down[j])):
-            for mask, static in ((moves, False), (moves & boxes.starts[j], True), (stands, None)):
-                moving = (held, rest) if static is None else (load, (v, a))
-                effort, torques = rows(drive, *moving, sign, friction(drive, moving[1][0] * sign, static is not False))
-                sure = boxes.sure[j] & (boxes.rests[j] | (not static))
-                for row in torques if static is not None else []:
-                    self.below(("motor torque", name), [row], top, None, sign, mask=mask, sure=sure)
-                self.below(("motor torque", name), [-row for row in torques], top, None, -sign, mask=mask, sure=sure)
-                if static is not None:
-                    self.nuts(name, drive, effort, a, mask, sure)
-                if not static:
+            for motion, mask, real, static in (
+                    ((load, v, a), moves, sure, False),
+                    ((load, v, a), moves & starts, sure & boxes.rests[j], True),
+                    ((held, v * 0.0, a * 0.0), stands, stands, True)):
+                mu, moving = friction(drive, motion[1] * sign, static), mask is not stands
+                effort, torques = rows(drive, motion, sign, mu)
+                key, how = ("motor torque", name), {"mask": mask, "sure": real}
+                self.below(key, [-row for row in torques], top, side=-sign, **how)
+                for row in torques if moving else []:
+                    self.below(key, [row], top, side=sign, **how)
+                if moving:
+                    self.nuts(name, drive, (effort, a), **how)
+                if not (moving and static):
                     low, high = heat((effort * sign)[mask], [row[mask] for row in torques])
-                    least, most = (np.max(x, 0)[mask] for x in zip(*map(bounds, torques), strict=True))
-                    if static is None:
+                    ends = zip(*map(bounds, torques), strict=True)
+                    least, most = (np.max(x, 0)[mask] for x in ends)
+                    if not moving:
                         low, high = np.where(most <= 0, low, 0), np.where(least >= 0, 0, high)
-                    gap = 2 * boxes.half - (boxes.end - boxes.begin) * (1 - 4 * U)
                     low = low * boxes.half[mask] - gap[mask] * np.maximum(-least, most) ** 2
-                    heats[0].extend(np.maximum(low, 0) * boxes.sure[j][mask])
+                    heats[0].extend(np.maximum(low, 0) * sure[mask])
                     heats[1].extend(high * boxes.half[mask])
         if duty is not None:
-            time = boxes.stop.max()
+            time, top = boxes.stop.max(), motor["nominal_torque"]
             low, high = (math.sqrt(math.fsum(x) / (time - boxes.start.min() + duty)) for x in heats)
-            ends, top = (low * (1 - 1e-11), high * (1 + 1e-11)), motor["nominal_torque"]
-            self.add(("continuous torque", name), ends, top, None, time)
-    def nuts(self, name, drive, effort, a, mask, sure):
+            ends = low * (1 - 1e-11), high * (1 + 1e-11)
+            self.add(("continuous torque", name), ends, top, time=time)
+    def nuts(self, name, drive, motion, **how):
         """Bound the forces P − F and P + m₂ q̈ on the nuts of a preloaded screw."""
-        for force in (effort, -a * drive["second_nut_mass"]) if drive["kind"] == "antibacklash_screw" else ():
-            self.below(("nut contact", name), [force - drive["preload"]], 0.0, 1.0, -1.0, mask=mask, sure=sure)
+        if drive["kind"] == "antibacklash_screw":
+            for force in (motion[0], -motion[1] * drive["second_nut_mass"]):
+                force = force - drive["preload"]
+                self.below(("nut contact", name), [force], 0.0, half=1.0, side=-1.0, **how)
     def task(self):
         """Bound roll ψ, tilt φ, spin σ, depth, their rates, and the speed of the tip.
 
@@ -367,40 +394,43 @@ class Proof:
         ω₂, and n = ω₁×t. The tool's x and y see ω₁ at the angle −σ + constant. From
         Ω + u q̇₃ = ω₁ ψ̇ + (⊥ u) φ̇ + u σ̇ follows σ̇ = Ω·u + q̇₃ − ψ̇ cos φ.
         """
-        boxes, geometry, (q, v, _, _), u = self.boxes, self.robot["geometry"], self.boxes.motion, self.boxes.tool
-        first, second, third = boxes.axes
+        boxes, geometry, (q, v, _, _) = self.boxes, self.robot["geometry"], self.boxes.motion
+        (first, second, third), u = boxes.axes, boxes.tool
         t = unit(second - first * dot(first, second))
         n = cross(first, t)
         to_n, to_t = (float(dot(third, x).c[0, 0]) for x in (n, t))
-        side = math.copysign(1.0, -to_n if abs(to_n) > 1e-9 else to_t if to_t > 1e-9 else -1.0)  # of φ
-        axial, c, s, rate = dot(u, first), dot(u, n) * -side, dot(u, t) * side, cross(boxes.omega, u)
+        way = -to_n if abs(to_n) > 1e-9 else to_t if to_t > 1e-9 else -1.0
+        side, axial, rate = math.copysign(1.0, way), dot(u, first), cross(boxes.omega, u)
+        c, s = dot(u, n) * -side, dot(u, t) * side
         inverse = power(c * c + s * s, -0.5)  # 1/|sin φ|
         roll = (c * dot(rate, t) + s * dot(rate, n)) * inverse * inverse * side
         rates = {"roll": roll, "tilt": dot(rate, first) * inverse, "depth": v[3],
                  "spin": dot(boxes.omega, u) + v[2] - roll * axial}
         for name, top in self.problem["rates"].items():
             key = ("insertion speed" if name == "depth" else f"{name} rate", None)
-            self.between(key, -top, top, both(rates[name], -top, top))
+            self.between(key, (-top, top), both(rates[name], -top, top))
         x = given(np.array(geometry["tool_home"])[:, 0])
         x = unit(x - third * dot(third, x))
         now, y = boxes.turned(0, boxes.turned(1, boxes.turned(2, x))), cross(third, x)
         x, y, now_x, now_y = (dot(first, z) for z in (x, y, now, cross(u, now)))
         scale = power(x * x + y * y, -0.5) * inverse
+        depth = q[3] * float(geometry["insertion_sign"])
+        spin = (now_x * x + now_y * y) * scale, (now_x * y - now_y * x) * scale
         ranges = {"roll": lambda *ends: angle(c * inverse, s * inverse, *ends),
-                  "spin": lambda *ends: angle((now_x * x + now_y * y) * scale, (now_x * y - now_y * x) * scale, *ends),
-                  "depth": lambda *ends: both(q[3] * float(geometry["insertion_sign"]), *ends),
+                  "spin": lambda *ends: angle(*spin, *ends),
+                  "depth": lambda *ends: both(depth, *ends),
                   "tilt": lambda *ends: tilt(axial, side, *ends)}
         for name, ends in self.problem["limits"].items():
-            self.between((f"{name} range", None), *ends, ranges[name](*ends))
+            self.between((f"{name} range", None), ends, ranges[name](*ends))
         if self.problem["tip_speed"]:
             tip = rate * q[3] + u * v[3]
             self.below(("tip speed", None), [dot(tip, tip)], self.problem["tip_speed"], value=root)
         if self.problem["eye"]:
             self.eye(self.problem["eye"], u * q[3], q[3])
-        depth = q[3] * float(geometry["insertion_sign"])
-        now = [bernstein(x)[0][0] for x in (s * inverse, c * inverse, axial, depth)]  # where boxes begin
-        now = {"roll": np.arctan2(now[0], now[1]), "tilt": side * np.arccos(np.clip(now[2], -1, 1)), "depth": now[3]}
-        return ranges, now
+        # where boxes begin
+        *first, third, depths = (bernstein(x)[0][0] for x in (s, c, axial, depth))
+        tilts = side * np.arccos(np.clip(third, -1, 1))
+        return ranges, {"roll": np.arctan2(*first), "tilt": tilts, "depth": depths}
     def promises(self, task):
         """Bound the distance of the tip from straight motions of one task coordinate.
 
@@ -424,55 +454,65 @@ class Proof:
                         ends = sorted((first, target.get(name, first)))
                         off[name] = max(0, *(self.largest(f, at, True, value)[0][1] - limit
                                              for f, limit, _, value in ranges[name](*ends)))
-                    most = np.maximum(high, -low)[at].max() * (off["roll"] + off["tilt"]) + off["depth"] + 1e-11
+                    far = np.maximum(high, -low)[at].max()
+                    most = far * (off["roll"] + off["tilt"]) + off["depth"] + 1e-11
                 self.add(("path departure", None), (0.0, most), 1e-6)
     def eye(self, eye, tip, depth):
         """Bound the distance from the retina and the scale at which the lens touches the shaft.
 
         Retina: max(R − |p − c|, port + clearance − |p|). The functions have the units of
         (|p − c|² − L²)/2L, L = R − clearance. Lens: ρ² is the minimum over [0, 1] of
-        |b + s p|² = C − 2 B s + A s² with scaled vectors; C − B²/A and C − 2 max(B, 0) are below it.
+        |b + s p|² = C − 2 B s + A s² with scaled vectors; C − B²/A and C − 2 max(B, 0) are below.
         """
         top, (low, high) = eye["radius"] - eye["clearance"], bounds(depth)
         far, gap = np.maximum(high, -low), tip - given(eye["centre"])
-        length = choose(low >= 0, depth, choose(high <= 0, -depth, hull(0 * far, far))) + (top - eye["port"])
-        functions = [(x - constant(top) * top) * (0.5 / top) for x in (dot(gap, gap), length * length)]
-        self.below(("retina clearance", None), functions, -eye["clearance"], top, -1.0,
-                   lambda x: root(top * (top + 2 * x)) - eye["radius"])
+        length = choose(low >= 0, depth, choose(high <= 0, -depth, hull(0 * far, far)))
+        length = length + (top - eye["port"])
+        squares, least = (dot(gap, gap), length * length), constant(top) * top
+        functions = [(x - least) * (0.5 / top) for x in squares]
+        self.below(("retina clearance", None), functions, -eye["clearance"], half=top, side=-1.0,
+                   value=lambda x: root(top * (top + 2 * x)) - eye["radius"])
         if eye["lens"]:
             lens, back = eye["lens"], given(np.transpose(eye["lens"]["frame"]))
-            scale, thin = power(given(lens["semi_axes"]), -1), 1 + eye["shaft_radius"] / min(lens["semi_axes"])
+            thin = 1 + eye["shaft_radius"] / min(lens["semi_axes"])
+            scale = power(given(lens["semi_axes"]), -1)
             p, b = (apply(back, x) * scale for x in (tip, -given(lens["centre"])))
             a, b, c = dot(p, p), -dot(b, p), dot(b, b) + depth * 0.0
             (low, high), (under, over) = bounds(b), bounds(b - a)
-            exact = choose(under >= 0, a - b * 2.0 + c, choose(high <= 0, c, c - b * b * power(a, -1)))
+            line = choose(high <= 0, c, c - b * b * power(a, -1))
+            exact = choose(under >= 0, a - b * 2.0 + c, line)
             positive = choose(low >= 0, b, hull(0 * high, np.maximum(high, 0)))
             sure = (under >= 0) | (high <= 0) | (low >= 0) & (over <= 0)
-            self.below(("lens clearance", None), [-exact, positive * 2.0 - c], -thin, thin, -1.0,
-                       lambda x: -root(-x), sure=sure)
+            self.below(("lens clearance", None), [-exact, positive * 2.0 - c], -thin, half=thin,
+                       side=-1.0, value=lambda x: -root(-x), sure=sure)
     def breaks(self):
         """Bound jumps at the breaks, also of sums of jumps less a share of time, and end speeds."""
-        pieces, length = np.arange(len(self.plan["trajectory"]["breaks_s"]) - 1), np.diff(self.plan["trajectory"]["breaks_s"])
+        length = np.diff(self.plan["trajectory"]["breaks_s"])
+        pieces = np.arange(len(length))
         ends = Boxes(self.plan, pieces, length * (1 - 2 * U), np.nextafter(length, np.inf))
         starts = Boxes(self.plan, pieces, 0 * length, 0 * length)
         for j, joint in enumerate(self.robot["joints"]):
             levels = [1.0, joint["velocity"], joint["acceleration"], joint["jerk"] or math.inf]
-            for order, kind in enumerate(("position", "velocity", "acceleration")[:3 if joint["jerk"] else 2]):
+            kinds = ("position", "velocity", "acceleration")
+            for order, kind in enumerate(kinds[:3 if joint["jerk"] else 2]):
                 step = starts.motion[order][j][1:] - ends.motion[order][j][:-1]
                 low, high = bounds(step)
-                high, level, worst = np.nan_to_num(np.maximum(high, -low), nan=np.inf), 0.0, (0.0, 0.0)
+                high = np.nan_to_num(np.maximum(high, -low), nan=np.inf)
+                level, worst = 0.0, (0.0, 0.0)
                 for jump, time, span in zip(high, starts.start[1:], length, strict=False):
                     level = (jump + max(level - SHARE * levels[order + 1] * span, 0)) * UP
                     worst = max(worst, (level, time))
                 least = np.maximum(np.maximum(low, -bounds(step)[1]), 0).max(initial=0)
-                self.add((f"{kind} jump", joint["name"]), (least, worst[0]), JUMP * levels[order], None, worst[1])
+                key, top = (f"{kind} jump", joint["name"]), JUMP * levels[order]
+                self.add(key, (least, worst[0]), top, time=worst[1])
             for kind, boxes, k in (("start", starts, 0), ("end", ends, -1)):
                 low, high = (float(x[k]) for x in bounds(boxes.motion[1][j]))
-                span, declared = (max(low, -high, 0.0), max(high, -low)), self.problem[f"{kind}_rate"]
+                declared = self.problem[f"{kind}_rate"]
+                span = max(low, -high, 0.0), max(high, -low)
                 if declared != {}:  # None is any speed; other speeds have no proof
                     span = (0.0, math.inf if declared else 0.0)
                 top = JUMP * joint["velocity"]
-                self.add((f"{kind} velocity", joint["name"]), span, top, None, boxes.start[k])
+                self.add((f"{kind} velocity", joint["name"]), span, top, time=boxes.start[k])
 
 def both(x, low, high):
     """Return (functions, limit, side, value) for −x ≤ −low and x ≤ high: side·value ≤ limit."""
@@ -492,7 +532,8 @@ def angle(c, s, low, high):
     (s_low, c_low), (s_high, c_high) = (sin_cos(given(x)) for x in (low, high))
     over, under = s * c_high - c * s_high, c * s_low - s * c_low
     turned = -c * c_low - s * s_low
-    above, below = ((lambda x, end=end: end + math.asin(min(max(x, -1), 1))) for end in (high, -low))
+    above, below = ((lambda x, end=end: end + math.asin(min(max(x, -1), 1)))
+                    for end in (high, -low))
     if low > high or high - low > math.pi:
         return (([over, under] if low <= high else [c * math.inf], high, 1.0, above),)
     narrow = (([turned], 0.0, 1.0, float),) if high - low < 0.5 else ()
@@ -509,10 +550,11 @@ def prove(plan: dict) -> list:
         proof.promises(proof.task())
         proof.breaks()
     unknown = [(line["name"], line["joint"]) for line in plan["certificate"]["limits"]]
-    unknown += [(key, None) for key in ("friction", "payload", "stop_travel") if proof.problem.get(key)]
+    ranges = ("friction", "payload", "stop_travel")
+    unknown += [(key, None) for key in ranges if proof.problem.get(key)]
     for key in unknown:
         if key not in proof.parts:
-            proof.add(key, (-math.inf, math.inf), 0.0, 1.0)
+            proof.add(key, (-math.inf, math.inf), 0.0, half=1.0)
     return [claim(*key, parts) for key, parts in proof.parts.items()]
 def claim(name, joint, parts):
     """Return the claim that follows from all bounds of one limit. Only a finite one is proven."""
@@ -522,11 +564,11 @@ def claim(name, joint, parts):
         raise ValueError(f"{name} of {joint} is no number")
     verdict = "PROVEN" if high <= TOLERANCE else "REFUTED" if low > TOLERANCE else "OPEN"
     ends = sorted(side * (limit + x * half) for x in (low, high))
-    return Claim(name, joint, *ends, side * limit, time, high, verdict)
+    return Claim(name, joint, *ends, limit=side * limit, time=time, excess=high, verdict=verdict)
 def table(claims: list) -> list:
     """Return the claims as lines of text."""
-    return [f"{c.name:18} {c.joint or '':10} {c.low:+.10e} … {c.high:+.10e}  limit {c.limit:+.10e}  "
-            f"at {c.time:.6f} s  {c.verdict}" for c in claims]
+    return [f"{c.name:18} {c.joint or '':10} {c.low:+.10e} … {c.high:+.10e}  "
+            f"limit {c.limit:+.10e}  at {c.time:.6f} s  {c.verdict}" for c in claims]
 
 if __name__ == "__main__":
     with open(sys.argv[1], encoding="utf-8") as file:

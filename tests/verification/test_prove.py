@@ -108,7 +108,7 @@ def test_points_by_other_arithmetic_lie_in_the_models(file: Path) -> None:
                 sign = 1 if boxes.up[j, k] else -1
                 v, a = (x[j][[k]] for x in boxes.motion[1:3])
                 mu = prove.friction(drive, v * float(sign))
-                _, rows = prove.rows(drive, tau[j][[k]], (v, a), float(sign), mu)
+                _, rows = prove.rows(drive, (tau[j][[k]], v, a), float(sign), mu)
                 exact = sign * instant.motor_torque(
                     j, instant.efforts()[j], sign, Decimal(drive["friction"]["mu"])
                 )
