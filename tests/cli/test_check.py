@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.errors import TrajectoryError
+from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check
 from tests.support.cli import run
-from tests.support.paths import PROBLEMS
+from tests.support.paths import PROBLEMS, ROOT
 from tests.support.plans import smooth, write_plan
 
 APPROACH, ROBOT = PROBLEMS / "eye_approach.yaml", PROBLEMS / "robots/vitreoretinal.yaml"
@@ -104,3 +104,25 @@ def test_a_tip_in_the_retina_is_told_in_words(
 def test_without_robot_or_problem_the_way_out_is_named(csv: Path) -> None:
     with pytest.raises(TrajectoryError, match=r"--robot ROBOT.yaml or --problem PROBLEM.yaml"):
         run("check", csv)
+
+
+def test_a_proof_and_its_checker(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "plan.json"
+    plan = json.loads((ROOT / "results/eye_approach/plan.json").read_text(encoding="utf-8"))
+    for share, status, verdict in ((1.0, 0, "kept"), (0.9, 1, "violated")):
+        plan["problem"]["rates"]["tilt"] *= share
+        file.write_text(json.dumps(plan), encoding="utf-8")
+        checker = tmp_path / "prove.py"
+        assert run("check", file, "--proof", "--checker", checker, "--json") == status
+        document = json.loads(capsys.readouterr().out)
+        assert document["verdict"] == verdict
+        verdicts = {claim["verdict"] for claim in document["proof"]}
+        assert verdicts == ({"PROVEN"} if share == 1.0 else {"PROVEN", "REFUTED"})
+        assert checker.read_text(encoding="utf-8").startswith('"""Prove')
+    plan["problem"]["rates"]["tilt"] /= 0.9
+    plan["problem"]["payload"] = [0.0, 0.001]
+    file.write_text(json.dumps(plan), encoding="utf-8")
+    assert run("check", file, "--proof") == 4
+    assert "OPEN" in capsys.readouterr().out
+    with pytest.raises(ProblemError, match="--proof"):
+        run("check", file, "--proof", "--tip-speed", "1 mm/s")

@@ -15,9 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssm_planner.pipeline.run import plan as plan_of
+from ssm_planner.problem.problem import Problem
+from ssm_planner.problem.value import unchecked
 from ssm_planner.verification import prove
+from tests.mutation.of_proof import survivors
 from tests.support.exact_points import Instant
 from tests.support.paths import ROOT
+from tests.support.random_problems import random_problem
 
 FILE = Path(prove.__file__)
 SHIPPED = sorted(ROOT.glob("results/*/plan.json"))
@@ -29,8 +34,8 @@ def document() -> Document:
     return json.loads((ROOT / "results/eye_approach/plan.json").read_text(encoding="utf-8"))
 
 
-def proven(plan: Document) -> dict[tuple[str, str | None], Any]:
-    return {(claim.name, claim.joint): claim for claim in prove.prove(plan)}
+def proven(document: Document) -> dict[tuple[str, str | None], Any]:
+    return {(claim.name, claim.joint): claim for claim in prove.prove(document)}
 
 
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.parent.name)
@@ -261,6 +266,7 @@ def test_a_body_without_mass_has_no_effort(document: Document) -> None:
         (lambda x: prove.sin_cos(x)[1], np.cos),
         (lambda x: prove.exponential(x * 0.1 - 2.0), lambda x: np.exp(0.1 * x - 2.0)),
         (lambda x: prove.power(x + 9.0, -1), lambda x: 1 / (x + 9)),
+        (lambda x: prove.power(x - 9.0, -1), lambda x: 1 / (x - 9)),
         (lambda x: prove.power(x + 9.0, 0.5), lambda x: np.sqrt(x + 9)),
         (lambda x: prove.power(x + 9.0, -0.5), lambda x: 1 / np.sqrt(x + 9)),
         (lambda x: x * x - x, lambda x: x * x - x),
@@ -288,3 +294,68 @@ def test_ranges_of_angles(low: float, high: float) -> None:
             for f, limit, _, value in prove.angle(c, s, low, high)
         )
         assert (worst <= 1e-12) == (low <= psi <= high), psi
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_of_the_factors_are_in_the_product(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one, two = (
+        prove.Model(rng.normal(size=(6, 4)), np.abs(rng.normal(size=4)) * rng.choice([0, 1], 4))
+        for _ in range(2)
+    )
+    result = {
+        "sum": (one + two, lambda a, b: a + b),
+        "difference": (one - two, lambda a, b: a - b),
+        "product": (one * two, lambda a, b: a * b),
+    }
+    for model, operation in result.values():
+        assert np.all(model.r > 0)
+        for k in range(4):
+            for s in (-1.0, -0.2, 0.7, 1.0):
+                a, b, c = (
+                    sum(Decimal(float(x)) * Decimal(s) ** i for i, x in enumerate(f.c[:, k]))
+                    for f in (one, two, model)
+                )
+                for first in (-1, 1):
+                    for second in (-1, 1):
+                        ends = (
+                            a + first * Decimal(float(one.r[k])),
+                            b + second * Decimal(float(two.r[k])),
+                        )
+                        assert abs(operation(*ends) - c) <= Decimal(float(model.r[k]))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bounds_contain_values_and_halves_are_the_same_polynomial(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = prove.Model(rng.normal(size=(6, 3)), np.array([0.0, 0.1, 1.0]))
+    low, high = prove.bounds(model)
+    s = np.linspace(-1, 1, 101)
+    values = np.array([np.polyval(model.c[::-1, k], s) for k in range(3)])
+    assert np.all(values.min(axis=1) - model.r >= low)
+    assert np.all(values.max(axis=1) + model.r <= high)
+    b, _ = prove.bernstein(model)
+    parts = prove.halves(b)
+    np.testing.assert_allclose(parts[[0, -1], :3], [b[0], values[:, 50]], atol=1e-13)
+    np.testing.assert_allclose(parts[[0, -1], 3:], [values[:, 50], b[-1]], atol=1e-13)
+
+
+OUTSIDE = {"path departure", "corner rounding", "constant speed", "retina distance"}
+"""Limits that the proof covers in part only."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(110))
+def test_plans_of_random_problems_are_proven(seed: int, tilt_insert: Problem) -> None:
+    problem = unchecked(random_problem(tilt_insert, seed), planner="fast")
+    result = plan_of(problem, relaxations=False)
+    if not result.passed or problem.start_rate or problem.end_rate:
+        pytest.skip("no plan between two rests")
+    for key, claim in proven(json.loads(result.to_json())).items():
+        assert claim.verdict == "PROVEN" or key[0] in OUTSIDE, claim
+
+
+@pytest.mark.slow
+def test_mutants_of_the_proof_are_found() -> None:
+    found = [found for *_, found in survivors(12, seed=5)]
+    assert sum(found) >= 10
