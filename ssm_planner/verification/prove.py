@@ -359,6 +359,8 @@ class Proof:
                     ((load, v, a), moves, sure, False),
                     ((load, v, a), moves & starts, sure & boxes.rests[j], True),
                     ((held, v * 0.0, a * 0.0), stands, stands, True)):
+                if not mask.any():
+                    continue
                 mu, moving = friction(drive, motion[1] * sign, static), mask is not stands
                 effort, torques = rows(drive, motion, sign, mu)
                 key, how = ("motor torque", name), {"mask": mask, "sure": real}
