@@ -1,0 +1,584 @@
+"""Prove that a motion keeps its limits at every instant: python prove.py plan.json
+
+The file needs NumPy alone. It trusts the polynomials and the robot in plan.json, IEEE 754, and that
+sqrt, asin and acos of the C library err by less than 1e-15. A Taylor model is f(s) = Σ c_k s^k ± r
+for s in [−1, 1], the time in a box, which is a part of one piece. Every operation adds the terms
+that it drops and its rounding errors to r. The terms of r are positive, so that the factor UP
+covers their own rounding. A bound of the model holds at every instant of the box.
+"""
+import json
+import math
+import sys
+from collections import namedtuple
+
+import numpy as np
+
+N, U, UP, TINY = 5, 2.0**-53, 1 + 1e-13, 1e-290  # degree; rounding error; see above; underflow
+TOLERANCE, JUMP, SHARE = 1e-6, 1e-6, 1e-3  # relative rounding; largest jump; share of jumps per s
+STILL, SLOW = 1e-9, 1e-6  # shares of the largest speed at which a joint rests, and may start
+TURN, SPAN, SHORT = 0.06, 0.05, 1e-8  # largest box in rad and s; smallest one at a reversal in s
+Claim = namedtuple("Claim", "name joint low high limit time excess verdict")
+
+class Model:
+    """Taylor models: coefficients c (≤ N + 1, …), errors r (…). The last axis counts boxes."""
+    __array_ufunc__ = None
+    def __init__(self, c, r):
+        self.c, self.r, self.size = c, r, (np.abs(c).sum(0) + r) * UP  # |f| ≤ size
+    def __getitem__(self, key):
+        return Model(self.c[(slice(None), *np.index_exp[key])], self.r[key])
+    def padded(self, count, axes=0):
+        """Return c with zeros up to s^(count − 1) and at least so many axes."""
+        shape, missing = self.r.shape, count - len(self.c)
+        c = np.concatenate([self.c, np.zeros((missing, *shape))]) if missing > 0 else self.c
+        return c.reshape(len(c), *[1] * (axes - len(shape)), *shape)
+    def __neg__(self):
+        return Model(-self.c, self.r)
+    def __add__(self, other):
+        other = constant(other)
+        count, axes = max(len(self.c), len(other.c)), max(self.r.ndim, other.r.ndim)
+        c = self.padded(count, axes) + other.padded(count, axes)
+        return Model(c, (self.r + other.r + U * np.abs(c).sum(0)) * UP)
+    def __sub__(self, other):
+        return self + -constant(other)
+    def __mul__(self, other):
+        """Multiply. Terms above s^N and rounding errors, ≤ (2N+6) U |a||b|, go into r."""
+        other, axes = constant(other), max(self.r.ndim, np.ndim(getattr(other, "r", other)))
+        a, b = sorted((self.padded(1, axes), other.padded(1, axes)), key=len)
+        r = self.size * other.r + other.size * (self.r + (2 * N + 6) * U * self.size) + TINY
+        c = np.zeros((len(a) + len(b) - 1, *r.shape))
+        for k, a_k in enumerate(a):
+            c[k:k + len(b)] += a_k * b
+        return Model(c[:N + 1], (r + np.abs(c[N + 1:]).sum(0)) * UP)
+def constant(x, error=0.0):
+    """Return numbers as models. error: their largest relative error."""
+    if isinstance(x, Model):
+        return x
+    return Model(np.asarray(x, float)[None], np.abs(x) * (error * UP))
+def given(x):
+    """Return a number, vector or matrix of the plan as a constant for all boxes."""
+    return constant(np.asarray(x, float)[..., None])
+def choose(mask, a, b):
+    """Return a in the boxes of the mask and b in the others."""
+    return Model(np.where(mask, a.padded(N + 1), b.padded(N + 1)), np.where(mask, a.r, b.r))
+def hull(low, high):
+    """Return constants that contain all values between two bounds."""
+    return Model((low + high)[None] / 2, (high - low) * UP)
+def taylor(z, derivatives, bound=1.0):
+    """Return Σ d_k z^k/k! ± bound |z|^n/n!; bound: of the n-th derivative (Lagrange)."""
+    y, n = constant(0.0), len(derivatives)
+    for k in reversed(range(n)):
+        y = y * z + constant(derivatives[k] / math.factorial(k), U)
+    return Model(y.c, (y.r + bound * z.size**n / math.factorial(n)) * UP)
+def sin_cos(x):
+    """Return sin x and cos x by sin 2z = 2 sin z cos z and cos 2z = 1 − 2 sin² z from z = x/128."""
+    sine, cosine = (taylor(x * 2.0**-7, d * 3) for d in ([0, 1, 0, -1], [1, 0, -1, 0]))
+    for _ in range(7):
+        sine, cosine = sine * cosine * 2.0, sine * sine * -2.0 + 1.0
+    return sine, cosine
+def exponential(x):
+    """Return e^x for x ≤ 1 by e^2z = (e^z)² from z = x/128. Below −40 it is in [0, 5e-18]."""
+    z = x * 2.0**-7
+    y = taylor(z, [1] * 12, np.where(z.size < 1, 3.0, np.inf))
+    for _ in range(7):
+        y = y * y
+    return choose(bounds(x)[1] < -40, hull(0 * x.c[0], 0 * x.c[0] + 5e-18), y)
+def power(x, p):
+    """Return x^p = m^p Σ binom(p, k) d^k for p = −1 or ±1/2, where d = x/m − 1 and m = c_0.
+
+    Derivative N+1 of (1 + d)^p is at most |p (p−1) … (p−N)| (1 − |d|)^(p−N−1); |d| must be < 1/2.
+    """
+    m = np.where((x.c[0] > 0) | ((p == -1) & (x.c[0] < 0)), x.c[0], np.nan)
+    inverse = constant(1 / m, 2 * U)
+    d = Model(np.concatenate([0 * x.c[:1], x.c[1:]]), x.r) * inverse
+    falling = [math.prod(p - i for i in range(k)) for k in range(N + 2)]
+    rest = abs(falling[-1]) * (1 - np.minimum(d.size, 0.5)) ** (p - N - 1)
+    y = taylor(d, falling[:-1], np.where(d.size < 0.5, rest, np.inf))
+    return y * (inverse if p == -1 else constant(np.sqrt(m) if p > 0 else 1 / np.sqrt(m), 3 * U))
+BASIS = [np.poly([1.0] * (N - j) + [-1.0] * j)[::-1] * (-1.0) ** (N - j) for j in range(N + 1)]
+TO_BERNSTEIN = np.array(BASIS) / [math.comb(N, k) for k in range(N + 1)]  # of (1−z)^(N−j) (1+z)^j
+def bernstein(f):
+    """Return b (N + 1, …) and e: min b − e ≤ f ≤ max b + e, and f = b_0, b_N ± e at the ends."""
+    return np.tensordot(TO_BERNSTEIN, f.padded(N + 1), 1), (f.r + (N + 6) * U * f.size + TINY) * UP
+def bounds(f):
+    """Return a lower and an upper bound of f in every box."""
+    b, e = bernstein(f)
+    return b.min(0) - e * UP, b.max(0) + e * UP
+def halves(b):
+    """Return the Bernstein coefficients in the first and in the second halves (de Casteljau)."""
+    left, right = [b[0]], [b[-1]]
+    while len(b) > 1:
+        b = (b[:-1] + b[1:]) / 2
+        left, right = [*left, b[0]], [b[-1], *right]
+    return np.concatenate([np.stack(left), np.stack(right)], -1)
+def supremum(functions, sure, start, stop):
+    """Return low ≤ sup min_k f_k(t) ≤ high over all boxes, and the time of a large value.
+
+    sure: boxes in which the smallest function is a value of the motion. Only they are witnesses.
+    """
+    b, e = (np.stack(x, -2) for x in zip(*map(bernstein, functions), strict=True))
+    bad = ~(np.isfinite(b).all(0) & np.isfinite(e))  # nothing is known, and nothing stays NaN
+    b, e, low, high, best = np.where(bad, 0, b), np.where(bad, np.inf, e), -np.inf, -np.inf, -np.inf
+    close, time = 2e-9 * np.abs(b).max(), start[b[0].min(0).argmax()]
+    for depth in range(60):
+        top, ends = (b.max(0) + e).min(0), (b[[0, -1]] - e).min(1)
+        best, values = max(best, ends.max()), np.where(sure, ends, -np.inf)
+        if values.max() > low:
+            low, time = values.max(), np.stack([start, stop]).ravel()[values.argmax()]
+        known = np.where(np.isinf(e), 0, e).max(0)
+        done = (top <= best + close) | (top - best < 2.2 * known) | np.isinf(top)
+        done |= (depth == 59) | (len(top) > 1e5)
+        high = max(high, top[done].max(initial=-np.inf))
+        if done.all():
+            break
+        e = np.tile((e + (N + 1) * U * np.abs(b).max(0))[:, ~done], 2)
+        b, sure = halves(b[..., ~done]), np.tile(sure[~done], 2)
+        start, stop = split(start, stop, ~done)
+    return low, max(low, high), time
+
+def split(begin, end, chosen):
+    """Return the begins and ends of the first and of the second halves of chosen intervals."""
+    begin, end = begin[chosen], end[chosen]
+    return np.append(begin, (begin + end) / 2), np.append((begin + end) / 2, end)
+
+def dot(a, b):
+    """Return the inner products of vectors (3, n)."""
+    c = a * b
+    return c[0] + c[1] + c[2]
+def cross(a, b):
+    """Return the vector products of vectors (3, n)."""
+    return a[[1, 2, 0]] * b[[2, 0, 1]] - a[[2, 0, 1]] * b[[1, 2, 0]]
+def apply(matrix, x):
+    """Return the products of a matrix (3, 3, 1) with vectors (3, n)."""
+    return matrix[:, 0] * x[0] + matrix[:, 1] * x[1] + matrix[:, 2] * x[2]
+def unit(x):
+    """Return x/|x|."""
+    return x * power(dot(x, x), -0.5)
+class Boxes:
+    """Models of q, q̇, q̈ and the jerk in boxes [begin, end] of pieces, and what follows."""
+    def __init__(self, plan, piece, begin, end):
+        self.piece, self.begin, self.end, self.robot = piece, begin, end, plan["problem"]["robot"]
+        breaks, middle = np.array(plan["trajectory"]["breaks_s"]), (begin + end) / 2
+        self.start, self.stop = breaks[piece] + begin, breaks[piece] + end
+        self.half = np.nextafter(np.maximum(end - middle, middle - begin), np.inf)
+        time = Model(np.stack([middle, self.half]), 0 * middle)
+        terms = np.array(plan["trajectory"]["coefficients"], float)[piece].transpose(1, 2, 0)
+        terms, self.motion = [constant(c) for c in terms], []
+        for _ in range(4):
+            self.motion.append(terms[-1])
+            for term in terms[-2::-1]:
+                self.motion[-1] = self.motion[-1] * time + term
+            terms = [term * float(k) for k, term in enumerate(terms)][1:]
+    def turned(self, k, x, way=1.0):
+        """Return x turned by joint k: a(a·x) + (x − a(a·x)) cos q + a×x sin q (Rodrigues)."""
+        along = self.axes[k] * dot(self.axes[k], x)
+        return along + (x - along) * self.cosine[k] + cross(self.axes[k], x) * self.sine[k] * way
+    def efforts(self):
+        """Return τ by Newton and Euler about the remote centre, in frames that turn with bodies.
+
+        f = m (−g + s̈ + ω̇×p + ω×(ω×p)) and M = I ω̇ + ω×(I ω) + p×f, I about the centre of mass.
+        """
+        (q, v, a, _), (self.sine, self.cosine) = self.motion, sin_cos(self.motion[0])
+        self.axes = [unit(given(self.robot["geometry"][f"omega{i}"])) for i in (1, 2, 3)]
+        self.tool = self.turned(0, self.turned(1, self.axes[2]))  # u
+        self.omega = self.axes[0] * v[0] + self.turned(0, self.axes[1]) * v[1]  # u̇ = Ω×u
+        w, dw, base, moments = given([0] * 3), given([0] * 3), -given(self.robot["gravity"]), []
+        for k, body in enumerate(self.robot["bodies"]):
+            frame, back = given(body["frame"]), given(np.transpose(body["frame"]))
+            com, inertia, axis = given(body["com"]), given(body["inertia"]), self.axes[min(k, 2)]
+            place, slide = apply(frame, com), given([0] * 3)
+            if k < 3:
+                w, dw, base = (self.turned(k, x, -1.0) for x in (w, dw, base))
+                dw, w = dw + axis * a[k] + cross(w, axis) * v[k], w + axis * v[k]
+            else:
+                place, slide = place + axis * q[3], axis * a[3] + cross(w, axis) * v[3] * 2.0
+            spin, gain = (apply(frame, apply(inertia, x) - (x * dot(com, com) - com * dot(com, x))
+                                * body["mass"]) for x in (apply(back, w), apply(back, dw)))
+            force = (base + slide + cross(dw, place) + cross(w, cross(w, place))) * body["mass"]
+            moments.append(gain + cross(w, spin) + cross(place, force))
+        total = moments[2] + moments[3]
+        second = moments[1] + self.turned(2, total)
+        first = moments[0] + self.turned(1, second)
+        loads = (first, second, total, force)
+        return [dot(x, y) for x, y in zip([*self.axes, axis], loads, strict=True)]
+def cut(plan):
+    """Return boxes in which joints turn little, keep their direction, and μ is nearly a polynomial.
+
+    A joint stands in a piece if its speed stays below STILL; in a slow box, it has the directions
+    of the piece. Around starts and reversals, boxes are halved down to SHORT; there, both count.
+    """
+    joints, length = plan["problem"]["robot"]["joints"], np.diff(plan["trajectory"]["breaks_s"])
+    piece, begin, end, done = np.arange(len(length)), 0 * length, np.nextafter(length, np.inf), []
+    top = np.array([[joint["velocity"]] for joint in joints])
+    still, (low, high) = STILL * top, bounds(Boxes(plan, piece, begin, end).motion[1])
+    ways = high > still, low < -still
+    stands = ~(ways[0] | ways[1])
+    while len(piece):
+        v, width = Boxes(plan, piece, begin, end).motion[1], end - begin
+        (low, high), (b, e) = bounds(v), bernstein(v)
+        slow = np.abs(b[[0, -1]]) - e <= SLOW * top
+        cuts = (low < -still) & (high > still) | slow[0] & ~slow[1]
+        cuts = (cuts & ~stands[:, piece]).any(0)
+        for j, drive in enumerate(joint["drive"] for joint in joints):
+            if drive and drive["friction"]:
+                mu = friction(drive, v[j] * np.where(high[j] > -low[j], 1.0, -1.0))
+                cuts |= ~(mu.r <= 1e-9 * drive["friction"]["mu"])
+        cuts = cuts & (width > SHORT) | (v.size[:3].max(0) * width > TURN) | (width > SPAN)
+        rest = np.abs(b[0]) + e <= still
+        done.append([x[~cuts] for x in (piece, begin, end, *slow[0], *rest, *low, *high)])
+        piece, (begin, end) = np.tile(piece[cuts], 2), split(begin, end, cuts)
+    piece, begin, end, *rest = (np.concatenate(x) for x in zip(*done, strict=True))
+    starts, resting, low, high = np.reshape(rest, (4, 4, -1))
+    boxes = Boxes(plan, piece, begin, end)
+    boxes.stands, slow = stands[:, piece], (low >= -still) & (high <= still)
+    boxes.up, boxes.down = ((x | slow & way[:, piece]) & ~boxes.stands for x, way in
+                            zip((high > still, low < -still), ways, strict=True))
+    boxes.sure = ~(boxes.up & boxes.down)
+    boxes.starts, boxes.rests = (starts > 0) | ~boxes.sure, (resting > 0) & (end - begin <= SHORT)
+    return boxes
+
+def friction(drive, speed, static=False):
+    """Return μ_k + μ_s e^(−2x) or μ_k + μ_s e^(−x²), x = |w|/w_s. static: at least μ_static."""
+    law, mu = drive["friction"], constant(drive["friction"]["mu"] + 0 * speed.c[0])
+    if law["law"] != "coulomb" and law["stribeck_speed"] is not None:
+        x = speed * drive["ratio"] * power(given(law["stribeck_speed"]), -1)
+        x = Model(x.c, x.r + 2 * np.maximum(-bounds(x)[0], 0))  # contains |x|
+        mu += exponential(x * -2.0 if "exp" in law["law"] else -(x * x)) * law["mu_stribeck"]
+    return hull(*(np.maximum(x, law["mu_static"]) for x in bounds(mu))) if static else mu
+def locking(drive):
+    """Return tan λ and cos θ. A drive locks if tan φ = μ/cos θ > tan λ."""
+    sine, cosine = sin_cos(given(drive["lead_angle"]))
+    return sine * power(cosine, -1), sin_cos(given(drive["pressure_angle"]))[1]
+def rows(drive, motion, sign, mu):
+    """Return F and rows; the motor's torque times its direction `sign` is the largest row.
+
+    F = τ + J_out q̈ + b_oc sgn + b_ov q̇. Row: γ tan(λ ± φ) F + J_in k q̈ + b_c sgn + b_v k q̇, with
+    tan(λ ± φ) = (tan λ ± tan φ)/(1 ∓ tan λ tan φ) and tan φ = μ/cos θ. The nuts of a preloaded
+    screw carry F − P and P + m₂ q̈, and the direction alone selects both signs: one row.
+    """
+    (load, v, a), law, k, (lead, normal) = motion, drive["friction"], drive["ratio"], locking(drive)
+    wedge, preload = mu * power(normal, -1), drive["preload"]
+    up, down = ((lead + x) * power(lead * -x + 1.0, -1) * drive["gamma"] for x in (wedge, -wedge))
+    effort = load + a * drive["output_inertia"] + v * law["b_ov"] + sign * law["b_oc"]
+    base = a * k * drive["input_inertia"] + v * k * law["b_v"] + sign * law["b_c"]
+    if drive["kind"] != "antibacklash_screw":
+        return effort, [(slope * effort + base) * sign for slope in (up, down)]
+    main, other = (down, up) if sign > 0 else (up, down)
+    nuts = main * (effort - preload) + other * (a * drive["second_nut_mass"] + preload)
+    return effort, [(nuts + base) * sign]
+def heat(effort, torques):
+    """Enclose ∫ max(r_1, r_2)² ds over s in [−1, 1] in every box.
+
+    The first row is the largest where effort ≥ 0. Boxes are halved until its sign is known. Where
+    it stays unknown, the integral of the larger square is at most its largest value times width.
+    """
+    squares = [effort, torques[0] * torques[0], torques[-1] * torques[-1]]
+    b, e = (np.stack(x, -2) for x in zip(*map(bernstein, squares), strict=True))
+    box, width, low, high = np.arange(b.shape[2]), 2.0, 0 * e[0], 0 * e[0]
+    for _ in range(30):
+        first = (b[:, 0].min(0) >= e[0]) | (len(torques) == 1)
+        last = (b[:, 0].max(0) <= -e[0]) & ~first
+        for row, known in ((1, first), (2, last)):
+            mean, error = b[:, row, known].mean(0) * width, e[row, known] * width * UP
+            np.add.at(low, box[known], mean - error)
+            np.add.at(high, box[known], mean + error)
+        left = ~(first | last)
+        b, e, box = b[..., left], e[:, left] + (N + 1) * U * np.abs(b[..., left]).max(0), box[left]
+        if not 0 < len(box) < 5000:
+            break
+        b, e, box, width = halves(b), np.tile(e, 2), np.tile(box, 2), width / 2
+    np.add.at(high, box, width * (b[:, 1:].max((0, 1)) + e[1:].max(0)))
+    return np.maximum(low, 0) * (1 - 1e-12), high * (1 + 1e-12)
+
+class Proof:
+    """Collects enclosures of the excess of each limit, (value − limit)/half width."""
+    def __init__(self, plan):
+        self.plan, self.problem, self.parts, self.boxes = plan, plan["problem"], {}, cut(plan)
+        self.robot, self.tau = self.problem["robot"], self.boxes.efforts()
+    def add(self, key, ends, limit, **more):
+        """Note bounds (low, high) of the largest side·value, which must not exceed the limit.
+
+        more: half width that the excess refers to (default: the limit), time, and side, 1 or −1.
+        """
+        half = more.get("half", limit)
+        excess = [(x - limit) / half for x in ends]
+        part = excess, limit, half, more.get("time", 0.0), more.get("side", 1.0)
+        self.parts.setdefault(key, []).append(part)
+    def largest(self, functions, mask=True, sure=True, value=float):
+        """Return bounds of the smallest function in some boxes, and a time. value: to the unit."""
+        at = np.broadcast_to(mask, self.boxes.half.shape)
+        sure, boxes = np.broadcast_to(sure, at.shape)[at], self.boxes
+        functions = [f[..., at] for f in functions]
+        *ends, time = supremum(functions, sure, boxes.start[at], boxes.stop[at])
+        ends = [value(x) if math.isfinite(x) else x for x in ends]
+        error = 0.0 if value is float else 1e-15
+        low, high = (error * (1 + min(abs(x), 1e9)) for x in ends)
+        return (ends[0] - low, ends[1] + high), time
+    def below(self, key, functions, limit, **how):
+        """Bound side·value, an increasing function `value` of the smallest of the functions."""
+        more = {name: how.pop(name) for name in ("half", "side") if name in how}
+        if np.any(how.get("mask", True)):
+            ends, time = self.largest(functions, **how)
+            self.add(key, ends, limit, time=time, **more)
+    def between(self, key, ends, bands):
+        """Bound a value from both sides. bands: see `both`."""
+        half = (ends[1] - ends[0]) / 2 if 0 < ends[1] - ends[0] < math.inf else 1.0
+        for functions, limit, side, value in bands:
+            self.below(key, functions, limit, half=half, side=side, value=value)
+    def joint(self, j, joint):
+        """Bound position, speed, acceleration, jerk, and speed of the motor; self-locking."""
+        name, drive, motor = joint["name"], joint["drive"], joint["motor"]
+        q, v, a, jerk = self.boxes.motion
+        self.between(("position", name), joint["position"], both(q[j], *joint["position"]))
+        limits = {"velocity": v[j], "acceleration": a[j], "jerk": jerk[j]}
+        limits = [(kind, joint[kind], x) for kind, x in limits.items()]
+        if drive and motor:
+            limits.append(("motor speed", motor["max_speed"], v[j] * drive["ratio"]))
+            self.torque(j, name, drive, motor)
+        for kind, top, x in limits:
+            if top is not None:
+                self.between((kind, name), (-top, top), both(x, -top, top))
+        if drive and drive["self_locking"]:
+            law, (lead, normal) = drive["friction"], locking(drive)
+            mu = law["mu"] if law["mu_lowest"] is None else law["mu_lowest"]
+            for needed in np.ravel(bounds(lead * normal)):
+                self.add(("self-locking", name), (-mu, -mu), -needed, half=needed, side=-1.0)
+    def torque(self, j, name, drive, motor):
+        """Bound |τ|, the forces of the nuts, and the root mean square of τ.
+
+        A standing joint has the torque nearest to 0 between the breakaway torques, −max(rows) in
+        both directions. `gap` is the part of [−1, 1] beyond a box, in s.
+        """
+        boxes, top, heats, duty = self.boxes, motor["max_torque"], ([], []), self.problem["duty"]
+        (_, v, a, _), load = (x[j] for x in boxes.motion), self.tau[j]
+        starts, stands, sure = boxes.starts[j], boxes.stands[j], boxes.sure[j]
+        held = load + a * drive["output_inertia"] + v * drive["friction"]["b_ov"]
+        gap = 2 * boxes.half - (boxes.end - boxes.begin) * (1 - 4 * U)
+        self.nuts(name, drive, (held, a), mask=stands)
+        for sign, moves in ((1.0, boxes.up[j]), (-1.0, boxes.down[j])):
+            for motion, mask, real, static in (
+                    ((load, v, a), moves, sure, False),
+                    ((load, v, a), moves & starts, sure & boxes.rests[j], True),
+                    ((held, v * 0.0, a * 0.0), stands, stands, True)):
+                if not mask.any():
+                    continue
+                mu, moving = friction(drive, motion[1] * sign, static), mask is not stands
+                effort, torques = rows(drive, motion, sign, mu)
+                key, how = ("motor torque", name), {"mask": mask, "sure": real}
+                self.below(key, [-row for row in torques], top, side=-sign, **how)
+                for row in torques if moving else []:
+                    self.below(key, [row], top, side=sign, **how)
+                if moving:
+                    self.nuts(name, drive, (effort, a), **how)
+                if not (moving and static):
+                    low, high = heat((effort * sign)[mask], [row[mask] for row in torques])
+                    ends = zip(*map(bounds, torques), strict=True)
+                    least, most = (np.max(x, 0)[mask] for x in ends)
+                    if not moving:
+                        low, high = np.where(most <= 0, low, 0), np.where(least >= 0, 0, high)
+                    low = low * boxes.half[mask] - gap[mask] * np.maximum(-least, most) ** 2
+                    heats[0].extend(np.maximum(low, 0) * sure[mask])
+                    heats[1].extend(high * boxes.half[mask])
+        if duty is not None:
+            time, top = boxes.stop.max(), motor["nominal_torque"]
+            low, high = (math.sqrt(math.fsum(x) / (time - boxes.start.min() + duty)) for x in heats)
+            ends = low * (1 - 1e-11), high * (1 + 1e-11)
+            self.add(("continuous torque", name), ends, top, time=time)
+    def nuts(self, name, drive, motion, **how):
+        """Bound the forces P − F and P + m₂ q̈ on the nuts of a preloaded screw."""
+        if drive["kind"] == "antibacklash_screw":
+            for force in (motion[0], -motion[1] * drive["second_nut_mass"]):
+                force = force - drive["preload"]
+                self.below(("nut contact", name), [force], 0.0, half=1.0, side=-1.0, **how)
+    def task(self):
+        """Bound roll ψ, tilt φ, spin σ, depth, their rates, and the speed of the tip.
+
+        u·ω₁ = cos φ and (−u·n, u·t) = sin φ (cos ψ, sin ψ), where t ⊥ ω₁ is in the plane of ω₁ and
+        ω₂, and n = ω₁×t. The tool's x and y see ω₁ at the angle −σ + constant. From
+        Ω + u q̇₃ = ω₁ ψ̇ + (⊥ u) φ̇ + u σ̇ follows σ̇ = Ω·u + q̇₃ − ψ̇ cos φ.
+        """
+        boxes, geometry, (q, v, _, _) = self.boxes, self.robot["geometry"], self.boxes.motion
+        (first, second, third), u = boxes.axes, boxes.tool
+        t = unit(second - first * dot(first, second))
+        n = cross(first, t)
+        to_n, to_t = (float(dot(third, x).c[0, 0]) for x in (n, t))
+        way = -to_n if abs(to_n) > 1e-9 else to_t if to_t > 1e-9 else -1.0
+        side, axial, rate = math.copysign(1.0, way), dot(u, first), cross(boxes.omega, u)
+        c, s = dot(u, n) * -side, dot(u, t) * side
+        inverse = power(c * c + s * s, -0.5)  # 1/|sin φ|
+        roll = (c * dot(rate, t) + s * dot(rate, n)) * inverse * inverse * side
+        rates = {"roll": roll, "tilt": dot(rate, first) * inverse, "depth": v[3],
+                 "spin": dot(boxes.omega, u) + v[2] - roll * axial}
+        for name, top in self.problem["rates"].items():
+            key = ("insertion speed" if name == "depth" else f"{name} rate", None)
+            self.between(key, (-top, top), both(rates[name], -top, top))
+        x = given(np.array(geometry["tool_home"])[:, 0])
+        x = unit(x - third * dot(third, x))
+        now, y = boxes.turned(0, boxes.turned(1, boxes.turned(2, x))), cross(third, x)
+        x, y, now_x, now_y = (dot(first, z) for z in (x, y, now, cross(u, now)))
+        scale = power(x * x + y * y, -0.5) * inverse
+        depth = q[3] * float(geometry["insertion_sign"])
+        spin = (now_x * x + now_y * y) * scale, (now_x * y - now_y * x) * scale
+        ranges = {"roll": lambda *ends: angle(c * inverse, s * inverse, *ends),
+                  "spin": lambda *ends: angle(*spin, *ends),
+                  "depth": lambda *ends: both(depth, *ends),
+                  "tilt": lambda *ends: tilt(axial, side, *ends)}
+        for name, ends in self.problem["limits"].items():
+            self.between((f"{name} range", None), ends, ranges[name](*ends))
+        if self.problem["tip_speed"]:
+            tip = rate * q[3] + u * v[3]
+            self.below(("tip speed", None), [dot(tip, tip)], self.problem["tip_speed"], value=root)
+        if self.problem["eye"]:
+            self.eye(self.problem["eye"], u * q[3], q[3])
+        # where boxes begin
+        *first, third, depths = (bernstein(x)[0][0] for x in (s, c, axial, depth))
+        tilts = side * np.arccos(np.clip(third, -1, 1))
+        return ranges, {"roll": np.arctan2(*first), "tilt": tilts, "depth": depths}
+    def promises(self, task):
+        """Bound the distance of the tip from straight motions of one task coordinate.
+
+        The tip is at most d (|Δψ| + |Δφ|) + |Δd| from the point with coordinates in their ranges:
+        between start and target, or that of the start. Other prescribed paths have no proof.
+        """
+        (ranges, now), boxes, (low, high) = task, self.boxes, bounds(self.boxes.motion[0][3])
+        motions, phases = self.problem["motion"], self.plan["trajectory"].get("phases", [])
+        plain = [m["name"] for m in motions] == [phase["name"] for phase in phases]
+        plain = plain and not any(m.get("blend") for m in motions)
+        for k, motion in enumerate(motions):
+            target = motion["target"]["task"] if plain and motion["kind"] == "straight" else {}
+            if motion["kind"] == "straight" or motion.get("curve", "samples") != "samples":
+                most = math.inf
+                if target and len(target) == 1:
+                    middle = (boxes.start + boxes.stop) / 2
+                    at = (phases[k]["start_s"] < middle) & (middle < phases[k]["end_s"])
+                    off = {}
+                    for name, values in now.items():
+                        first = values[at][boxes.start[at].argmin()]
+                        ends = sorted((first, target.get(name, first)))
+                        off[name] = max(0, *(self.largest(f, at, True, value)[0][1] - limit
+                                             for f, limit, _, value in ranges[name](*ends)))
+                    far = np.maximum(high, -low)[at].max()
+                    most = far * (off["roll"] + off["tilt"]) + off["depth"] + 1e-11
+                self.add(("path departure", None), (0.0, most), 1e-6)
+    def eye(self, eye, tip, depth):
+        """Bound the distance from the retina and the scale at which the lens touches the shaft.
+
+        Retina: max(R − |p − c|, port + clearance − |p|). The functions have the units of
+        (|p − c|² − L²)/2L, L = R − clearance. Lens: ρ² is the minimum over [0, 1] of
+        |b + s p|² = C − 2 B s + A s² with scaled vectors; C − B²/A and C − 2 max(B, 0) are below.
+        """
+        top, (low, high) = eye["radius"] - eye["clearance"], bounds(depth)
+        far, gap = np.maximum(high, -low), tip - given(eye["centre"])
+        length = choose(low >= 0, depth, choose(high <= 0, -depth, hull(0 * far, far)))
+        length = length + (top - eye["port"])
+        squares, least = (dot(gap, gap), length * length), constant(top) * top
+        functions = [(x - least) * (0.5 / top) for x in squares]
+        self.below(("retina clearance", None), functions, -eye["clearance"], half=top, side=-1.0,
+                   value=lambda x: root(top * (top + 2 * x)) - eye["radius"])
+        if eye["lens"]:
+            lens, back = eye["lens"], given(np.transpose(eye["lens"]["frame"]))
+            thin = 1 + eye["shaft_radius"] / min(lens["semi_axes"])
+            scale = power(given(lens["semi_axes"]), -1)
+            p, b = (apply(back, x) * scale for x in (tip, -given(lens["centre"])))
+            a, b, c = dot(p, p), -dot(b, p), dot(b, b) + depth * 0.0
+            (low, high), (under, over) = bounds(b), bounds(b - a)
+            line = choose(high <= 0, c, c - b * b * power(a, -1))
+            exact = choose(under >= 0, a - b * 2.0 + c, line)
+            positive = choose(low >= 0, b, hull(0 * high, np.maximum(high, 0)))
+            sure = (under >= 0) | (high <= 0) | (low >= 0) & (over <= 0)
+            self.below(("lens clearance", None), [-exact, positive * 2.0 - c], -thin, half=thin,
+                       side=-1.0, value=lambda x: -root(-x), sure=sure)
+    def breaks(self):
+        """Bound jumps at the breaks, also of sums of jumps less a share of time, and end speeds."""
+        length = np.diff(self.plan["trajectory"]["breaks_s"])
+        pieces = np.arange(len(length))
+        ends = Boxes(self.plan, pieces, length * (1 - 2 * U), np.nextafter(length, np.inf))
+        starts = Boxes(self.plan, pieces, 0 * length, 0 * length)
+        for j, joint in enumerate(self.robot["joints"]):
+            levels = [1.0, joint["velocity"], joint["acceleration"], joint["jerk"] or math.inf]
+            kinds = ("position", "velocity", "acceleration")
+            for order, kind in enumerate(kinds[:3 if joint["jerk"] else 2]):
+                step = starts.motion[order][j][1:] - ends.motion[order][j][:-1]
+                low, high = bounds(step)
+                high = np.nan_to_num(np.maximum(high, -low), nan=np.inf)
+                level, worst = 0.0, (0.0, 0.0)
+                for jump, time, span in zip(high, starts.start[1:], length, strict=False):
+                    level = (jump + max(level - SHARE * levels[order + 1] * span, 0)) * UP
+                    worst = max(worst, (level, time))
+                least = np.maximum(np.maximum(low, -bounds(step)[1]), 0).max(initial=0)
+                key, top = (f"{kind} jump", joint["name"]), JUMP * levels[order]
+                self.add(key, (least, worst[0]), top, time=worst[1])
+            for kind, boxes, k in (("start", starts, 0), ("end", ends, -1)):
+                low, high = (float(x[k]) for x in bounds(boxes.motion[1][j]))
+                declared = self.problem[f"{kind}_rate"]
+                span = max(low, -high, 0.0), max(high, -low)
+                if declared != {}:  # None is any speed; other speeds have no proof
+                    span = (0.0, math.inf if declared else 0.0)
+                top = JUMP * joint["velocity"]
+                self.add((f"{kind} velocity", joint["name"]), span, top, time=boxes.start[k])
+
+def both(x, low, high):
+    """Return (functions, limit, side, value) for −x ≤ −low and x ≤ high: side·value ≤ limit."""
+    return ([x], high, 1.0, float), ([-x], -low, -1.0, float)
+def tilt(axial, side, low, high):
+    """Return the same for a tilt φ with the sign `side` by cos φ."""
+    near, far = (low, high) if side > 0 else (-high, -low)
+    return (([-axial], far, side, lambda x: math.acos(min(max(-x, -1), 1))),
+            ([axial], -near, -side, lambda x: -math.acos(min(max(x, -1), 1))))
+def angle(c, s, low, high):
+    """Return the same for an angle ψ in (−π, π] by sin(ψ − high) ≤ 0 and sin(low − ψ) ≤ 0.
+
+    Both hold in a range below π, and cos(ψ − low) ≥ 0 in a narrow one. In a wide range, one of them
+    holds. An empty range has no proof.
+    """
+    low, high = max(low, -math.pi), min(high, math.pi)
+    (s_low, c_low), (s_high, c_high) = (sin_cos(given(x)) for x in (low, high))
+    over, under = s * c_high - c * s_high, c * s_low - s * c_low
+    turned = -c * c_low - s * s_low
+    above, below = ((lambda x, end=end: end + math.asin(min(max(x, -1), 1)))
+                    for end in (high, -low))
+    if low > high or high - low > math.pi:
+        return (([over, under] if low <= high else [c * math.inf], high, 1.0, above),)
+    narrow = (([turned], 0.0, 1.0, float),) if high - low < 0.5 else ()
+    return ([over], high, 1.0, above), ([under], -low, -1.0, below), *narrow
+def root(x):
+    """Return the root of a number that is negative only by rounding."""
+    return math.sqrt(max(x, 0.0))
+def prove(plan: dict) -> list:
+    """Return the claims about every limit of a plan, plan.json as read by json."""
+    with np.errstate(all="ignore"):
+        proof = Proof(plan)
+        for j, joint in enumerate(proof.robot["joints"]):
+            proof.joint(j, joint)
+        proof.promises(proof.task())
+        proof.breaks()
+    unknown = [(line["name"], line["joint"]) for line in plan["certificate"]["limits"]]
+    ranges = ("friction", "payload", "stop_travel")
+    unknown += [(key, None) for key in ranges if proof.problem.get(key)]
+    for key in unknown:
+        if key not in proof.parts:
+            proof.add(key, (-math.inf, math.inf), 0.0, half=1.0)
+    return [claim(*key, parts) for key, parts in proof.parts.items()]
+def claim(name, joint, parts):
+    """Return the claim that follows from all bounds of one limit. Only a finite one is proven."""
+    low, high = (max(part[0][k] for part in parts) for k in (0, 1))
+    _, limit, half, time, side = max(parts, key=lambda part: part[0][1])
+    if any(math.isnan(x) for part in parts for x in part[0]):
+        raise ValueError(f"{name} of {joint} is no number")
+    verdict = "PROVEN" if high <= TOLERANCE else "REFUTED" if low > TOLERANCE else "OPEN"
+    ends = sorted(side * (limit + x * half) for x in (low, high))
+    return Claim(name, joint, *ends, limit=side * limit, time=time, excess=high, verdict=verdict)
+def table(claims: list) -> list:
+    """Return the claims as lines of text."""
+    return [f"{c.name:18} {c.joint or '':10} {c.low:+.10e} … {c.high:+.10e}  "
+            f"limit {c.limit:+.10e}  at {c.time:.6f} s  {c.verdict}" for c in claims]
+
+if __name__ == "__main__":
+    try:
+        with open(sys.argv[1], encoding="utf-8") as file:
+            claims = prove(json.load(file))
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        print(f"usage: python prove.py plan.json ({type(error).__name__}: {error})", file=sys.stderr)
+        sys.exit(2)
+    print(*table(claims), sep="\n")
+    verdicts = {c.verdict for c in claims}
+    sys.exit(0 if verdicts == {"PROVEN"} else 1 if "REFUTED" in verdicts else 4)

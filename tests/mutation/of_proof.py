@@ -1,0 +1,175 @@
+"""Single-operator mutants of `examples/prove.py`: is each of them found by what the proof says of two plans?
+
+    python -m tests.mutation.of_proof --count 300 --seed 1
+
+A mutant is found if it raises, or if a bound, a verdict or a name differs from that of the original by more than the
+enclosures permit. Mutants that only change how much rounding is allowed for cannot be found that way; they are listed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import copy
+import json
+import math
+import signal
+import types
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.support.paths import ROOT
+
+FILE = ROOT / "examples/prove.py"
+SWAPS: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.Lt: ast.GtE,
+    ast.Gt: ast.LtE,
+    ast.LtE: ast.Gt,
+    ast.GtE: ast.Lt,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+}
+SAME = 1e-7
+"""Relative difference of two bounds of the same value."""
+
+LONGEST = 20.0
+"""CPU time in s after which a mutant counts as found."""
+
+
+def _stop(*_: object) -> None:
+    raise TimeoutError
+
+
+def mutants(source: str) -> list[tuple[int, str, str]]:
+    """(line, operator, source) of every mutant with one operator changed."""
+    tree = ast.parse(source)
+    found = []
+    for number, node in enumerate(ast.walk(tree)):
+        operators = node.ops if isinstance(node, ast.Compare) else [getattr(node, "op", None)]
+        if type(operators[0]) in SWAPS:
+            changed = copy.deepcopy(tree)
+            other = list(ast.walk(changed))[number]
+            swapped = SWAPS[type(operators[0])]()
+            if isinstance(other, ast.Compare):
+                other.ops[0] = swapped
+            else:
+                other.op = swapped
+            name = f"{type(operators[0]).__name__} → {type(swapped).__name__}"
+            found.append((node.lineno, name, ast.unparse(changed)))
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            changed = copy.deepcopy(tree)
+            other = list(ast.walk(changed))[number]
+            other.op = ast.UAdd() if isinstance(node.operand, ast.Constant) else ast.Invert()
+            if isinstance(node.operand, ast.Constant):
+                found.append((node.lineno, "− → +", ast.unparse(changed)))
+    return found
+
+
+def load(source: str) -> types.ModuleType:
+    """The module of a source text."""
+    module = types.ModuleType("mutant")
+    exec(compile(source, "mutant", "exec"), vars(module))
+    return module
+
+
+@cache
+def plans() -> tuple[dict[str, Any], ...]:
+    """Two plans that use every branch: Stribeck friction, a preloaded screw, a drive that must hold, wide ranges."""
+    first, second = (
+        json.loads((ROOT / f"results/{name}/plan.json").read_text(encoding="utf-8"))
+        for name in ("eye_approach", "tilt_insert")
+    )
+    one, two, _, four = first["problem"]["robot"]["joints"]
+    for joint, law in ((one, "stribeck_gaussian"), (two, "stribeck_exponential")):
+        joint["drive"]["friction"] |= {"law": law, "mu_stribeck": 0.05, "stribeck_speed": 30.0}
+    four["drive"] |= {"kind": "antibacklash_screw", "preload": 6.0, "second_nut_mass": 0.05}
+    first["problem"] |= {"tip_speed": 0.03}
+    first["problem"]["limits"] |= {"spin": [-1.0, 1.5], "roll": [-2.0, 2.5]}
+    for joint in second["problem"]["robot"]["joints"]:
+        if joint["drive"]:
+            joint["drive"] |= {"self_locking": False}
+            joint["drive"]["friction"] |= {"mu": 0.01, "mu_static": 0.02}
+        joint["jerk"] = 1e4
+    return first, second
+
+
+def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
+    """What a module says of both plans, and of parts that plans use little."""
+    found = [tuple(claim) for plan in plans() for claim in module.prove(plan)]
+    zero = np.zeros(1)
+    with np.errstate(all="ignore"):
+        for low, high in ((-0.5, 0.7), (-2.5, 2.0), (0.3, 0.3), (3.0, 3.5)):
+            for psi in (-3.0, -1.0, 0.2, 0.31, 2.2, 3.1):
+                c, s = (module.constant(np.array([x])) for x in (math.cos(psi), math.sin(psi)))
+                for functions, limit, side, value in module.angle(c, s, low, high):
+                    ends = module.supremum(functions, zero == 0, zero, zero + 1)[:2]
+                    found.append(("angle", None, *map(value, ends), limit, side, 0.0, ""))
+        wide = module.Model(np.array([[2.0, -0.5], [0.3, 0.2]]), np.zeros(2))
+        for model in (module.exponential(wide - 2.0), module.power(wide + 9.0, 0.5)):
+            found.append(("model", None, *map(float, [*model.c[:3, 0], *model.r]), ""))
+        bad = module.Model(np.array([[1.0, np.nan]]), np.zeros(2))
+        ends = module.supremum([bad], np.array([True, False]), np.zeros(2), np.ones(2))[:2]
+        found.append(("open", None, *map(float, ends), ""))
+    return found
+
+
+def differs(one: list[tuple[Any, ...]], two: list[tuple[Any, ...]]) -> bool:
+    """Whether answers differ by more than the enclosures permit."""
+    if len(one) != len(two):
+        return True
+    for a, b in zip(one, two, strict=True):
+        if (a[0], a[1], a[-1]) != (b[0], b[1], b[-1]) or len(a) != len(b):
+            return True
+        values = [(x, y) for k, (x, y) in enumerate(zip(a[2:-1], b[2:-1], strict=True)) if k != 3]
+        scale = max((abs(x) for x, _ in values if math.isfinite(x)), default=0.0) + 1e-9
+        if any(not (x == y or abs(x - y) <= SAME * scale) for x, y in values):
+            return True
+    return False
+
+
+def survivors(count: int, seed: int) -> Iterator[tuple[int, str, bool]]:
+    """(line, operator, found) of a random sample of mutants."""
+    source = Path(FILE).read_text(encoding="utf-8")
+    every = mutants(source)
+    rng = np.random.default_rng(seed)
+    truth = answers(load(source))
+    for k in rng.permutation(len(every))[:count]:
+        line, name, text = every[k]
+        signal.signal(signal.SIGVTALRM, _stop)
+        signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST)
+        try:
+            with np.errstate(all="ignore"):
+                found = differs(truth, answers(load(text)))
+        except Exception:  # noqa: BLE001 a mutant may raise anything
+            found = True
+        finally:
+            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        yield line, name, found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    total = killed = 0
+    for line, name, found in survivors(options.count, options.seed):
+        total, killed = total + 1, killed + found
+        if not found:
+            print(f"line {line}: {name} survives", flush=True)
+    print(f"{killed} of {total} mutants found")
+
+
+if __name__ == "__main__":
+    main()
