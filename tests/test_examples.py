@@ -37,4 +37,6 @@ def test_examples_use_public_names_alone_and_are_listed() -> None:
     for example in EXAMPLES:
         source = example.read_text(encoding="utf-8")
         assert f"`{example.name}`" in listed
-        assert not re.search(r"ssm_planner\.\w+ import|\._(?!_)\w|import ssm_planner\.", source), example
+        assert not re.search(r"ssm_planner\.\w+ import|\._(?!_)\w|import ssm_planner\.", source), (
+            example
+        )

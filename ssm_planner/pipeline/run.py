@@ -109,7 +109,7 @@ def plan(
     relaxations : bool
         Look for a change of a limit if there is no motion.
     on_relaxation : callable
-        Called with the problem that a relaxation solves.
+        Called with the relaxed problem, which has a motion.
     stoppable : bool
         The first Ctrl-C during the search for alternative joints ends that search. The plan is then
         the best one so far, with `Plan.stopped` set.

@@ -12,8 +12,8 @@ a motion with e = −GAP takes longer than the fastest one by a share of less th
 
 Towards λ = 1, time costs nothing, and every phase takes the time in which it produces the least
 heat. Beyond that, motors only cool if they rest or move more slowly. The phases in which the hot
-motors rest are stretched first, because that adds no heat. All phases are stretched if there are no
-such phases or if that does not suffice.
+motors rest take longer first, because that adds no heat. All phases take longer if there are no
+such phases or if that does not suffice. They are planned again for the least heat.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from ssm_planner.planning.tolerances import GAP, SAME
 from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked
 from ssm_planner.typing import Array
 
-MULTIPLIER = 0.95
+LARGEST_MULTIPLIER = 0.95
 """Largest λ."""
-STRETCH = 4.0
-"""Largest share by which all phases take longer."""
+LARGEST_STRETCH = 4.0
+"""Largest added duration of all phases, as a share of theirs."""
 
 
 def quickly(problem: Problem) -> Problem:
@@ -55,7 +55,7 @@ class ThermalSearch:
     def __post_init__(self) -> None:
         self.hot = set(self.initial.hot_joints)
         """Names of the joints whose motors were too hot in any motion."""
-        self.coolest = 0.0, self.initial
+        self.best = 0.0, self.initial
         """Multiplier and motion with the smallest sum of duration and necessary rest so far."""
 
     def run(self) -> Outcome | None:
@@ -66,11 +66,15 @@ class ThermalSearch:
         problem, quick = self.problem, quickly(self.problem)
         if problem.duration is not None or all(motion.duration for motion in problem.motion):
             # Weights of any size only shift heat from one instant to another.
-            outcome = self._weighted(problem, MULTIPLIER)
+            outcome = self._weighted(problem, LARGEST_MULTIPLIER)
             return outcome if outcome.passed else None
-        families = (self._weighted, MULTIPLIER), (self._rested, 1.0), (self._slower, STRETCH)
+        families = (
+            (self._weighted, LARGEST_MULTIPLIER),
+            (self._rested, 1.0),
+            (self._slower, LARGEST_STRETCH),
+        )
         for family, largest in families:
-            result = smallest_cool(partial(family, quick), largest, self.coolest[1])
+            result = smallest_cool(partial(family, quick), largest, self.best[1])
             if result is not None:
                 number, outcome = result
                 confirmed = outcome if problem is quick else family(problem, number)
@@ -83,17 +87,17 @@ class ThermalSearch:
         """Plan with a multiplier λ of the heat of the hot motors."""
         outcome = self.plan(problem, self._hot_weights(multiplier / (1 - multiplier)))
         self.hot |= outcome.hot_joints
-        candidates = (self.coolest, (multiplier, outcome))
-        self.coolest = min(candidates, key=lambda item: self._rested_duration(item[1]))
+        candidates = (self.best, (multiplier, outcome))
+        self.best = min(candidates, key=lambda item: self._rested_duration(item[1]))
         return outcome
 
     def _rested(self, problem: Problem, share: float) -> Outcome:
-        """Return the coolest motion with a share of the necessary rest.
+        """Return the best motion with a share of the necessary rest.
 
         The rest extends the phases in which the hot motors rest. Without such phases, the motion
         is returned unchanged.
         """
-        multiplier, base = self.coolest
+        multiplier, base = self.best
         if problem is not quickly(problem):
             base = self._weighted(problem, multiplier)
         hot = self._hot_weights(1.0) > 0
@@ -109,8 +113,8 @@ class ThermalSearch:
         return self._stretched(base, resting, 1 + share * rest / duration)
 
     def _slower(self, problem: Problem, share: float) -> Outcome:
-        """Plan for the least heat, with the durations of the coolest motion longer by a share."""
-        base = self.coolest[1]
+        """Plan for the least heat, with the durations of the best motion longer by a share."""
+        base = self.best[1]
         phases = base.planned.phases
         replannable = all(isinstance(entry, (Free, Straight, Dwell)) for entry in problem.motion)
         if not replannable or len(phases) != len(problem.motion):  # Corners join phases.

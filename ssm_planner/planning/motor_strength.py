@@ -39,7 +39,7 @@ def no_motion(phase: Phase, path: JointPath, message: str) -> Reason:
         return reason
     blocked = blocked_by_eye(replace(phase, path=path))
     if blocked is not None:
-        text = f"{blocked.message}; no path around it was found ({message})"
+        text = f"{blocked.message}, so the direct motion is blocked ({message})"
         return replace(blocked, message=text)
     text = f"{phase.motion.name}: no motion found ({message})"
     return Reason(None, phase.motion.name, None, None, text)

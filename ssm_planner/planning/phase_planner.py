@@ -98,7 +98,7 @@ class PhasePlanner:
 
         Parameters
         ----------
-        reversals : Borders or None
+        borders : Borders or None
             Where joints reverse, and a guess. None: only where they must.
         cutoff : float
             Duration in s beyond which a motion is not refined any further.

@@ -25,6 +25,8 @@ from ssm_planner.typing import Array
 
 MULTIPLIER = 1e-3
 """Sum of the multipliers of one joint over a stretch of time above which its direction is opened.
+
+While the sum over the entire motion is smaller for every joint, no stretch is examined.
 """
 THRESHOLD = 0.2
 """Share of the largest sum above which stretches are opened together."""

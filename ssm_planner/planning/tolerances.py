@@ -10,6 +10,9 @@ SAME = 1e-6
 Distances (rad, m) between given places count as equal below it too.
 """
 GAP = 1e-4
-"""Relative difference of durations below which no faster motion is looked for."""
+"""Relative difference of durations below which no faster motion is looked for.
+
+Iterations that change a duration, a speed, an amount of heat or its weight by less end, too.
+"""
 SAMPLES = 401
 """Number of samples of a path between which its extremes and reversals are sought."""

@@ -75,7 +75,7 @@ class Candidate(ABC, Generic[P, R]):
 
     @abstractmethod
     def solution(self, cutoff: float, estimate: R | None) -> R | Reason:
-        """Return the fastest motion of this candidate, or the reason why none was found.
+        """Return the motion of this candidate, or the reason why none was found.
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
 """List of the kinds of candidates for a phase.
 
-Other joints at a target move the whole problem, so `pipeline/mission.py` suggests them. The search
+Other joints at a target move the whole problem, so `pipeline/mission.py` searches them. The search
 asks the kinds for suggestions in this order. A new kind of candidate is one more line here.
 """
 

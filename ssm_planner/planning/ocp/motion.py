@@ -104,7 +104,7 @@ class PhaseSolution:
 
     @property
     def reversal_multiplier(self) -> float | None:
-        """Largest remaining multiplier of the joints' directions.
+        """Largest sum of the remaining multipliers of one joint's direction over the motion.
 
         None for a motion along a path.
         """
