@@ -17,6 +17,8 @@ from ssm_planner.typing import Array, record
 TOLERANCE = 1e-8
 LAST_BARRIER = 11.0
 """Tolerance divided by the last μ."""
+SUPERLINEAR = 1.5
+"""Exponent of μ from one barrier problem to the next."""
 BARRIER = 1e-4
 """First μ of a cold start."""
 

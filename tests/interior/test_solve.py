@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from ssm_planner.elements.compiled import compiled
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import Outcome, solve
+from ssm_planner.interior.solve import SUPERLINEAR, Outcome, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.typing import Array
@@ -101,7 +101,9 @@ def fastest(program: Program, distance: float, guess: float) -> Outcome:
 
 
 def solved(program: Program, point: Point) -> Outcome:
-    return solve(program, point, warm=None, iterations=300, superlinear=1.5, off_centre=np.inf)
+    return solve(
+        program, point, warm=None, iterations=300, superlinear=SUPERLINEAR, off_centre=np.inf
+    )
 
 
 def rows_of(

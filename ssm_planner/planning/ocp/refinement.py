@@ -24,7 +24,7 @@ from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.work import SOLVE
-from ssm_planner.problem import MotorTorque
+from ssm_planner.problem import LensClearance, MotorTorque
 from ssm_planner.typing import Array, record
 
 NEAR = 0.8
@@ -98,7 +98,10 @@ class RefinementState:
         structure, element, data = program
         if self.problem.method == "Ipopt":
             return Transcription.build(structure, element).solve(data, self.elements, self.warm)
-        return solve_structured(structure, element, data, self.elements, warm=self.warm)
+        beside_lens = any(name == LensClearance.name for name, _ in self.active)
+        return solve_structured(
+            structure, element, data, self.elements, warm=self.warm, switching=beside_lens
+        )
 
     def cut(self, coarse: Array) -> RefinementState:
         """Return the state with the coarse elements (n,) cut into PARTS.

@@ -14,7 +14,7 @@ import numpy as np
 from ssm_planner.elements.compiled import Location, native_elements
 from ssm_planner.elements.element import ElementModel
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import solve
+from ssm_planner.interior.solve import SUPERLINEAR, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.ocp.nlp import (
     Multipliers,
@@ -30,12 +30,12 @@ from ssm_planner.typing import Array, Indices
 ITERATIONS = 600
 """Largest number of iterations for each exponent of the barrier."""
 EXPONENTS = 1.2, 1.1, 1.3
-"""Exponents by which the weight of the barrier falls. One of them usually converges."""
-SLOWER = 1.2
-"""Factor by which a guess is slowed down, so that it violates fewer rows and bounds.
+"""Exponents by which the weight of the barrier falls. One of them usually converges.
 
-Without it, eye_approach takes 0.015 % longer.
+A motion with one time, or with limited jerk, begins with SUPERLINEAR, which is more accurate.
 """
+SLOWER = 1.2
+"""Factor by which a guess is slowed down, so that it violates fewer rows and bounds."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
 OFF_CENTRE = 1e-3
 """Relative deviation of slack times multiplier from the last barrier weight, if Ipopt starts there.
@@ -52,6 +52,7 @@ def solve_structured(
     *,
     warm: NlpSolution | None = None,
     iterations: int = ITERATIONS,
+    switching: bool = False,
     centred: bool = False,
 ) -> NlpSolution:
     """Solve a program by the structured solver.
@@ -65,7 +66,10 @@ def solve_structured(
     warm : NlpSolution or None
         Structured solution of a neighbouring program, which is tried as a start first.
     iterations : int
-        Largest number of iterations for each exponent.
+        Largest number of iterations. With fewer than usual, one way of lowering the barrier is
+        tried instead of several.
+    switching : bool
+        A row has a rounded edge, which needs the patient ways.
     centred : bool
         Stop close to the central path, so that Ipopt finds its multipliers from the slacks.
 
@@ -78,8 +82,13 @@ def solve_structured(
     state = None if warm is None else warm.structured_state
     used = 0
     initial = _point(program, structure, data, start)
-    # If the multipliers of a similar program mislead, its motion alone is the next start.
-    for superlinear in EXPONENTS if state is None else (EXPONENTS[0], *EXPONENTS):
+    accurate = structure.smooth or len(data.least_times) == 1
+    exponents: tuple[float, ...] = (
+        (SUPERLINEAR, *EXPONENTS) if accurate and not switching else EXPONENTS
+    )
+    if iterations < ITERATIONS:
+        exponents = exponents[:1]
+    for superlinear in exponents if state is None else (exponents[0], *exponents):
         outcome = solve(
             program,
             initial,
@@ -267,9 +276,9 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
 def _point(program: Program, structure: NlpStructure, data: NlpData, elements: Array) -> Point:
     """Return the unknowns of a guess of elements (n, 4 m + 1), slowed down."""
     m = structure.coordinates
-    if data.duration == (0.0, np.inf):
-        elements = stretched(elements, SLOWER)
     times = np.maximum(structure.times(elements[:, -1]), 1.001 * data.least_times)
+    if data.duration == (0.0, np.inf):
+        elements, times = stretched(elements, SLOWER), times * SLOWER
     h = times[structure.block] * data.fractions
     pieces = cubics(elements)
     u = np.vstack([pieces.u, data.end[:m]])
