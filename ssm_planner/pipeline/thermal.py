@@ -31,10 +31,10 @@ from ssm_planner.planning.tolerances import GAP, SAME
 from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked
 from ssm_planner.typing import Array
 
-LARGEST_MULTIPLIER = 0.95
-"""Largest λ."""
-LARGEST_STRETCH = 4.0
-"""Largest added duration of all phases, as a share of theirs."""
+MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)
+"""Values of λ that are tried in turn until the motors are cool enough."""
+STRETCHES: tuple[float, ...] = (0.2, 1.0, 4.0)
+"""Shares by which all phases take longer, tried in turn until the motors are cool enough."""
 
 
 def quickly(problem: Problem) -> Problem:
@@ -66,15 +66,15 @@ class ThermalSearch:
         problem, quick = self.problem, quickly(self.problem)
         if problem.duration is not None or all(motion.duration for motion in problem.motion):
             # Weights of any size only shift heat from one instant to another.
-            outcome = self._weighted(problem, LARGEST_MULTIPLIER)
+            outcome = self._weighted(problem, MULTIPLIERS[0])
             return outcome if outcome.passed else None
         families = (
-            (self._weighted, LARGEST_MULTIPLIER),
-            (self._rested, 1.0),
-            (self._slower, LARGEST_STRETCH),
+            (self._weighted, MULTIPLIERS),
+            (self._rested, (1.0,)),
+            (self._slower, STRETCHES),
         )
-        for family, largest in families:
-            result = smallest_cool(partial(family, quick), largest, self.best[1])
+        for family, numbers in families:
+            result = _smallest_cool(partial(family, quick), numbers, self.best[1])
             if result is not None:
                 number, outcome = result
                 confirmed = outcome if problem is quick else family(problem, number)
@@ -150,46 +150,53 @@ class ThermalSearch:
         return duration + excess * (duration + (self.problem.duty or 0.0))
 
 
-def smallest_cool(
-    motion: Callable[[float], Outcome], largest: float, hottest: Outcome
+def _smallest_cool(
+    motion: Callable[[float], Outcome], numbers: tuple[float, ...], hottest: Outcome
 ) -> tuple[float, Outcome] | None:
     """Return the smallest number that gives a cool motion, and that motion.
 
-    The excess of heat is a falling function of the number. Brent's method finds its root. The
-    result is on the cool side of the root, with an excess above −GAP, or within GAP of a number
-    whose motion is too hot.
+    The excess of heat is a falling function of the number. Its root is bracketed between two of the
+    `numbers` and found by the Illinois method. The result is on the cool side of the root, with an
+    excess above −GAP, or within GAP of a number whose motion is too hot.
 
     Parameters
     ----------
     motion : callable
         Returns the checked motion for a number.
-    largest : float
-        Largest number.
+    numbers : tuple of float
+        Increasing numbers, tried in turn until one gives a cool motion.
     hottest : Outcome
         Motion for the number 0.
 
     Returns
     -------
     tuple or None
-        None if the largest number gives no cool motion.
+        None if no number gives a cool motion, or if the excess has stopped falling by GAP.
     """
-    from scipy.optimize import brentq
-
-    outcomes = {0.0: hottest, largest: motion(largest)}
-    if not outcomes[largest].passed:
+    lower, over = 0.0, hottest.excess_heat or 0.0
+    for upper in numbers:
+        outcome = motion(upper)
+        if outcome.passed:
+            break
+        excess = outcome.excess_heat
+        if excess is None or (lower and abs(excess - over) <= GAP):
+            return None
+        lower, over = upper, excess
+    else:
         return None
-
-    def excess(number: float) -> float:
-        if number not in outcomes:
-            outcomes[number] = motion(number)
-        heat = outcomes[number].excess_heat or 0.0
-        if outcomes[number].passed:
-            return heat if heat < -GAP else 0.0
-        return heat or 1.0  # Another limit may be exceeded.
-
-    brentq(excess, 0.0, largest, xtol=GAP)
-    number = min(number for number, outcome in outcomes.items() if outcome.passed)
-    return number, outcomes[number]
+    under, last = -(outcome.excess_heat or 0.0), ""
+    while upper - lower > GAP and -(outcome.excess_heat or 0.0) > GAP:
+        share = float(np.clip(over / (over + under), 0.02, 0.98))
+        middle = lower + share * (upper - lower)
+        trial = motion(middle)
+        # The Illinois method halves the value of an end that stays twice.
+        if trial.passed:
+            upper, outcome, under = middle, trial, -(trial.excess_heat or 0.0)
+            over, last = over / (2 if last == "cool" else 1), "cool"
+        else:
+            lower, over = middle, trial.excess_heat or over
+            under, last = under / (2 if last == "hot" else 1), "hot"
+    return upper, outcome
 
 
 def _may_take_longer(phase: PlannedPhase) -> bool:
