@@ -21,7 +21,7 @@ from ssm_planner.planning.ocp.turning import LEAST_SEGMENT
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array
+from ssm_planner.typing import Array, Mask
 
 MULTIPLIER = 1e-3
 """Sum of the multipliers of one joint over a stretch of time above which its direction is opened.
@@ -31,7 +31,7 @@ While the sum over the entire motion is smaller for every joint, no stretch is e
 THRESHOLD = 0.2
 """Share of the largest sum above which stretches are opened together."""
 NEGLIGIBLE = 1e-3
-"""Share of the largest multiplier that counts as 0."""
+"""Share of the largest multiplier, or of a joint's largest velocity, that counts as 0."""
 
 
 def refine_directions(
@@ -72,24 +72,27 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     multipliers = motion.direction_multipliers
     if multipliers is None or multipliers.largest_sum <= MULTIPLIER:
         return None
-    directions = _opened(multipliers)
+    guess = Trajectory(motion.breaks, motion.coefficients, ())
+    middles = (multipliers.instants[1:] + multipliers.instants[:-1]) / 2
+    speed = np.abs(guess.sample(middles).qd)
+    directions = _opened(multipliers, speed <= NEGLIGIBLE * speed.max(axis=0))
     if np.array_equal(directions, multipliers.directions):
         return None
-    return _reversals(phase, motion, multipliers, directions)
+    return _reversals(phase, multipliers, directions, guess)
 
 
 def current_reversals(phase: Phase, motion: PhaseSolution) -> Borders:
     """Return the reversals of a motion, to solve it again on a mesh made for it."""
     multipliers = motion.direction_multipliers
     assert multipliers is not None
-    return _reversals(phase, motion, multipliers, multipliers.directions)
+    guess = Trajectory(motion.breaks, motion.coefficients, ())
+    return _reversals(phase, multipliers, multipliers.directions, guess)
 
 
 def _reversals(
-    phase: Phase, motion: PhaseSolution, multipliers: DirectionMultipliers, directions: Array
+    phase: Phase, multipliers: DirectionMultipliers, directions: Array, guess: Trajectory
 ) -> Borders:
-    """Return reversals with borders where `directions` (n, 4) change. The motion is the guess."""
-    guess = Trajectory(motion.breaks, motion.coefficients, ())
+    """Return reversals with borders where `directions` (n, 4) change. The guess is a motion."""
     instants = _borders(multipliers, directions)
     is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
     middles = np.searchsorted(multipliers.instants, (instants[1:] + instants[:-1]) / 2) - 1
@@ -99,11 +102,19 @@ def _reversals(
     return Borders(points, free, directions[middles], guess=(guess, instants))
 
 
-def _opened(multipliers: DirectionMultipliers) -> Array:
-    """Return directions (n, 4), opened in the stretches whose multipliers exceed the tolerance."""
+def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
+    """Return directions (n, 4), opened in the stretches whose multipliers exceed the tolerance.
+
+    `at_rest` (n, 4) is True where joints rest. A stretch is extended while its joint rests.
+    """
     directions = multipliers.directions.copy()
-    counts = np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_sum
-    signs = np.where(counts, np.sign(multipliers.values), 0.0)
+    signs = np.sign(
+        np.where(
+            np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_sum,
+            multipliers.values,
+            0.0,
+        )
+    )
     stretches = [
         (joint, start, stop, float(np.abs(values[start:stop]).sum()))
         for joint, values in enumerate(multipliers.values.T)
@@ -113,7 +124,8 @@ def _opened(multipliers: DirectionMultipliers) -> Array:
     threshold = max(MULTIPLIER, THRESHOLD * largest)
     for joint, start, stop, size in stretches:
         if size >= threshold:
-            directions[start:stop, joint] = signs[start, joint]
+            low, end = _extended(start, stop, at_rest[:, joint] & (signs[:, joint] == 0))
+            directions[low:end, joint] = signs[start, joint]
     for joint in range(4):
         if not multipliers.directions[:, joint].any() and directions[:, joint].any():
             directions[:, joint] = _fill_zeros(signs[:, joint])
@@ -124,6 +136,15 @@ def _stretches(signs: Array) -> list[tuple[int, int]]:
     """Return first element and end of every run of equal nonzero signs (n,)."""
     edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     return [(start, end) for start, end in pairwise(edges) if signs[start]]
+
+
+def _extended(start: int, end: int, allowed: Mask) -> tuple[int, int]:
+    """Extend the elements from `start` to `end` by neighbours that are allowed, (n,)."""
+    while start > 0 and allowed[start - 1]:
+        start -= 1
+    while end < len(allowed) and allowed[end]:
+        end += 1
+    return start, end
 
 
 def _fill_zeros(directions: Array) -> Array:

@@ -178,6 +178,11 @@ class _FreeProblemBuilder:
         )
 
     @property
+    def least_count(self) -> int:
+        """Smallest number of elements between two switching points."""
+        return 2 if len(self.displacements) < 16 else 1
+
+    @property
     def default_count(self) -> int:
         """Number of elements.
 
@@ -204,14 +209,14 @@ class _FreeProblemBuilder:
         if self.problem.eye is None:
             return chain
         is_outside = partial(_is_outside, self.problem, self.mechanism)
-        return chain.cut_at(self.problem.eye.port, is_outside)
+        return chain.cut_at(self.problem.eye.port, is_outside, self.least_count)
 
     def _uncut_chain(self, per_segment: int) -> SegmentChain:
         """Return the segments between points and reversals."""
         displacements, borders = self.displacements, self.borders
         if borders.guess is not None:
             count = per_segment * len(displacements)
-            return sampled_guess(borders, count)
+            return sampled_guess(borders, count=count, least_count=self.least_count)
         within = borders.via_velocity
         if within is None:
             within = np.zeros((len(displacements) - 1, 4))
@@ -227,6 +232,7 @@ class _FreeProblemBuilder:
                     jerk=self.jerk,
                     start_acceleration=self.start_acceleration * (k == 0),
                     count=per_segment,
+                    least_count=self.least_count,
                 )
                 for k in range(len(displacements))
             ]

@@ -11,7 +11,7 @@ import numpy as np
 from ssm_planner.elements.rows import UNLIMITED
 from ssm_planner.planning.lower_bound import SCurve, rest_to_rest
 from ssm_planner.planning.ocp.motion import Borders
-from ssm_planner.planning.ocp.segments import FEWEST, SegmentChain, SegmentGuess, guess_of_curves
+from ssm_planner.planning.ocp.segments import SegmentChain, SegmentGuess, guess_of_curves
 from ssm_planner.planning.ocp.turning import braking, guess_with_reversals
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.trajectory import Cubic
@@ -36,13 +36,16 @@ def guess_between(
     jerk: bool,
     start_acceleration: Array,
     count: int,
+    least_count: int,
 ) -> SegmentChain:
     """Return the guess from joints `start` over a displacement (4,) between velocities (2, 4).
 
     `table` (3, 4) contains the limits KINEMATIC, and `start_acceleration` (4,) is q̈ at the start.
     """
     if not speeds.any():
-        return guess_from_rest(start, displacement, table, jerk=jerk, count=count)
+        return guess_from_rest(
+            start, displacement, table, jerk=jerk, count=count, least_count=least_count
+        )
     velocity, acceleration, _ = table
     brake = acceleration
     if jerk:
@@ -50,17 +53,19 @@ def guess_between(
             braking(speeds[0], start_acceleration, table), braking(speeds[1], np.zeros(4), table)
         )
     limits = np.stack([velocity, acceleration, brake])
-    return guess_with_reversals(start, displacement, speeds, limits, count)
+    return guess_with_reversals(
+        start, displacement, speeds, limits, count=count, least_count=least_count
+    )
 
 
-def sampled_guess(borders: Borders, count: int) -> SegmentChain:
+def sampled_guess(borders: Borders, *, count: int, least_count: int) -> SegmentChain:
     """Return the guess of a motion with reversals by about `count` elements."""
     assert borders.guess is not None
     assert borders.directions is not None
     motion, instants = borders.guess
     guesses = []
     for start, end, signs in zip(instants[:-1], instants[1:], borders.directions, strict=True):
-        n = max(2 * FEWEST, round(count * (end - start) / motion.duration))
+        n = max(2 * least_count, round(count * (end - start) / motion.duration))
         t = np.linspace(start, end, n + 1)
         before, after = motion.sample(t[:-1]), motion.sample(t[1:], side="left")
         speed = np.where(before.qd * signs > 0, before.qd, 0.0)
@@ -75,7 +80,7 @@ def sampled_guess(borders: Borders, count: int) -> SegmentChain:
 
 
 def guess_from_rest(
-    start: Array, displacement: Array, limits: Array, *, jerk: bool, count: int
+    start: Array, displacement: Array, limits: Array, *, jerk: bool, count: int, least_count: int
 ) -> SegmentChain:
     """Return the guess of joints that move by `displacement` (m,) from rest to rest.
 
@@ -95,6 +100,8 @@ def guess_from_rest(
         True if the jerk limits count.
     count : int
         Approximate number of elements.
+    least_count : int
+        Smallest number of elements between two switching points.
     """
     moving = np.flatnonzero(displacement)
     distances = np.abs(displacement)
@@ -121,6 +128,7 @@ def guess_from_rest(
         curves,
         leader.switches.tolist(),
         density=count / leader.duration,
+        least_count=least_count,
     )
     points = np.stack([start, start + displacement])
     return SegmentChain(

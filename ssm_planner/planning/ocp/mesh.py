@@ -10,6 +10,10 @@ from ssm_planner.typing import Array, Indices, record
 
 SHORTEST_ARC = 0.01
 """Arcs shorter than this share of the duration are joined with their neighbour."""
+UP_TO_SPEED = 0.5
+"""Short arcs at the ends remain if ṡ reaches this share of its maximum, since slow motions spend
+little time on them.
+"""
 FEWEST = 5
 """Number of elements of the shortest arc."""
 
@@ -42,10 +46,19 @@ class Mesh:
         """
         times = guess.times
         turns = np.interp(knots, guess.s, times)
-        ends = [*turns]
-        for switch in times[1 + np.flatnonzero(guess.active[1:] != guess.active[:-1])]:
-            if np.abs(np.array(ends) - switch).min() > SHORTEST_ARC * times[-1]:
+        speed, ends = np.sqrt(guess.speed_squared), [*turns]
+        for k in 1 + np.flatnonzero(guess.active[1:] != guess.active[:-1]):
+            switch = times[k]
+            nearest = np.abs(np.array(ends) - switch).min()
+            if nearest > SHORTEST_ARC * times[-1]:
                 ends.append(float(switch))
+            elif speed[k] >= UP_TO_SPEED * speed.max() and nearest in (switch, times[-1] - switch):
+                # The motion is up to speed between two grid points.
+                inner = k + (1 if nearest == switch else -1)
+                pull = speed[k] / nearest
+                gained = max(speed[inner] - speed[k], 0.0) / pull
+                gap = abs(times[inner] - switch)
+                ends.append(float(switch + (inner - k) * min(gained, gap)))
         borders = np.array(sorted(ends))
         if jerk is not None:
             borders, turns = _with_ramps(borders, turns, guess, jerk)

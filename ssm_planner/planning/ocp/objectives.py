@@ -138,11 +138,13 @@ def _of_least_effort(fastest: RefinedMotion, duration: float, aim: Aim) -> NlpSo
     solution = fastest.solution
     guess = stretched(solution.elements, duration / solution.duration)
     state = RefinementState.from_guess(fastest.state.problem, guess)
-    exactly = (duration, duration)
-    result = _solve_and_confirm(state, aim, exactly)
-    if not result.solution.solved:  # Any motion of this duration is better than none.
-        result = solve_to_tolerance(state, "time", duration=exactly)
-    return result.solution
+    result = _solve_and_confirm(state, aim, (duration, duration)).solution
+    # Any motion of this duration is better than none.
+    return (
+        result
+        if result.solved
+        else solve_to_tolerance(state, "time", duration=(duration, duration)).solution
+    )
 
 
 def _solve_and_confirm(

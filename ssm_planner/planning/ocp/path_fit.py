@@ -15,6 +15,9 @@ from ssm_planner.kinematics import JACOBIANS, tool_speed
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.typing import Array
 
+NARROWEST = 0.004
+"""Smallest half width of a fit in s. It leaves room for the optimisation to move an element."""
+
 
 def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
     """Fit polynomials to the curves of a path on the elements [low, high], (n,) each, in s.
@@ -27,7 +30,7 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
     middle, breaks = (low + high) / 2, path.breaks
     index = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)
     low_break, high_break = breaks[index], breaks[index + 1]
-    half_width = np.minimum(high - low, (high_break - low_break) / 2)
+    half_width = np.minimum(np.maximum(high - low, NARROWEST), (high_break - low_break) / 2)
     centre = np.clip(middle, low_break + half_width, high_break - half_width)
     chebyshev, inverse = _nodes()
     samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())

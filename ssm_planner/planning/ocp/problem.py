@@ -129,14 +129,24 @@ class OcpProblem(ABC):
         """True for rows that do not count in an element, (n, r)."""
         return np.zeros((self.structure.elements, len(self.row_names)), dtype=bool)
 
+    @cached_property
+    def _row_cache(self) -> list[tuple[Array, Array]]:
+        """Elements for which `row_maxima` was called last, and its result."""
+        return []
+
     def row_maxima(self, elements: Array) -> Array:
         """Return the largest value of every row in every element on the true path, (n, r)."""
         n = len(elements)
         if not self.row_names:
             return np.zeros((n, 0))
+        if self._row_cache and np.array_equal(self._row_cache[0][0], elements):
+            return self._row_cache[0][1]
         rows = rows_between(self.complete_element, elements, self.element_parameters(elements))
         peaks = parabolic_peak(rows.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
-        return np.where(self.ignored_rows, -np.inf, peaks)
+        maxima = np.where(self.ignored_rows, -np.inf, peaks)
+        maxima.setflags(write=False)
+        self._row_cache[:] = [(elements.copy(), maxima)]
+        return maxima
 
     def _breakaway_bound(self) -> Array:
         """Return upper bounds of the breakaway rows, (sets, rows).

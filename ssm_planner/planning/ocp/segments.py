@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from ssm_planner.planning.ocp.nlp import NlpStructure, blocks_of
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Mask, record
-
-FEWEST = 2
-"""Smallest number of elements between two switching points."""
 
 
 @record
@@ -37,7 +33,9 @@ class SegmentGuess:
         """Ends of the elements, (n + 1,), s."""
         return np.append(0.0, np.cumsum(self.elements.h))
 
-    def halves(self, joint: int, position: float) -> tuple[SegmentGuess, SegmentGuess]:
+    def halves(
+        self, joint: int, position: float, least_count: int
+    ) -> tuple[SegmentGuess, SegmentGuess]:
         """Split the guess in the middle, where joint `joint` shall pass a position.
 
         The joint moves faster or slower than before in each half.
@@ -48,12 +46,16 @@ class SegmentGuess:
         sense = np.sign(positions[-1] - positions[0])
         passes = float(np.interp(sense * position, sense * positions, instants))
         return (
-            self._part((0.0, duration / 2), joint, (0.0, passes)),
-            self._part((duration / 2, duration), joint, (passes, duration)),
+            self._part((0.0, duration / 2), joint, (0.0, passes), least_count),
+            self._part((duration / 2, duration), joint, (passes, duration), least_count),
         )
 
     def _part(
-        self, span: tuple[float, float], joint: int, joint_span: tuple[float, float]
+        self,
+        span: tuple[float, float],
+        joint: int,
+        joint_span: tuple[float, float],
+        least_count: int,
     ) -> SegmentGuess:
         """Return the guess in a span of time, with one joint taken from another span."""
         start, end = span
@@ -62,7 +64,7 @@ class SegmentGuess:
         switches = instants[np.cumsum(self.arcs)]
         inner = switches[(switches > start + gap) & (switches < end - gap)]
         density = sum(self.arcs) / float(instants[-1])
-        arcs, t = elements_between([start, *inner.tolist(), end], density)
+        arcs, t = elements_between([start, *inner.tolist(), end], density, least_count)
         rate = (joint_span[1] - joint_span[0]) / (end - start)
         states = self._states(t)
         joint_states = self._states(joint_span[0] + rate * (t - start))
@@ -72,25 +74,24 @@ class SegmentGuess:
 
     def _states(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Return q, q̇, and q̈ at the start and at the end between instants t (n + 1,), (n, 4)."""
-        q, qd, qdd_start = self._evaluate(t[:-1], "right")
-        *_, qdd_end = self._evaluate(t[1:], "left")
+        instants, elements = self.instants, self.elements
+        k = np.searchsorted(instants[1:-1], (t[1:] + t[:-1]) / 2)
+        piece = Cubic(elements.u[k], elements.v[k], elements.a0[k], elements.a1[k], elements.h[k])
+        q, qd, qdd_start = piece.at_time((t[:-1] - instants[k])[:, None])
+        *_, qdd_end = piece.at_time((t[1:] - instants[k])[:, None])
         return q, qd, qdd_start, qdd_end
 
-    def _evaluate(self, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array, Array]:
-        """Return q, q̇ and q̈ at instants (n,), on one side of them, (n, 4) each."""
-        instants, elements = self.instants, self.elements
-        k = np.searchsorted(instants[1:-1], t, side)
-        piece = Cubic(elements.u[k], elements.v[k], elements.a0[k], elements.a1[k], elements.h[k])
-        q, qd, qdd = piece.at_time((t - instants[k])[:, None])
-        return q, qd, qdd
 
-
-def elements_between(switches: Sequence[float], density: float) -> tuple[tuple[int, ...], Array]:
+def elements_between(
+    switches: Sequence[float], density: float, least_count: int
+) -> tuple[tuple[int, ...], Array]:
     """Return elements between switching instants (k,), s, about `density` per second.
 
     Returns their numbers (k − 1,) and their ends (n + 1,), s.
     """
-    arcs = tuple(max(FEWEST, round(density * (end - start))) for start, end in pairwise(switches))
+    arcs = tuple(
+        max(least_count, round(density * (end - start))) for start, end in pairwise(switches)
+    )
     nodes = (
         np.linspace(start, end, n + 1)[1:]
         for (start, end), n in zip(pairwise(switches), arcs, strict=True)
@@ -104,6 +105,7 @@ def guess_of_curves(
     switches: Sequence[float],
     *,
     density: float,
+    least_count: int,
 ) -> SegmentGuess:
     """Return the part of a motion between the first and last switching instant.
 
@@ -117,8 +119,10 @@ def guess_of_curves(
         Switching instants, s.
     density : float
         Approximate number of elements per second.
+    least_count : int
+        Smallest number of elements between two switching points.
     """
-    arcs, t = elements_between(switches, density)
+    arcs, t = elements_between(switches, density, least_count)
     middle, lengths = (t[1:] + t[:-1]) / 2, np.diff(t)
     q = np.tile(start, (len(lengths), 1))
     qd, qdd_start, qdd_end = np.zeros((3, *q.shape))
@@ -171,7 +175,9 @@ class SegmentChain:
             joints=True,
         )
 
-    def cut_at(self, port: float, is_outside: Callable[[Array], bool]) -> SegmentChain:
+    def cut_at(
+        self, port: float, is_outside: Callable[[Array], bool], least_count: int
+    ) -> SegmentChain:
         """Insert a border where joint 4 passes the port. The retina's row only holds beyond it.
 
         `is_outside` tells whether the retina's row forbids joints (4,).
@@ -186,7 +192,7 @@ class SegmentChain:
             else:
                 deepest = self.points[k : k + 2, 3][np.abs(self.points[k : k + 2, 3]).argmax()]
                 depth = float(np.copysign(port, deepest))
-                guesses += guess.halves(3, depth)
+                guesses += guess.halves(3, depth, least_count)
                 meeting = guesses[-1].elements.u[0].copy()
                 meeting[3] = depth
                 ports.append(len(points))

@@ -38,7 +38,7 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
 from ssm_planner.planning.ocp.path_fit import fit
 from ssm_planner.planning.ocp.problem import OcpProblem
-from ssm_planner.planning.retiming.paths import JointPath, StraightPath
+from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import SAMPLES
 from ssm_planner.planning.work import Work
@@ -58,8 +58,10 @@ from ssm_planner.typing import Array, keyword_record
 ELEMENTS = 84
 """Number of elements of a smooth path.
 
-A path of several pieces has half as many for every end of a piece.
+A path with rounded corners has half as many for every end of a rounding.
 """
+OF_PIECE = 18
+"""Number of elements of every piece of a spline."""
 FINER = 3
 """Factor on the number of elements of a jerk-limited motion that Ipopt confirms."""
 SUBDIVISION = 4
@@ -117,9 +119,10 @@ def solve_straight(
     """
     jerk = limits_jerk(robot)
     knots, signs = path.directions
+    per_piece = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
     if count is None:
         finer = FINER if jerk and method == "confirmed" else 1
-        count = finer * max(len(path.breaks) * ELEMENTS // 2, ELEMENTS)
+        count = finer * max(len(path.breaks) * per_piece, ELEMENTS)
     mesh = Mesh.from_retiming(
         guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None
     )

@@ -143,7 +143,7 @@ def braking(speed: Array, acceleration: Array, limits: Array) -> Array:
 
 
 def guess_with_reversals(
-    start: Array, displacement: Array, speeds: Array, limits: Array, count: int
+    start: Array, displacement: Array, speeds: Array, limits: Array, *, count: int, least_count: int
 ) -> SegmentChain:
     """Return the guess for joints that move by `displacement` (m,) between two q̇ (m,).
 
@@ -159,6 +159,8 @@ def guess_with_reversals(
         Limits on velocity and acceleration, and the acceleration of `braking`.
     count : int
         Approximate number of elements.
+    least_count : int
+        Smallest number of elements between two switching points.
 
     Returns
     -------
@@ -189,6 +191,7 @@ def guess_with_reversals(
                 curves,
                 [*instants, end],
                 density=count / borders[-1],
+                least_count=least_count,
             )
         )
     points = np.array([*(guess.elements.u[0] for guess in guesses), start + displacement])

@@ -24,7 +24,7 @@ def accelerations(way: np.ndarray, jerk: bool, count: int) -> np.ndarray:
 
 
 def guess_of(way: np.ndarray, jerk: bool, count: int) -> SegmentGuess:
-    chain = guess_from_rest(START, way, LIMITS, jerk=jerk, count=count)
+    chain = guess_from_rest(START, way, LIMITS, jerk=jerk, count=count, least_count=2)
     return chain.guesses[0]
 
 
@@ -52,7 +52,7 @@ def test_its_halves_meet_where_one_joint_passes_a_place(
     way_ = np.array(way) * [1, -1, 1, -0.02]
     whole = guess_of(way_, jerk, count)
     place = START[3] + share * way_[3]
-    first, second = whole.halves(3, place)
+    first, second = whole.halves(3, place, 2)
     duration = first.instants[-1]
     assert duration == pytest.approx(second.instants[-1])
     assert 2 * duration == pytest.approx(whole.instants[-1])
