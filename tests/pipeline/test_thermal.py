@@ -147,6 +147,7 @@ def test_a_hot_motion_that_toppra_alone_times_has_a_reason(
     assert "duration" not in result.reason.relaxation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["fast", "optimal"])
 def test_a_printed_relaxation_gives_the_printed_motion(tilt_insert: Problem, planner: Any) -> None:
     """The requested planner has planned it, in the same search."""
