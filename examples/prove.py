@@ -168,10 +168,10 @@ class Boxes:
             for term in terms[-2::-1]:
                 self.motion[-1] = self.motion[-1] * time + term
             terms = [term * float(k) for k, term in enumerate(terms)][1:]
-    def turned(self, k, x, way=1.0):
+    def turned(self, k, x, sense=1.0):
         """Return x turned by joint k: a(a·x) + (x − a(a·x)) cos q + a×x sin q (Rodrigues)."""
         along = self.axes[k] * dot(self.axes[k], x)
-        return along + (x - along) * self.cosine[k] + cross(self.axes[k], x) * self.sine[k] * way
+        return along + (x - along) * self.cosine[k] + cross(self.axes[k], x) * self.sine[k] * sense
     def efforts(self):
         """Return τ by Newton and Euler about the remote centre, in frames that turn with bodies.
 
@@ -203,21 +203,21 @@ class Boxes:
 def cut(plan):
     """Return boxes in which joints turn little, keep their direction, and μ is nearly a polynomial.
 
-    A joint stands in a piece if its speed stays below STILL; in a slow box, it has the directions
+    A joint is idle in a piece if its speed stays below STILL. In a slow box, it has the directions
     of the piece. Around starts and reversals, boxes are halved down to SHORT; there, both count.
     """
     joints, length = plan["problem"]["robot"]["joints"], np.diff(plan["trajectory"]["breaks_s"])
     piece, begin, end, done = np.arange(len(length)), 0 * length, np.nextafter(length, np.inf), []
     top = np.array([[joint["velocity"]] for joint in joints])
     still, (low, high) = STILL * top, bounds(Boxes(plan, piece, begin, end).motion[1])
-    ways = high > still, low < -still
-    stands = ~(ways[0] | ways[1])
+    senses = high > still, low < -still
+    idle = ~(senses[0] | senses[1])
     while len(piece):
         v, width = Boxes(plan, piece, begin, end).motion[1], end - begin
         (low, high), (b, e) = bounds(v), bernstein(v)
         slow = np.abs(b[[0, -1]]) - e <= SLOW * top
         cuts = (low < -still) & (high > still) | slow[0] & ~slow[1]
-        cuts = (cuts & ~stands[:, piece]).any(0)
+        cuts = (cuts & ~idle[:, piece]).any(0)
         for j, drive in enumerate(joint["drive"] for joint in joints):
             if drive and drive["friction"]:
                 mu = friction(drive, v[j] * np.where(high[j] > -low[j], 1.0, -1.0))
@@ -229,9 +229,9 @@ def cut(plan):
     piece, begin, end, *rest = (np.concatenate(x) for x in zip(*done, strict=True))
     starts, resting, low, high = np.reshape(rest, (4, 4, -1))
     boxes = Boxes(plan, piece, begin, end)
-    boxes.stands, slow = stands[:, piece], (low >= -still) & (high <= still)
-    boxes.up, boxes.down = ((x | slow & way[:, piece]) & ~boxes.stands for x, way in
-                            zip((high > still, low < -still), ways, strict=True))
+    boxes.idle, slow = idle[:, piece], (low >= -still) & (high <= still)
+    boxes.up, boxes.down = ((x | slow & sense[:, piece]) & ~boxes.idle for x, sense in
+                            zip((high > still, low < -still), senses, strict=True))
     boxes.sure = ~(boxes.up & boxes.down)
     boxes.starts, boxes.rests = (starts > 0) | ~boxes.sure, (resting > 0) & (end - begin <= SHORT)
     return boxes
@@ -345,23 +345,23 @@ class Proof:
     def torque(self, j, name, drive, motor):
         """Bound |τ|, the forces of the nuts, and the root mean square of τ.
 
-        A standing joint has the torque nearest to 0 between the breakaway torques, −max(rows) in
+        An idle joint has the torque nearest to 0 between the breakaway torques, −max(rows) in
         both directions. `gap` is the part of [−1, 1] beyond a box, in s.
         """
         boxes, top, heats, duty = self.boxes, motor["max_torque"], ([], []), self.problem["duty"]
         (_, v, a, _), load = (x[j] for x in boxes.motion), self.tau[j]
-        starts, stands, sure = boxes.starts[j], boxes.stands[j], boxes.sure[j]
+        starts, idle, sure = boxes.starts[j], boxes.idle[j], boxes.sure[j]
         held = load + a * drive["output_inertia"] + v * drive["friction"]["b_ov"]
         gap = 2 * boxes.half - (boxes.end - boxes.begin) * (1 - 4 * U)
-        self.nuts(name, drive, (held, a), mask=stands)
+        self.nuts(name, drive, (held, a), mask=idle)
         for sign, moves in ((1.0, boxes.up[j]), (-1.0, boxes.down[j])):
             for motion, mask, real, static in (
                     ((load, v, a), moves, sure, False),
                     ((load, v, a), moves & starts, sure & boxes.rests[j], True),
-                    ((held, v * 0.0, a * 0.0), stands, stands, True)):
+                    ((held, v * 0.0, a * 0.0), idle, idle, True)):
                 if not mask.any():
                     continue
-                mu, moving = friction(drive, motion[1] * sign, static), mask is not stands
+                mu, moving = friction(drive, motion[1] * sign, static), mask is not idle
                 effort, torques = rows(drive, motion, sign, mu)
                 key, how = ("motor torque", name), {"mask": mask, "sure": real}
                 self.below(key, [-row for row in torques], top, side=-sign, **how)
@@ -401,8 +401,8 @@ class Proof:
         t = unit(second - first * dot(first, second))
         n = cross(first, t)
         to_n, to_t = (float(dot(third, x).c[0, 0]) for x in (n, t))
-        way = -to_n if abs(to_n) > 1e-9 else to_t if to_t > 1e-9 else -1.0
-        side, axial, rate = math.copysign(1.0, way), dot(u, first), cross(boxes.omega, u)
+        sense = -to_n if abs(to_n) > 1e-9 else to_t if to_t > 1e-9 else -1.0
+        side, axial, rate = math.copysign(1.0, sense), dot(u, first), cross(boxes.omega, u)
         c, s = dot(u, n) * -side, dot(u, t) * side
         inverse = power(c * c + s * s, -0.5)  # 1/|sin φ|
         roll = (c * dot(rate, t) + s * dot(rate, n)) * inverse * inverse * side
@@ -437,7 +437,7 @@ class Proof:
         """Bound the distance of the tip from straight motions of one task coordinate.
 
         The tip is at most d (|Δψ| + |Δφ|) + |Δd| from the point with coordinates in their ranges:
-        between start and target, or that of the start. Other prescribed paths have no proof.
+        between start and target, or that of the start. This file does not prove other prescribed paths.
         """
         (ranges, now), boxes, (low, high) = task, self.boxes, bounds(self.boxes.motion[0][3])
         motions, phases = self.problem["motion"], self.plan["trajectory"].get("phases", [])
@@ -511,7 +511,7 @@ class Proof:
                 low, high = (float(x[k]) for x in bounds(boxes.motion[1][j]))
                 declared = self.problem[f"{kind}_rate"]
                 span = max(low, -high, 0.0), max(high, -low)
-                if declared != {}:  # None is any speed; other speeds have no proof
+                if declared != {}:  # None: any speed. Other speeds stay open.
                     span = (0.0, math.inf if declared else 0.0)
                 top = JUMP * joint["velocity"]
                 self.add((f"{kind} velocity", joint["name"]), span, top, time=boxes.start[k])
@@ -528,7 +528,7 @@ def angle(c, s, low, high):
     """Return the same for an angle ψ in (−π, π] by sin(ψ − high) ≤ 0 and sin(low − ψ) ≤ 0.
 
     Both hold in a range below π, and cos(ψ − low) ≥ 0 in a narrow one. In a wide range, one of them
-    holds. An empty range has no proof.
+    holds. An empty range stays open.
     """
     low, high = max(low, -math.pi), min(high, math.pi)
     (s_low, c_low), (s_high, c_high) = (sin_cos(given(x)) for x in (low, high))
@@ -563,7 +563,7 @@ def claim(name, joint, parts):
     low, high = (max(part[0][k] for part in parts) for k in (0, 1))
     _, limit, half, time, side = max(parts, key=lambda part: part[0][1])
     if any(math.isnan(x) for part in parts for x in part[0]):
-        raise ValueError(f"{name} of {joint} is no number")
+        raise ValueError(f"{name} of {joint} is not a number")
     verdict = "PROVEN" if high <= TOLERANCE else "REFUTED" if low > TOLERANCE else "OPEN"
     ends = sorted(side * (limit + x * half) for x in (low, high))
     return Claim(name, joint, *ends, limit=side * limit, time=time, excess=high, verdict=verdict)

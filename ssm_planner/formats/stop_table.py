@@ -108,8 +108,8 @@ def _played(
     motion = reading.trajectory
     assert reading.resolution is not None
     interval = float(np.diff(motion.breaks).max())
-    bend = robot.accelerations * interval**2 / 2
-    slack = bend / 4 + 2 * reading.resolution + robot.velocities * DIGIT
+    change = robot.accelerations * interval**2 / 2
+    slack = change / 4 + 2 * reading.resolution + robot.velocities * DIGIT
 
     def positions(times: Array) -> Array:
         return motion.positions(np.clip(motion.breaks[0] + times, *motion.breaks[[0, -1]]))
@@ -117,25 +117,27 @@ def _played(
     for time in np.linspace(0.0, motion.duration, count):
         steps = np.diff(positions(time + interval * np.array([-1.0, 0.0, 1.0])), axis=0)
         if np.all(np.abs(rows[:, 0] - time) > NEAR + interval) and np.any(
-            np.abs(steps) > 2 * bend + slack
+            np.abs(steps) > 2 * change + slack
         ):
             raise TrajectoryError(f"{path}: no stop begins at {time:.6f} s")
     for stop in np.split(rows, np.flatnonzero(rows[1:, 1] == 0) + 1) if len(rows) else ():
         t, q = stop[:, 1], stop[:, 2:]
         regular = np.arange(len(t)) * PERIOD
-        way = positions(stop[0, 0] + regular)
-        off = np.abs(q[:, None] - way) / (slack + np.abs(np.diff(way, axis=0)).max(axis=0))
+        planned = positions(stop[0, 0] + regular)
+        distance = np.abs(q[:, None] - planned) / (
+            slack + np.abs(np.diff(planned, axis=0)).max(axis=0)
+        )
         faults = (
             np.ptp(stop[:, 0]),
             np.abs(t - regular)[:-1].max(initial=0.0) - DIGIT,
             t[-1] - regular[-1] - DIGIT,
-            np.abs(q[0] - way[0]) - slack,
-            off.max(axis=2).min(axis=1).max() - 1,
+            np.abs(q[0] - planned[0]) - slack,
+            distance.max(axis=2).min(axis=1).max() - 1,
         )
         if not np.max(np.hstack(faults)) <= 0:
             raise TrajectoryError(
                 f"{path}: the stop from {stop[0, 0]} s does not follow the motion"
             )
         # Times have so few digits that a short last interval has no certain length.
-        keep = np.append(t[:-1] < t[-1] - PERIOD / 2, True)
-        yield join_points(Points(t[keep], q[keep]), robot).trajectory
+        kept = np.append(t[:-1] < t[-1] - PERIOD / 2, True)
+        yield join_points(Points(t[kept], q[kept]), robot).trajectory

@@ -12,8 +12,8 @@ a motion with e = −GAP takes longer than the fastest one by a share of less th
 
 Towards λ = 1, time costs nothing, and every phase takes the time in which it produces the least
 heat. Beyond that, motors only cool if they rest or move more slowly. The phases in which the hot
-motors rest take longer first, because that adds no heat. All phases take longer if there are no
-such phases or if that does not suffice. They are planned again for the least heat.
+motors rest take longer first, because that adds no heat. All phases take longer if the hot
+motors never rest or if that does not suffice. They are planned again for the least heat.
 """
 
 from __future__ import annotations

@@ -347,27 +347,27 @@ def _too_near(phase: Phase) -> Iterator[Reason | None]:
     do so.
     """
     if phase.path is None:
-        yield from _beyond_room(phase)
+        yield from _ranges_exceeded(phase)
         return
     distances = np.abs(np.diff(phase.path.overview.q, axis=0)).sum(axis=0)
     changes = np.abs(phase.qd_start**2 - phase.qd_end**2)
     for i in np.flatnonzero(changes):
         joint = phase.problem.robot.joints[i]
         limit = joint.limit(JointAcceleration)
-        room = in_words(distances[i], joint.limit(JointPosition).unit)
+        distance = in_words(distances[i], joint.limit(JointPosition).unit)
         speeds = (
             in_words(abs(float(qd[i])), joint.limit(JointVelocity).unit)
             for qd in (phase.qd_start, phase.qd_end)
         )
         words = (
-            f"joint {joint.name} has {room} to change its velocity from {' to '.join(speeds)}. "
+            f"joint {joint.name} has {distance} to change its velocity from {' to '.join(speeds)}. "
             "This requires {value}, but its limit is {bound}"
         )
         needed = float(changes[i] / (2 * distances[i]))
         yield exceeded(limit, needed, phase.motion.name, words, ROUNDING * limit.largest)
 
 
-def _beyond_room(phase: Phase) -> Iterator[Reason | None]:
+def _ranges_exceeded(phase: Phase) -> Iterator[Reason | None]:
     """Yield the ranges that joints must leave to stop, or to reach their velocity at the end.
 
     The range may be that of tilt or depth.

@@ -51,21 +51,23 @@ def torque_bands(
     t = trajectory.breaks
     q = np.concatenate([trajectory.positions(t[block]) for block in blocks(len(t), BLOCK)])
     moves = np.cumsum(np.diff(q, axis=0, prepend=q[:1]) != 0, axis=0)
-    # least acceleration and torque of some instant, and torque that no instant exceeds
+    # Acceleration and torque that some instant has at least, and torque that no instant exceeds.
     best = np.array([robot.accelerations * (1 + TOLERANCE), np.zeros(4), np.full(4, np.inf)])
     when = np.zeros((3, 4))
     for width in (width for width in WIDTHS if 2 * width < len(t)):
         centres = np.union1d(np.arange(width, len(t) - width, width), len(t) - 1 - width)
-        every = []
+        window_values = []
         for block in blocks(len(centres), BLOCK):
             rows = centres[block] + [[-width], [0], [width]]
             at_rest = moves[rows[0]] == moves[rows[2]]
-            every.append(_of_windows(t[rows][..., None], q[rows], at_rest, robot, resolution))
-        found = np.concatenate(every, axis=1)
-        extreme = found.max(axis=1)
+            window_values.append(
+                _of_windows(t[rows][..., None], q[rows], at_rest, robot, resolution)
+            )
+        values = np.concatenate(window_values, axis=1)
+        extreme = values.max(axis=1)
         better = extreme * [[1], [1], [-1]] > best * [[1], [1], [-1]]
         best = np.where(better, extreme, best)
-        when = np.where(better, t[centres[found.argmax(axis=1)]], when)
+        when = np.where(better, t[centres[values.argmax(axis=1)]], when)
     checks, unjudged = [], []
     for i, joint in enumerate(robot.joints):
         if when[0, i]:
@@ -86,60 +88,64 @@ def torque_bands(
 
 
 def _of_windows(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Array) -> Array:
-    """Return the three quantities of n windows, (3, n, 4).
+    """Return the values of n windows, (3, n, 4).
 
-    t (3, n, 1), q (3, n, 4): first, middle and last row of each window. at_rest (n, 4): all rows of
-    the joint are equal.
+    They are the acceleration and the torque that some instant has at least, and the torque that no
+    instant exceeds. t (3, n, 1), q (3, n, 4): first, middle and last row of each window. at_rest
+    (n, 4): all rows of the joint are equal.
     """
     before, after = np.diff(t, axis=0)
     span, inverse = before + after, 1 / before + 1 / after
-    bend = robot.accelerations
+    largest_qdd = robot.accelerations
     jump = (q[2] - q[1]) / after - (q[1] - q[0]) / before
     mean, error = 2 * jump / span, 4 * resolution * inverse / span
     qd = (q[2] - q[0]) / span
-    qd_error = np.where(at_rest, 0.0, bend * span / 2 + 2 * resolution / span)
+    qd_error = np.where(at_rest, 0.0, largest_qdd * span / 2 + 2 * resolution / span)
     q_error = (np.abs(qd) + qd_error) * np.maximum(before, after) + resolution
     jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
     ends = [
-        np.clip(mean + side * (error + jerk * span), -bend, bend) * ~at_rest for side in (-1, 1)
+        np.clip(mean + side * (error + jerk * span), -largest_qdd, largest_qdd) * ~at_rest
+        for side in (-1, 1)
     ]
     body = RigidBody.from_robot(robot)
     still = np.zeros_like(qd)
     mass, rest = body.mass_matrix(q[1]), body.inverse_dynamics(q[1], qd, still)
-    # the sum over both sides is at least twice the change within the window
+    # The sum over both sides is at least twice the change within the window.
     slack = still.copy()
     for i, side in product(range(4), (-1, 1)):
         step = side * np.eye(4)[i]
         other = q[1] + step * q_error
         slack += np.abs(body.inverse_dynamics(other, qd, still) - rest)
         slack += np.abs(body.inverse_dynamics(q[1], qd + step * qd_error, still) - rest)
-        slack += np.abs(body.mass_matrix(other) - mass) @ bend
-    found = np.array([np.abs(mean) - error, still, still])
+        slack += np.abs(body.mass_matrix(other) - mass) @ largest_qdd
+    values = np.array([np.abs(mean) - error, still, still])
     middle, half = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
     for i, drive, _ in motorised(robot.joints):
         friction, speed_error = friction_of(drive), qd_error[:, i]
         speeds = drive.ratio * np.maximum(np.abs(qd[:, i]) + speed_error * [[1], [-1]], 0)
         lowest = np.min(friction_coefficient(friction, speeds), axis=0)
         mu = np.array([lowest, np.max(breakaway_coefficient(friction, speeds), axis=0)])
-        for way in (-1, 1):
+        for direction in (-1, 1):
             bands = []
-            for qdd, about in ((mean, error), (middle, half)):
+            for qdd, qdd_error in ((mean, error), (middle, half)):
                 load = rest[:, i] + (mass[:, i] * qdd).sum(axis=1)
-                load_error = slack[:, i] + (np.abs(mass[:, i]) * about).sum(axis=1)
+                load_error = slack[:, i] + (np.abs(mass[:, i]) * qdd_error).sum(axis=1)
                 state = (load, qd[:, i], qdd[:, i])
-                bands.append(_band(drive, way, mu, state, (load_error, speed_error, about[:, i])))
-            (some, _), (least, most) = bands
-            speed = way * qd[:, i]
+                bands.append(
+                    _band(drive, direction, mu, state, (load_error, speed_error, qdd_error[:, i]))
+                )
+            (sure, _), (least, most) = bands
+            speed = direction * qd[:, i]
             for row, torque in (
-                (1, some * (speed > speed_error)),
+                (1, sure * (speed > speed_error)),
                 (2, np.maximum(most, -least) * (speed >= -speed_error)),
             ):
-                found[row, :, i] = np.maximum(found[row, :, i], torque)
-    return found
+                values[row, :, i] = np.maximum(values[row, :, i], torque)
+    return values
 
 
 def _band(
-    drive: Drive, way: int, mu: Array, state: tuple[Array, ...], errors: tuple[Array, ...]
+    drive: Drive, direction: int, mu: Array, state: tuple[Array, ...], errors: tuple[Array, ...]
 ) -> tuple[Array, Array]:
     """Return bounds (n,) of a motor torque in its direction.
 
@@ -149,8 +155,8 @@ def _band(
     values = []
     for corner in CORNERS:
         load, qd, qdd = (x + side * e for x, side, e in zip(state, corner, errors, strict=True))
-        carried = output_effort(drive, load, qd, qdd, way)
+        carried = output_effort(drive, load, qd, qdd, direction)
         motor = drive.ratio * qd, drive.ratio * qdd
-        values.append(way * moving_torque(drive, carried, *motor, direction=way, mu=mu))
+        values.append(direction * moving_torque(drive, carried, *motor, direction=direction, mu=mu))
     most = np.max(values, axis=0)
     return 2 * values[0][0] - most[0], most[1]

@@ -108,13 +108,19 @@ def test_plans_the_motion_and_shows_the_report(visit: Open, server: ViewServer) 
     assert opened.said == []
 
 
+def pinned_time(opened: Visit) -> str:
+    """Wait for the motion, pin it, and return its duration as text."""
+    opened.wait(PLANNED, seconds=60)
+    time = opened.page.inner_text("#outcome tr:first-child td")
+    opened.page.click("#pin")
+    opened.wait(f"document.querySelectorAll('#outcome tr:first-child td').length === 2 && {IDLE}")
+    return time
+
+
 def test_parts_change_the_plan_and_a_pinned_plan_stays(visit: Open, server: ViewServer) -> None:
     opened = visit(server.url)
     page = opened.page
-    opened.wait(PLANNED, seconds=60)
-    time = page.inner_text("#outcome tr:first-child td")
-    page.click("#pin")
-    opened.wait(f"document.querySelectorAll('#outcome tr:first-child td').length === 2 && {IDLE}")
+    time = pinned_time(opened)
     type_in(page, "joints.roll.drive.friction.mu", "0.3")
     opened.wait(f"{PLANNED} && {IDLE}")
     assert "static friction" in page.inner_text("#why")
@@ -445,10 +451,7 @@ def test_a_text_is_edited_in_place(visit: Open, server: ViewServer) -> None:
     """A wrong line is refused beside the text; a right one plans, against the motion that is pinned."""
     opened = visit(server.url)
     page = opened.page
-    opened.wait(PLANNED, seconds=60)
-    time = page.inner_text("#outcome tr:first-child td")
-    page.click("#pin")
-    opened.wait(f"document.querySelectorAll('#outcome tr:first-child td').length === 2 && {IDLE}")
+    time = pinned_time(opened)
     page.click("#source summary")
     opened.wait("document.getElementById('text').value !== ''")
     text = page.input_value("#text")

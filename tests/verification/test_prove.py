@@ -109,7 +109,7 @@ def test_points_by_other_arithmetic_lie_in_the_models(file: Path) -> None:
         pairs += [(model, (k,), exact) for model, exact in zip(tau, instant.efforts(), strict=True)]
         pairs += [(boxes.tool, (i, k), x) for i, x in enumerate(instant.tool)]
         for j, drive in enumerate(drives):
-            if drive and not boxes.stands[j, k]:
+            if drive and not boxes.idle[j, k]:
                 sign = 1 if boxes.up[j, k] else -1
                 v, a = (x[j][[k]] for x in boxes.motion[1:3])
                 mu = prove.friction(drive, v * float(sign))

@@ -208,8 +208,8 @@ class SegmentChain:
     def _sides_of_port(self, k: int, port: float, is_outside: Callable[[Array], bool]) -> Array:
         """Return the directions (1 or 2, 4) of segment k, before and after joint 4 passes the port.
 
-        If the segment begins or ends at the edge of the port, joint 4 stands there until the others
-        allow it to move on. In the guess it stands as long as it then moves.
+        If the segment begins or ends at the edge of the port, joint 4 rests there until the others
+        allow it to move on. In the guess it rests for as long as it then moves.
         """
         ends, directions = self.points[k : k + 2], self.directions[k : k + 1]
         beyond = np.abs(ends[:, 3]) - port
