@@ -572,13 +572,23 @@ def table(claims: list) -> list:
     return [f"{c.name:18} {c.joint or '':10} {c.low:+.10e} … {c.high:+.10e}  "
             f"limit {c.limit:+.10e}  at {c.time:.6f} s  {c.verdict}" for c in claims]
 
+def finite(text: str) -> float:
+    """Return a number of the plan, which must be finite."""
+    if not math.isfinite(float(text)):
+        raise ValueError(f"{text} is not a finite number")
+    return float(text)
+
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        print("usage: python prove.py plan.json", file=sys.stderr)
+        sys.exit(2)
     try:
         with open(sys.argv[1], encoding="utf-8") as file:
-            claims = prove(json.load(file))
+            claims = prove(json.load(file, parse_float=finite, parse_constant=finite))
     except (OSError, ValueError, LookupError, TypeError) as error:
-        print(f"usage: python prove.py plan.json ({type(error).__name__}: {error})", file=sys.stderr)
+        reason = f"{type(error).__name__}: {error}"
+        print(f"{sys.argv[1]} cannot be read as a plan ({reason})", file=sys.stderr)
         sys.exit(2)
     print(*table(claims), sep="\n")
     verdicts = {c.verdict for c in claims}
-    sys.exit(0 if verdicts == {"PROVEN"} else 1 if "REFUTED" in verdicts else 4)
+    sys.exit(1 if "REFUTED" in verdicts else 0 if verdicts == {"PROVEN"} else 4)

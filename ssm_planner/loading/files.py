@@ -46,8 +46,9 @@ def find(name: str | Path, folder: Folder) -> Path:
     if str(name) in names:
         return names[str(name)]
     neighbours = [file.name for file in path.parent.glob("*.yaml")] if path.parent.is_dir() else []
+    similar = suggestion(path.name, [*names, *neighbours])
     raise ProblemError(
-        f"no such file{suggestion(path.name, [*names, *neighbours])}",
+        "a link that leads to no file" if path.is_symlink() else f"no such file{similar}",
         file=path,
         allowed=f"a file, or a shipped name: {', '.join(names)}",
     )

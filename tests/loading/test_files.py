@@ -81,6 +81,13 @@ def test_an_unknown_name_is_answered_with_the_one_meant(
         load_problem("arond.yaml")
 
 
+@pytest.mark.parametrize("target", ["loop.yaml", "missing.yaml"])
+def test_a_link_that_leads_nowhere_is_named(target: str, tmp_path: Path) -> None:
+    (tmp_path / "loop.yaml").symlink_to(target)
+    with pytest.raises(ProblemError, match=r"loop\.yaml: a link that leads to no file \("):
+        load_problem(tmp_path / "loop.yaml")
+
+
 @pytest.mark.slow
 def test_a_wheel_carries_them(tmp_path: Path) -> None:
     source, wheels, environment, empty = (

@@ -83,6 +83,25 @@ def test_the_file_is_a_checker_of_its_own(tmp_path: Path) -> None:
     assert statuses == {"kept": 0, "refuted": 1, "unknown": 4}
 
 
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("[]", "TypeError"),
+        ("{", "JSONDecodeError"),
+        ('{"mu": NaN}', "NaN is not a finite number"),
+        ('{"mu": 1e999}', "1e999 is not a finite number"),
+    ],
+)
+def test_a_file_that_is_no_plan_has_status_2(text: str, reason: str, tmp_path: Path) -> None:
+    (tmp_path / "plan.json").write_text(text, encoding="utf-8")
+    words = [sys.executable, "-I", str(FILE), str(tmp_path / "plan.json")]
+    result = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert "plan.json cannot be read as a plan" in result.stderr
+    assert reason in result.stderr
+
+
 def value_at(model: Any, index: tuple[int, ...], s: Decimal) -> tuple[Decimal, float]:
     """The polynomial of a model at s, exactly, and its error."""
     value = sum((Decimal(float(c[index])) * s**k for k, c in enumerate(model.c)), start=Decimal(0))
