@@ -20,6 +20,7 @@ from ssm_planner.dynamics import (
     spread_of,
     with_payload,
 )
+from ssm_planner.errors import ProblemError
 from ssm_planner.problem import LAW, LAWS, Drive, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Arrays, Indices
@@ -41,7 +42,10 @@ BLOCK = 400_000
 
 
 def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> list[Quantity]:
-    """Return the motor torques of the worst cases. The list is empty if no range is required."""
+    """Return the motor torques of the worst cases. The list is empty if no range is required.
+
+    Raises ProblemError if a range of friction is required and a drive states no uncertainty.
+    """
     if limits.friction is None and limits.payload is None:
         return []
     masses = sorted({0.0, *(limits.payload or ())})
@@ -54,7 +58,15 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
             {"mu": np.array([joint.drive.friction.mu])} if joint.drive.friction is not None else {}
         )
         if limits.friction is not None:
-            sets = _outermost(spread_of(joint.drive).within(limits.friction))
+            uncertain = spread_of(joint.drive).within(limits.friction)
+            if not uncertain:
+                raise ProblemError(
+                    f"the friction of {joint.drive.name} (joint {joint.name}) has no uncertainty",
+                    key="friction",
+                    value=limits.friction,
+                    allowed="drives with posterior, covariance or friction_ranges",
+                )
+            sets = _outermost(uncertain)
         for k, mass in sorted(
             {
                 case

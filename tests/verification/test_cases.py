@@ -11,6 +11,7 @@ import pytest
 from ssm_planner.dynamics.motors import drive_torque
 from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
 from ssm_planner.dynamics.spread import drive_with
+from ssm_planner.errors import ProblemError
 from ssm_planner.problem.posterior import LAW, LAWS
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -229,3 +230,9 @@ def test_extreme_sets_ask_for_the_largest_torques_and_heat(
                 (int(np.argmax(np.square(torque).mean(axis=1))), load),
             }
             assert whole.extreme_sets(i, drive, sets, load) == expected
+
+
+def test_a_range_of_friction_needs_the_uncertainty_of_every_drive(robot: Robot) -> None:
+    trajectory = Trajectory(np.array([0.0, 1.0]), np.zeros((1, 6, 4)), ())
+    with pytest.raises(ProblemError, match=r"friction = 0\.95: .*joint roll.* has no uncertainty"):
+        check(trajectory, robot, TaskLimits(friction=0.95))
