@@ -106,25 +106,9 @@ def check(
             trajectory, robot, limits, resolution, dict(zip(checked, checks, strict=True))
         )
         unchecked += rounded
-        every = blocks(len(trajectory.breaks) - 1, BLOCK)
-        curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in every]
-        index = np.flatnonzero(np.concatenate(curved))
-        lines: list[LimitCheck] = []
-        if len(index):
-            checks += _dynamics_of_smooth_pieces(trajectory, index, robot, limits, rate=rate)
-        else:
-            lines, bands = torque_bands(trajectory, robot, limits, resolution, UNDEFINED)
-            unjudged += bands
-        checks += lines
-        judged = {(line.name, line.joint) for line in lines}
-        judged |= {(u.name, u.joint) for u in unjudged}
-        unjudged += [
-            Unjudged(limit.name, limit.joint, UNDEFINED)
-            for owner in (*robot.joints, limits)
-            for limit in owner.limits
-            if limit.order > 1 and (limits.duty is not None or type(limit) is not ContinuousTorque)
-            if (limit.name, limit.joint) not in judged
-        ]
+        dynamics, bands = _dynamics_of_table(trajectory, robot, limits, resolution, rate=rate)
+        checks += dynamics
+        unjudged += bands
     checks += jumps.checks(straight)
     checks += end_checks(trajectory, robot, limits, straight)
     checks += _locking(robot, limits.friction)
@@ -163,6 +147,30 @@ def _worst_values(
         if jumps is not None:
             jumps.look(pieces)
     return [item.as_check() for item in extremes], sampled
+
+
+def _dynamics_of_table(
+    trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, *, rate: float
+) -> tuple[list[LimitCheck], list[Unjudged]]:
+    """Judge what depends on the acceleration in a table of points, as far as it is defined.
+
+    Smooth pieces between the points define it. Positions alone leave bands of the motor torques.
+    """
+    every = blocks(len(trajectory.breaks) - 1, BLOCK)
+    curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in every]
+    smooth = np.flatnonzero(np.concatenate(curved))
+    bands: list[LimitCheck] = []
+    unjudged: list[Unjudged] = []
+    if not len(smooth):
+        bands, unjudged = torque_bands(trajectory, robot, limits, resolution, UNDEFINED)
+    judged = {(item.name, item.joint) for item in (*bands, *unjudged)}
+    for limit in (limit for owner in (*robot.joints, limits) for limit in owner.limits):
+        is_asked = limits.duty is not None or type(limit) is not ContinuousTorque
+        if limit.order > 1 and is_asked and (limit.name, limit.joint) not in judged:
+            unjudged.append(Unjudged(limit.name, limit.joint, UNDEFINED))
+    if len(smooth):
+        bands = _dynamics_of_smooth_pieces(trajectory, smooth, robot, limits, rate=rate)
+    return bands, unjudged
 
 
 def _dynamics_of_smooth_pieces(

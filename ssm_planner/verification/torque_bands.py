@@ -110,38 +110,53 @@ def _of_windows(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Arr
     body = RigidBody.from_robot(robot)
     still = np.zeros_like(qd)
     mass, rest = body.mass_matrix(q[1]), body.inverse_dynamics(q[1], qd, still)
-    # The sum over both sides is at least twice the change within the window.
-    slack = still.copy()
-    for i, side in product(range(4), (-1, 1)):
-        step = side * np.eye(4)[i]
-        other = q[1] + step * q_error
-        slack += np.abs(body.inverse_dynamics(other, qd, still) - rest)
-        slack += np.abs(body.inverse_dynamics(q[1], qd + step * qd_error, still) - rest)
-        slack += np.abs(body.mass_matrix(other) - mass) @ largest_qdd
-    values = np.array([np.abs(mean) - error, still, still])
     middle, half = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
+    values = np.array([np.abs(mean) - error, still, still])
+    slack = _load_changes(body, q[1], qd, (q_error, qd_error, largest_qdd))
     for i, drive, _ in motorised(robot.joints):
-        friction, speed_error = friction_of(drive), qd_error[:, i]
-        speeds = drive.ratio * np.maximum(np.abs(qd[:, i]) + speed_error * [[1], [-1]], 0)
-        lowest = np.min(friction_coefficient(friction, speeds), axis=0)
-        mu = np.array([lowest, np.max(breakaway_coefficient(friction, speeds), axis=0)])
+        mu = _extreme_friction(drive, np.abs(qd[:, i]), qd_error[:, i])
         for direction in (-1, 1):
             bands = []
             for qdd, qdd_error in ((mean, error), (middle, half)):
                 load = rest[:, i] + (mass[:, i] * qdd).sum(axis=1)
                 load_error = slack[:, i] + (np.abs(mass[:, i]) * qdd_error).sum(axis=1)
                 state = (load, qd[:, i], qdd[:, i])
-                bands.append(
-                    _band(drive, direction, mu, state, (load_error, speed_error, qdd_error[:, i]))
-                )
+                errors = (load_error, qd_error[:, i], qdd_error[:, i])
+                bands.append(_band(drive, direction, mu, state, errors))
             (sure, _), (least, most) = bands
             speed = direction * qd[:, i]
-            for row, torque in (
-                (1, sure * (speed > speed_error)),
-                (2, np.maximum(most, -least) * (speed >= -speed_error)),
-            ):
-                values[row, :, i] = np.maximum(values[row, :, i], torque)
+            moves = speed > qd_error[:, i]
+            may_move = speed >= -qd_error[:, i]
+            torques = np.array([sure * moves, np.maximum(most, -least) * may_move])
+            values[1:, :, i] = np.maximum(values[1:, :, i], torques)
     return values
+
+
+def _load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Array, ...]) -> Array:
+    """Return how much the load of a joint can change with q, q̇ and the mass matrix, (n, 4).
+
+    q, qd (n, 4): middle of each window. errors: largest changes of q and q̇, and the largest q̈.
+    """
+    q_error, qd_error, largest_qdd = errors
+    still = np.zeros_like(qd)
+    mass, rest = body.mass_matrix(q), body.inverse_dynamics(q, qd, still)
+    changes = still.copy()
+    # The sum over both sides is at least twice the change within the window.
+    for i, side in product(range(4), (-1, 1)):
+        step = side * np.eye(4)[i]
+        other = q + step * q_error
+        changes += np.abs(body.inverse_dynamics(other, qd, still) - rest)
+        changes += np.abs(body.inverse_dynamics(q, qd + step * qd_error, still) - rest)
+        changes += np.abs(body.mass_matrix(other) - mass) @ largest_qdd
+    return changes
+
+
+def _extreme_friction(drive: Drive, speed: Array, error: Array) -> Array:
+    """Return the smallest and the largest friction coefficient near joint speeds (n,), (2, n)."""
+    friction = friction_of(drive)
+    speeds = drive.ratio * np.maximum(speed + error * [[1], [-1]], 0)
+    lowest = np.min(friction_coefficient(friction, speeds), axis=0)
+    return np.array([lowest, np.max(breakaway_coefficient(friction, speeds), axis=0)])
 
 
 def _band(
