@@ -163,7 +163,8 @@ def _dynamics_of_table(
     unjudged: list[Unjudged] = []
     if not len(smooth):
         bands, unjudged = torque_bands(trajectory, robot, limits, resolution, UNDEFINED)
-    judged = {(item.name, item.joint) for item in (*bands, *unjudged)}
+    judged = {(band.name, band.joint) for band in bands}
+    judged |= {(item.name, item.joint) for item in unjudged}
     for limit in (limit for owner in (*robot.joints, limits) for limit in owner.limits):
         is_asked = limits.duty is not None or type(limit) is not ContinuousTorque
         if limit.order > 1 and is_asked and (limit.name, limit.joint) not in judged:
