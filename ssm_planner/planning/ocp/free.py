@@ -15,7 +15,7 @@ from ssm_planner.planning.ocp.guesses import (
     KINEMATIC,
     guess_between,
     jerk_for_all,
-    sampled_guess,
+    sampled_guesses,
 )
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import Method
@@ -205,38 +205,36 @@ class _FreeProblemBuilder:
 
         Where the tip passes an eye's port, there is a border too.
         """
-        chain = self._uncut_chain(per_segment)
+        chain = SegmentChain.joined(self._chains(per_segment), self.borders.free)
         if self.problem.eye is None:
             return chain
         is_outside = partial(_is_outside, self.problem, self.mechanism)
         return chain.cut_at(self.problem.eye.port, is_outside, self.least_count)
 
-    def _uncut_chain(self, per_segment: int) -> SegmentChain:
-        """Return the segments between points and reversals."""
+    def _chains(self, per_segment: int) -> list[SegmentChain]:
+        """Return the segments from point to point."""
         displacements, borders = self.displacements, self.borders
         if borders.guess is not None:
             count = per_segment * len(displacements)
-            return sampled_guess(borders, count=count, least_count=self.least_count)
+            return sampled_guesses(borders, count=count, least_count=self.least_count)
         within = borders.via_velocity
         if within is None:
             within = np.zeros((len(displacements) - 1, 4))
         speeds = np.vstack([self.ends[0], within, self.ends[1]])
         table = np.stack([self.limits[name] for name in KINEMATIC])
-        return SegmentChain.joined(
-            [
-                guess_between(
-                    borders.points[k],
-                    displacements[k],
-                    speeds[k : k + 2],
-                    table,
-                    jerk=self.jerk,
-                    start_acceleration=self.start_acceleration * (k == 0),
-                    count=per_segment,
-                    least_count=self.least_count,
-                )
-                for k in range(len(displacements))
-            ]
-        )
+        return [
+            guess_between(
+                borders.points[k],
+                displacements[k],
+                speeds[k : k + 2],
+                table,
+                jerk=self.jerk,
+                start_acceleration=self.start_acceleration * (k == 0),
+                count=per_segment,
+                least_count=self.least_count,
+            )
+            for k in range(len(displacements))
+        ]
 
     def build(self, count: int | None) -> FreeProblem:
         """Build the problem on the mesh of its guess, with the guess's duration as the unit of time.

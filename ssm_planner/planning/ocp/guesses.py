@@ -6,6 +6,8 @@ is sampled from the motion that suggested them.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ssm_planner.elements.rows import UNLIMITED
@@ -58,25 +60,22 @@ def guess_between(
     )
 
 
-def sampled_guess(borders: Borders, *, count: int, least_count: int) -> SegmentChain:
-    """Return the guess of a motion with reversals by about `count` elements."""
+def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[SegmentChain]:
+    """Return the segments of a motion with reversals by about `count` elements in all."""
     assert borders.guess is not None
     assert borders.directions is not None
     motion, instants = borders.guess
-    guesses = []
-    for start, end, signs in zip(instants[:-1], instants[1:], borders.directions, strict=True):
+    chains = []
+    for k, (start, end) in enumerate(pairwise(instants)):
+        signs, points = borders.directions[k], borders.points[k : k + 2]
         n = max(2 * least_count, round(count * (end - start) / motion.duration))
         t = np.linspace(start, end, n + 1)
         before, after = motion.sample(t[:-1]), motion.sample(t[1:], side="left")
         speed = np.where(before.qd * signs > 0, before.qd, 0.0)
         elements = Cubic(before.q, speed, before.qdd, after.qdd, np.diff(t)[:, None])
-        guesses.append(SegmentGuess(elements, (n,)))
-    # A joint that rests on one side of a border stays where it is.
-    rests = borders.directions == 0
-    fixed = np.ones(borders.points.shape, dtype=bool)
-    for k in borders.free:
-        fixed[k] = rests[k - 1] | rests[k]
-    return SegmentChain(borders.points, fixed, borders.directions, tuple(guesses))
+        fixed = np.ones(points.shape, dtype=bool)
+        chains.append(SegmentChain(points, fixed, signs[None], (SegmentGuess(elements, (n,)),)))
+    return chains
 
 
 def guess_from_rest(

@@ -6,8 +6,9 @@ Every joint keeps its direction within a segment.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -74,12 +75,16 @@ class SegmentGuess:
 
     def _states(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Return q, q̇, and q̈ at the start and at the end between instants t (n + 1,), (n, 4)."""
-        instants, elements = self.instants, self.elements
-        k = np.searchsorted(instants[1:-1], (t[1:] + t[:-1]) / 2)
-        piece = Cubic(elements.u[k], elements.v[k], elements.a0[k], elements.a1[k], elements.h[k])
-        q, qd, qdd_start = piece.at_time((t[:-1] - instants[k])[:, None])
-        *_, qdd_end = piece.at_time((t[1:] - instants[k])[:, None])
+        q, qd, qdd_start = self._states_at(t[:-1], "right")
+        *_, qdd_end = self._states_at(t[1:], "left")
         return q, qd, qdd_start, qdd_end
+
+    def _states_at(self, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array, Array]:
+        """Return q, q̇ and q̈ on one side of instants t (n,), (n, 4) each."""
+        instants, motion = self.instants, self.elements
+        k = np.searchsorted(instants[1:-1], t, side)
+        pieces = Cubic(motion.u[k], motion.v[k], motion.a0[k], motion.a1[k], motion.h[k])
+        return pieces.at_time((t - instants[k])[:, None])
 
 
 def elements_between(
@@ -151,12 +156,21 @@ class SegmentChain:
     """Borders at which the tip passes the port of an eye. Joint 4 alone is fixed there."""
 
     @classmethod
-    def joined(cls, chains: Sequence[SegmentChain]) -> SegmentChain:
-        """Return one chain of several. Each begins at the point where the previous one ends."""
+    def joined(cls, chains: Sequence[SegmentChain], free: Collection[int]) -> SegmentChain:
+        """Return one chain of several. Each begins at the point where the previous one ends.
+
+        The positions at the ends of the chains before those numbered `free` are only guesses.
+        """
         first, *others = chains
+        fixed = [first.fixed.copy()]
+        for k, (before, after) in enumerate(pairwise(chains), start=1):
+            if k in free:
+                # A joint that rests on one side of a border stays where it is.
+                fixed[-1][-1] = (before.directions[-1] == 0) | (after.directions[0] == 0)
+            fixed.append(after.fixed[1:].copy())
         return cls(
             np.concatenate([first.points, *(chain.points[1:] for chain in others)]),
-            np.concatenate([first.fixed, *(chain.fixed[1:] for chain in others)]),
+            np.concatenate(fixed),
             np.concatenate([chain.directions for chain in chains]),
             tuple(guess for chain in chains for guess in chain.guesses),
         )
