@@ -79,10 +79,13 @@ def test_points_are_joined_by_what_is_given(
     assert found.interpolation.startswith(word)
     assert found.verdict == ("not judged" if word == "linear" else "kept")
     exact = margins(check(smooth(robot), robot))
-    for key, margin in margins(found).items():
-        assert margin == pytest.approx(exact[key], abs=5e-3)
+    for (name, joint), margin in margins(found).items():
+        if word == "linear" and name == "motor torque":  # the largest torque of all motions
+            assert 0 < margin <= exact[name, joint]
+        else:
+            assert margin == pytest.approx(exact[name, joint], abs=5e-3)
     if word == "linear":
-        assert not any(limit.name in ("acceleration", "motor torque") for limit in found.limits)
+        assert not any(limit.name == "acceleration" for limit in found.limits)
         assert any("not defined" in line.reason for line in found.unjudged)
 
 
@@ -272,8 +275,11 @@ def test_straight_pieces_are_judged_by_their_velocity_jumps(robot: Robot) -> Non
         found = check(reading.trajectory, robot, resolution=reading.resolution)
         assert found.verdict == ("not judged" if passed else "violated")
         if not passed:
-            assert [(v.name, v.joint) for v in found.violations] == [("velocity jump", "roll")]
-            assert found.violations[0].margin == pytest.approx(-0.001, rel=0.1)
+            margins_of_violations = {(v.name, v.joint): v.margin for v in found.violations}
+            assert margins_of_violations == {
+                ("velocity jump", "roll"): pytest.approx(-0.001, rel=0.1),
+                ("acceleration", "roll"): pytest.approx(-0.001, rel=0.1),
+            }
 
 
 def test_rounded_positions_are_not_charged_with_their_rounding(

@@ -43,7 +43,7 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
 SAME = 1e-7
 """Relative difference of two bounds of the same value."""
 
-LONGEST = 20.0
+LONGEST = 5.0
 """CPU time in s after which a mutant counts as found."""
 
 
@@ -51,29 +51,29 @@ def _stop(*_: object) -> None:
     raise TimeoutError
 
 
-def mutants(source: str) -> list[tuple[int, str, str]]:
-    """(line, operator, source) of every mutant with one operator changed."""
-    tree = ast.parse(source)
-    found = []
-    for number, node in enumerate(ast.walk(tree)):
-        operators = node.ops if isinstance(node, ast.Compare) else [getattr(node, "op", None)]
-        if type(operators[0]) in SWAPS:
-            changed = copy.deepcopy(tree)
-            other = list(ast.walk(changed))[number]
-            swapped = SWAPS[type(operators[0])]()
-            if isinstance(other, ast.Compare):
-                other.ops[0] = swapped
-            else:
-                other.op = swapped
-            name = f"{type(operators[0]).__name__} → {type(swapped).__name__}"
-            found.append((node.lineno, name, ast.unparse(changed)))
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-            changed = copy.deepcopy(tree)
-            other = list(ast.walk(changed))[number]
-            other.op = ast.UAdd() if isinstance(node.operand, ast.Constant) else ast.Invert()
-            if isinstance(node.operand, ast.Constant):
-                found.append((node.lineno, "− → +", ast.unparse(changed)))
-    return found
+def is_swapped(node: ast.AST) -> bool:
+    """Return True if a mutant swaps the operator of a node."""
+    if isinstance(node, ast.UnaryOp):
+        return isinstance(node.op, ast.USub) and isinstance(node.operand, ast.Constant)
+    return type(operator_of(node)) in SWAPS
+
+
+def operator_of(node: ast.AST) -> ast.AST | None:
+    """Return the operator of a node, or the first one of a comparison."""
+    return node.ops[0] if isinstance(node, ast.Compare) else getattr(node, "op", None)
+
+
+def mutant(tree: ast.AST, number: int) -> tuple[int, str, str]:
+    """Return (line, operator, source) with the operator of node `number` swapped."""
+    changed = copy.deepcopy(tree)
+    node: Any = [*ast.walk(changed)][number]
+    old = operator_of(node)
+    new = ast.UAdd() if isinstance(node, ast.UnaryOp) else SWAPS[type(old)]()
+    if isinstance(node, ast.Compare):
+        node.ops[0] = new
+    else:
+        node.op = new
+    return node.lineno, f"{type(old).__name__} → {type(new).__name__}", ast.unparse(changed)
 
 
 def load(source: str) -> types.ModuleType:
@@ -139,13 +139,14 @@ def differs(one: list[tuple[Any, ...]], two: list[tuple[Any, ...]]) -> bool:
 
 
 def survivors(count: int, seed: int) -> Iterator[tuple[int, str, bool]]:
-    """(line, operator, found) of a random sample of mutants."""
+    """Yield (line, operator, found) of a random sample of mutants."""
     source = Path(FILE).read_text(encoding="utf-8")
-    every = mutants(source)
+    tree = ast.parse(source)
+    swapped = [number for number, node in enumerate(ast.walk(tree)) if is_swapped(node)]
     rng = np.random.default_rng(seed)
     truth = answers(load(source))
-    for k in rng.permutation(len(every))[:count]:
-        line, name, text = every[k]
+    for number in rng.permutation(swapped)[:count]:
+        line, name, text = mutant(tree, int(number))
         signal.signal(signal.SIGVTALRM, _stop)
         signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST)
         try:

@@ -363,13 +363,17 @@ OUTSIDE = {"path departure", "corner rounding", "constant speed", "retina distan
 """Limits that the proof covers in part only."""
 
 
+WITHOUT_PLAN = {4, 7, 11, 35, 37, 38, 43, 47, 51, 58, 65, 67, 68, 79, 80, 83, 84, 86, 96, 98, 109}
+"""Seeds of random problems that have no plan."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(110))
+@pytest.mark.parametrize("seed", sorted({*range(110)} - WITHOUT_PLAN))
 def test_plans_of_random_problems_are_proven(seed: int, tilt_insert: Problem) -> None:
-    problem = unchecked(random_problem(tilt_insert, seed), planner="fast")
-    result = plan_of(problem, relaxations=False)
-    if not result.passed or problem.start_rate or problem.end_rate:
-        pytest.skip("no plan between two rests")
+    problem = random_problem(tilt_insert, seed)
+    between_rests = unchecked(problem, planner="fast", start_rate={}, end_rate={})
+    result = plan_of(between_rests, relaxations=False)
+    assert result.passed
     for key, claim in proven(json.loads(result.to_json())).items():
         assert claim.verdict == "PROVEN" or key[0] in OUTSIDE, claim
 
