@@ -4,7 +4,7 @@
 # make api    docs/api.md and docs/reference.md, from the docstrings of the public names and the schema of the files
 # make docs   the documentation as a site into docs/_build/html, the gallery planned anew
 # make picture  docs/film.gif, and the figures and pictures of the documents, from results/; needs Chromium
-# make wheel  a wheel and a source distribution into dist/
+# make wheel  a wheel and a source distribution into dist/;  make wheels  those of every system, compiled by zig
 # make bench  this planner beside others, about ten minutes, into results/benchmarks.md; make bench BENCH=--quick
 # make campaign  random hostile cases for an hour, into results/campaign.md; make campaign CAMPAIGN="--minutes 10"
 #                or CAMPAIGN=--full: as many cases as were asked for
@@ -20,7 +20,7 @@ SOURCES := pyproject.toml constraints.txt $(wildcard ssm_planner/native/*.[ch])
 # Without cached bytecode, every process compiles the package and its tests anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: plan test test-all lint api docs picture wheel bench campaign mutants clean
+.PHONY: plan test test-all lint api docs picture wheel wheels bench campaign mutants clean
 .DELETE_ON_ERROR:
 
 plan: $(VENV)/.main
@@ -52,6 +52,9 @@ picture: $(VENV)/.main
 wheel: $(VENV)/.lint
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
+
+wheels: $(VENV)/.publish
+	.ci/wheels
 
 campaign: $(VENV)/.test
 	$(BIN)/python -m tests.campaign $(CAMPAIGN)
@@ -86,6 +89,10 @@ $(VENV)/.docs: $(VENV)/.main
 
 $(VENV)/.bench: $(VENV)/.main
 	$(INSTALL) -e '.[bench]'
+	@touch $@
+
+$(VENV)/.publish: $(VENV)/.main
+	$(INSTALL) -e '.[publish]'
 	@touch $@
 
 clean:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 import sys
 from collections.abc import Iterator
 from html.parser import HTMLParser
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import matplotlib as mpl
+import nbclient
+import nbformat
 import numpy as np
 import pytest
 
@@ -116,3 +120,16 @@ def test_messages_reach_the_logger_and_an_exception_cancels(
         assert caplog.messages == [str(step) for step in steps]
         assert plan("tilt_insert", steps.append, relaxations=False).passed
     assert caplog.messages == [str(step) for step in steps]
+
+
+@pytest.mark.slow
+def test_the_notebook_of_the_examples_prints_what_it_shows(tmp_path: Path) -> None:
+    shown = nbformat.read(ROOT / "examples/first_plan.ipynb", as_version=4)
+    run = copy.deepcopy(shown)
+    where = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(run, timeout=300, resources=where).execute()
+    for before, after in zip(shown.cells, run.cells, strict=True):
+        printed = ["".join(o.get("text", "")) for o in after.get("outputs", [])]
+        assert printed == ["".join(o.get("text", "")) for o in before.get("outputs", [])]
+    assert sum("image/png" in str(cell.get("outputs")) for cell in run.cells) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["stream"]

@@ -11,9 +11,11 @@ import ctypes
 import hashlib
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -45,12 +47,13 @@ def build() -> list[Path]:
     """Compile the libraries that do not match the current sources; return the paths of all that
     match.
 
-    The result is empty without a working C compiler.
+    The result is empty without a working C compiler. `sysconfig.get_platform()` names the target,
+    so a cross compiler in `CC` and the variable _PYTHON_HOST_PLATFORM compile for another system.
     """
     compiler = _compiler()
-    if compiler is None:
+    if not compiler:
         return []
-    x86 = platform.machine().lower() in ("x86_64", "amd64")
+    x86 = sysconfig.get_platform().endswith(("x86_64", "amd64"))
     variants = {name: flags for name, flags in VARIANTS.items() if x86 or not flags}
     with ThreadPoolExecutor() as threads:  # Each thread waits for its compiler.
         results = threads.map(
@@ -68,7 +71,7 @@ def _is_made(variant: str) -> bool:
         return False
 
 
-def _make(compiler: str, variant: str, flags: tuple[str, ...]) -> bool:
+def _make(compiler: list[str], variant: str, flags: tuple[str, ...]) -> bool:
     """Compile a variant and return True on success.
 
     The library is written atomically.
@@ -77,7 +80,7 @@ def _make(compiler: str, variant: str, flags: tuple[str, ...]) -> bool:
         output = Path(folder) / "library"
         sources = [str(path) for path in sorted(FOLDER.glob("*.c"))]
         command = [
-            compiler,
+            *compiler,
             *FLAGS,
             *flags,
             f'-DSSM_KEY="{key()}"',
@@ -101,21 +104,21 @@ def _make(compiler: str, variant: str, flags: tuple[str, ...]) -> bool:
     return True
 
 
-def _compiler() -> str | None:
-    """Return the path of the compiler `CC` or cc, or None if there is none.
+def _compiler() -> list[str]:
+    """Return the command of the compiler, or an empty list if there is none.
 
-    macOS without its developer tools has a cc that only opens an installation window. It is not
-    used.
+    It is the variable `CC`, which may contain options, and cc otherwise. Windows has no cc. macOS
+    without its developer tools has one that only opens an installation window. It is not used.
     """
-    if os.name != "posix":
-        return None
     tools = ["xcode-select", "-p"]
     if (
         platform.system() == "Darwin"
         and subprocess.run(tools, capture_output=True, check=False).returncode != 0
     ):
-        return None
-    return shutil.which(os.environ.get("CC") or "cc")
+        return []
+    program, *options = shlex.split(os.environ.get("CC", "")) or ["cc"]
+    path = shutil.which(program)
+    return [path, *options] if path else []
 
 
 if __name__ == "__main__":
