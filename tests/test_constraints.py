@@ -11,7 +11,18 @@ from packaging.utils import canonicalize_name
 from tests.support.paths import ROOT
 
 PINS = ROOT / "constraints.txt"
-EXTRAS = ("test", "docs", "lint", "bench", "dask", "optuna", "ros2", "sign", "completion", "publish")
+EXTRAS = (
+    "test",
+    "docs",
+    "lint",
+    "bench",
+    "dask",
+    "optuna",
+    "ros2",
+    "sign",
+    "completion",
+    "publish",
+)
 
 
 def needed(
