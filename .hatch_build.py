@@ -15,9 +15,7 @@ class NativeHook(BuildHookInterface[Any]):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile, and say which files belong to the wheel and for which system it is."""
-        made: list[Path] = runpy.run_path(str(Path(self.root, "ssm_planner/native/compiling.py")))[
-            "build"
-        ]()
+        made: list[Path] = runpy.run_path(str(Path(self.root, ".native_build.py")))["build"]()
         if version == "editable" or not made:
             return
         build_data["artifacts"] += [path.relative_to(self.root).as_posix() for path in made]

@@ -36,7 +36,7 @@ from ssm_planner.elements.element import (
 )
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.native import compiling, library
+from ssm_planner.native import library
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -205,7 +205,7 @@ def test_every_variant_gives_the_same_bits(
         with_jerk(tilt_insert.robot, 35.0, 1.0), kind, "cooling", rng
     )
     found = []
-    for name in compiling.VARIANTS:
+    for name in library.VARIANTS:
         opened = library._open(name)
         if opened is None or (name == "avx2" and not opened.ssm_has_avx2()):
             continue

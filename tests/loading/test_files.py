@@ -95,7 +95,7 @@ def test_a_wheel_carries_them(tmp_path: Path) -> None:
     )
     source.mkdir()
     empty.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE", ".hatch_build.py"):
+    for name in ("pyproject.toml", "README.md", "LICENSE", ".hatch_build.py", ".native_build.py"):
         shutil.copy(ROOT / name, source)
     for name in ("ssm_planner", "problems"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))

@@ -3,82 +3,115 @@
 from __future__ import annotations
 
 import os
+import runpy
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from ssm_planner.native import compiling, library
+from ssm_planner.native import library
+from tests.support.paths import ROOT
 
 COMPILED = shutil.which("cc") is not None and os.name == "posix"
 needs_compiler = pytest.mark.skipif(not COMPILED, reason="no C compiler here")
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A copy of the sources, of which one library is made without optimisation."""
-    for source in [*compiling.FOLDER.glob("*.c"), *compiling.FOLDER.glob("*.h")]:
-        shutil.copy(source, tmp_path)
-    monkeypatch.setattr(compiling, "FOLDER", tmp_path)
-    quick = tuple("-O0" if flag == "-O3" else flag for flag in compiling.FLAGS)
-    monkeypatch.setattr(compiling, "FLAGS", quick)
-    monkeypatch.setattr(compiling, "VARIANTS", {"portable": ()})
-    library._loaded.cache_clear()
-    yield tmp_path
-    library._loaded.cache_clear()
+def checkout(tmp_path: Path) -> Path:
+    """A checkout of the sources alone, of which one library is made without optimisation."""
+    folder = tmp_path / "ssm_planner/native"
+    folder.mkdir(parents=True)
+    for source in [*library.FOLDER.glob("*.c"), *library.FOLDER.glob("*.h")]:
+        shutil.copy(source, folder)
+    text = (library.FOLDER / "library.py").read_text(encoding="utf-8")
+    quick = text.replace('"-O3"', '"-O0"').replace(', "avx2": ("-mavx2",)', "")
+    (folder / "library.py").write_text(quick, encoding="utf-8")
+    shutil.copy(ROOT / ".native_build.py", tmp_path)
+    return tmp_path
+
+
+def builder(checkout: Path) -> SimpleNamespace:
+    """The functions of a checkout that compile."""
+    return SimpleNamespace(**runpy.run_path(str(checkout / ".native_build.py")))
+
+
+def loader(checkout: Path) -> SimpleNamespace:
+    """The functions of a checkout that load, without a memory of what they loaded before."""
+    return SimpleNamespace(**runpy.run_path(str(checkout / "ssm_planner/native/library.py")))
 
 
 @pytest.mark.slow
 @needs_compiler
-def test_of_the_sources_as_they_are(folder: Path) -> None:
-    assert library.load() is None
-    library._loaded.cache_clear()
-    made = compiling.build()
-    assert compiling.path_of("portable") in made
+def test_of_the_sources_as_they_are(checkout: Path) -> None:
+    assert loader(checkout).load() is None
+    made = builder(checkout).build()
+    folder = checkout / "ssm_planner/native"
+    assert loader(checkout).path_of("portable") in made
     assert sorted(folder.glob("libraries/*")) == sorted(made)
     times = [path.stat().st_mtime_ns for path in made]
-    assert compiling.build() == made
+    assert builder(checkout).build() == made
     assert [path.stat().st_mtime_ns for path in made] == times  # they are of these sources already
-    assert library.load() is not None
-    library._loaded.cache_clear()
+    assert loader(checkout).load() is not None
     with (folder / "reachability.c").open("a") as file:
         file.write("/* another law */\n")
-    assert library.load() is None
-    made[0].with_stem("other").write_bytes(compiling.key().encode())  # of another system
-    assert not compiling._is_made("other")
+    assert loader(checkout).load() is None
+    made[0].with_stem("other").write_bytes(loader(checkout).key().encode())  # of another system
+    assert not builder(checkout)._is_made("other")
 
 
 @needs_compiler
 def test_what_does_not_compile_is_no_library_and_no_fault(
-    folder: Path, capfd: pytest.CaptureFixture[str]
+    checkout: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    folder = checkout / "ssm_planner/native"
     for source in folder.glob("*.c"):
         source.unlink()
     (folder / "wrong.c").write_text("this is no C\n", encoding="utf-8")
-    assert compiling.build() == []
+    assert builder(checkout).build() == []
     assert not list(folder.glob("libraries/*"))
     assert "without its compiled library" in capfd.readouterr().err
 
 
 def test_without_a_compiler(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    checkout: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("PATH", str(folder))
-    assert compiling.build() == []
-    assert library.load() is None
+    monkeypatch.setenv("PATH", str(checkout))
+    assert builder(checkout).build() == []
+    assert loader(checkout).load() is None
     assert capfd.readouterr().err == ""
+
+
+def test_the_compiler_may_have_options(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", f"{shutil.which('env')} -u NAME no-such-compiler")
+    assert builder(checkout)._compiler()[1:] == ["-u", "NAME", "no-such-compiler"]
+    monkeypatch.setenv("CC", " ")
+    assert [Path(word).name for word in builder(checkout)._compiler()] in ([], ["cc"])
+
+
+def test_a_wheel_is_of_the_system_that_is_named(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only x86-64 has a variant for AVX2."""
+    monkeypatch.setenv("_PYTHON_HOST_PLATFORM", "manylinux_2_28_aarch64")
+    shutil.copy(library.FOLDER / "library.py", checkout / "ssm_planner/native")
+    asked: list[str] = []
+    functions = runpy.run_path(str(checkout / ".native_build.py"))
+    scope = functions["build"].__globals__
+    scope |= {"_is_made": lambda name: asked.append(name) is None, "_compiler": lambda: ["cc"]}
+    functions["build"]()
+    assert asked == ["portable"]
 
 
 @needs_compiler
 def test_the_tests_run_with_it() -> None:
-    """Installed by `make test`, or made by hand: python -m ssm_planner.native.compiling."""
-    if not compiling.path_of("portable").exists():
+    """Installed by `make test`, or made by hand: python .native_build.py."""
+    if not library.path_of("portable").exists():
         pytest.skip("installed without the compiled part")
     assert library.load() is not None
-    assert library.load().ssm_key() == compiling.key().encode()
+    assert library.load().ssm_key() == library.key().encode()
 
 
 def test_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,17 +130,17 @@ def test_warnings(tmp_path: Path) -> None:
         "-fsyntax-only",
         '-DSSM_KEY=""',
     ]
-    for source in compiling.FOLDER.glob("*.c"):
+    for source in library.FOLDER.glob("*.c"):
         subprocess.run(["cc", *flags, str(source)], check=True)
 
 
 @needs_compiler
 @pytest.mark.slow
 def test_every_variant_gives_the_same_bits() -> None:
-    compiling.build()
+    builder(ROOT).build()
     probe = """
 import sys, hashlib, numpy as np
-from ssm_planner.native import compiling, library
+from ssm_planner.native import library
 native = library._open(sys.argv[1])
 library.load = lambda: native
 from tests.planning.retiming.test_reachability import fastest_profile, random_case

@@ -1,16 +1,15 @@
-"""Compile the C sources in this folder into libraries if there is a compiler.
+"""Compile the C sources of ssm_planner/native into libraries if there is a compiler.
 
-The build of the package runs this module (.hatch_build.py). Run it manually with
-`python -m ssm_planner.native.compiling`. It needs only the standard library, because the build has
-no other packages. Each library contains the key of its sources, which `library.load` compares.
+The build of the package runs this file (.hatch_build.py). Run it by `python .native_build.py`. It needs only the standard
+library, because the build has no other packages. Sources, flags and places are those of ssm_planner/native/library.py.
 """
 
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import os
 import platform
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -19,28 +18,13 @@ import sysconfig
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
-FOLDER = Path(__file__).parent
-FLAGS = (
-    *("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
-    *("-fPIC", "-shared", "-fvisibility=hidden"),
+SOURCES: Any = SimpleNamespace(
+    **runpy.run_path(str(Path(__file__).parent / "ssm_planner/native/library.py"))
 )
-"""Compiler flags without optimisations that change rounding, so all variants give the same bits."""
-VARIANTS = {"portable": (), "avx2": ("-mavx2",)}
-"""Additional flags by variant. The variant avx2 runs only on processors with AVX2."""
-
-
-def key() -> str:
-    """Return a key that identifies the current sources and flags."""
-    digest = hashlib.sha256("\n".join([*FLAGS, str(VARIANTS)]).encode())
-    for path in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h")]):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:32]
-
-
-def path_of(variant: str) -> Path:
-    """Return the path of the library of a variant."""
-    return FOLDER / "libraries" / f"{variant}.so"
+"""Contents of library.py: FOLDER, FLAGS, VARIANTS, key and path_of."""
 
 
 def build() -> list[Path]:
@@ -54,19 +38,23 @@ def build() -> list[Path]:
     if not compiler:
         return []
     x86 = sysconfig.get_platform().endswith(("x86_64", "amd64"))
-    variants = {name: flags for name, flags in VARIANTS.items() if x86 or not flags}
+    variants = {name: flags for name, flags in SOURCES.VARIANTS.items() if x86 or not flags}
     with ThreadPoolExecutor() as threads:  # Each thread waits for its compiler.
         results = threads.map(
             lambda name: _is_made(name) or _make(compiler, name, variants[name]), variants
         )
-        return [path_of(name) for name, success in zip(variants, results, strict=True) if success]
+        return [
+            SOURCES.path_of(name)
+            for name, success in zip(variants, results, strict=True)
+            if success
+        ]
 
 
 def _is_made(variant: str) -> bool:
     """Return True if the library matches the current sources and loads on this system."""
-    path = path_of(variant)
+    path = SOURCES.path_of(variant)
     try:
-        return key().encode() in path.read_bytes() and ctypes.CDLL(str(path)) is not None
+        return SOURCES.key().encode() in path.read_bytes() and ctypes.CDLL(str(path)) is not None
     except OSError:
         return False
 
@@ -78,12 +66,12 @@ def _make(compiler: list[str], variant: str, flags: tuple[str, ...]) -> bool:
     """
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "library"
-        sources = [str(path) for path in sorted(FOLDER.glob("*.c"))]
+        sources = [str(path) for path in sorted(SOURCES.FOLDER.glob("*.c"))]
         command = [
             *compiler,
-            *FLAGS,
+            *SOURCES.FLAGS,
             *flags,
-            f'-DSSM_KEY="{key()}"',
+            f'-DSSM_KEY="{SOURCES.key()}"',
             "-o",
             str(output),
             *sources,
@@ -97,10 +85,10 @@ def _make(compiler: list[str], variant: str, flags: tuple[str, ...]) -> bool:
                 file=sys.stderr,
             )
             return False
-        temporary = path_of(variant).with_suffix(f".{os.getpid()}")
+        temporary = SOURCES.path_of(variant).with_suffix(f".{os.getpid()}")
         temporary.parent.mkdir(exist_ok=True)
         shutil.copyfile(output, temporary)
-        os.replace(temporary, path_of(variant))
+        os.replace(temporary, SOURCES.path_of(variant))
     return True
 
 
