@@ -49,9 +49,9 @@ def test_joints_start_at_the_begin_of_the_motion_alone(robot: Robot) -> None:
     moving = np.array([True, True, False, True])
     assert np.array_equal(found.start[0], moving)
     assert not found.start[1:].any()
-    assert np.array_equal(found.way[1:-1], np.sign(found.qd[1:-1]))
+    assert np.array_equal(found.direction[1:-1], np.sign(found.qd[1:-1]))
     # at the end each joint arrives in the direction in which it moved
-    assert np.array_equal(found.way[-1], np.sign(found.qd[-2]))
+    assert np.array_equal(found.direction[-1], np.sign(found.qd[-2]))
 
 
 def test_a_joint_rests_and_starts_by_the_rule_of_the_nominal_torque(robot: Robot) -> None:
@@ -67,9 +67,9 @@ def test_a_joint_rests_and_starts_by_the_rule_of_the_nominal_torque(robot: Robot
     jumped = np.abs(found.qd / velocity - 3e-8).min(axis=0) < 1e-12
     assert jumped.tolist() == [True, True, False, False]
     assert found.start.any(axis=0).tolist() == [True, True, False, False]
-    assert found.way.any(axis=0).tolist() == [True, True, False, False]
+    assert found.direction.any(axis=0).tolist() == [True, True, False, False]
     # the second joint turns back, and starts once more
-    assert {-1.0, 1.0} <= set(found.way[:, 1])
+    assert {-1.0, 1.0} <= set(found.direction[:, 1])
 
 
 def test_friction_at_a_start_with_a_small_jump_is_a_case(robot: Robot) -> None:

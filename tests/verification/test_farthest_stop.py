@@ -100,7 +100,7 @@ def test_what_is_missing_for_the_torque_of_a_joint_is_named(robot: Robot) -> Non
     for changes, text in (
         ({"motor": None}, "names no motor for it"),
         ({"motor": None, "drive": None}, "names no drive and no motor for it"),
-        ({"drive": None}, f"names no drive for it, so its motor {joint.motor.name} counts"),
+        ({"drive": None}, f"names no drive for it, so its motor {joint.motor.name} is ignored"),
     ):
         changed = replace(joint, **changes)
         found = check(motion(), replace(robot, joints=(changed, *robot.joints[1:])))
