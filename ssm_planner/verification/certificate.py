@@ -296,8 +296,12 @@ class Certificate(ShortRepr):
     def from_dict(cls, data: JsonObject) -> Certificate:
         """Build a certificate from the output of `to_dict`.
 
-        The result loses its seal if the entry `passed` contradicts the limits. Raises TrajectoryError
-        if a key is missing or if a value has the wrong type.
+        The result loses its seal if the entry `passed` contradicts the limits.
+
+        Raises
+        ------
+        TrajectoryError
+            If a key is missing or if a value has the wrong type.
         """
         try:
             limits = tuple(LimitCheck.from_dict(limit) for limit in data["limits"])

@@ -202,7 +202,10 @@ def lines_kept(
 
 def unchecked_lines(limits: TaskLimits) -> str:
     """Return a remark which states that the check did not examine the lines of the motions."""
-    return f"whether the tip follows the path of {limits.promising}: a table does not contain the times of phases"
+    return (
+        f"whether the tip follows the path of {limits.promising}: a table does not contain the "
+        "times of phases"
+    )
 
 
 def _has_lines(entry: Motion) -> bool:

@@ -325,7 +325,7 @@ class _Bounds:
     and only the smaller of them is a bound.
     """
     varying: tuple[int, ...]
-    """Indices of joints whose friction depends on the speed. Their torques are not among the rows."""
+    """Joints whose friction depends on the speed. Their torques are not among the rows."""
 
     @classmethod
     def from_path(cls, path: _Path, robot: Robot) -> _Bounds:
