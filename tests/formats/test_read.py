@@ -250,7 +250,7 @@ def test_bytes_and_places_that_are_no_file(robot: Robot, tmp_path: Path) -> None
         read_trajectory(path, robot)
     with pytest.raises(TrajectoryError, match="no such file"):
         read_trajectory(tmp_path / "none.csv", robot)
-    with pytest.raises(TrajectoryError, match="neither a rosbag2 nor an export"):
+    with pytest.raises(TrajectoryError, match="not a rosbag2 and not an export"):
         read_trajectory(tmp_path, robot)
     (tmp_path / "t.xls").write_text("", encoding="utf-8")
     with pytest.raises(TrajectoryError, match="unknown file type"):

@@ -90,7 +90,7 @@ CHANGES: dict[str, tuple[Callable[[Path], None], str]] = {
     "table": (lambda folder: (folder / "trajectory.csv").write_text("x"), "trajectory.csv was cha"),
     "added": (lambda folder: (folder / "tilt.csv").write_text("x"), "tilt.csv was changed after"),
     "no table": (lambda folder: (folder / "trajectory.csv").unlink(), "trajectory.csv was changed"),
-    "no manifest": (lambda folder: (folder / MANIFEST).unlink(), "neither a rosbag2 nor an export"),
+    "no manifest": (lambda folder: (folder / MANIFEST).unlink(), "not a rosbag2 and not an export"),
 }
 
 
