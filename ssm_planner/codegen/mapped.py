@@ -80,9 +80,15 @@ class Mapped:
 
 @lru_cache(maxsize=128)
 def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
-    """Map a Function over `count` elements.
+    """Map a Function over several elements.
 
-    shared: indices of the arguments that all elements have in common.
+    Parameters
+    ----------
+    function : casadi.Function
+    count : int
+        Number of elements.
+    shared : tuple of int
+        Indices of the arguments that all elements have in common.
     """
     return function.map(function.name(), "serial", count, list(shared), [])
 

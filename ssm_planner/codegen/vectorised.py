@@ -205,6 +205,7 @@ class Vectorised:
     """
 
     def __init__(self, function: ca.Function) -> None:
+        """Compile a dense Function of SX. Raises NotImplementedError for an unknown operation."""
         self.name = function.name()
         self.rows_in = [function.numel_in(i) for i in range(function.n_in())]
         self.rows_out = [function.numel_out(i) for i in range(function.n_out())]
@@ -445,6 +446,7 @@ class Layout:
     """
 
     def __init__(self, **lengths: int) -> None:
+        """Place parameters with these lengths one after the other."""
         ends = accumulate(lengths.values(), initial=0)
         self.slices = {
             name: slice(*ends_) for name, ends_ in zip(lengths, pairwise(ends), strict=True)

@@ -407,6 +407,7 @@ class _Evaluated(ca.Callback):
     """
 
     def __init__(self, elements: _AtParameters, name: str, function: ca.Function) -> None:
+        """Determine the sizes of arguments and results from a CasADi Function for one element."""
         ca.Callback.__init__(self)
         self._elements, self._name = elements, name
         self._in = [
@@ -499,6 +500,7 @@ class MappedElements:
     """The functions of an element model at n elements for CasADi, with parameters as inputs."""
 
     def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
+        """Use the compiled library for `count` elements."""
         self._elements = _AtParameters(library, element, count)
         self._functions: list[_Evaluated] = []
 

@@ -138,6 +138,7 @@ class ElementModel(ABC):
         """Index of the first torque row in native/elements.c."""
 
     def __eq__(self, other: object) -> bool:
+        """Return True if both models have the same Functions."""
         return isinstance(other, ElementModel) and self.key == other.key
 
     def __hash__(self) -> int:

@@ -94,6 +94,7 @@ class FreeElement(ElementModel):
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
+        """Key of the kind of motion, robot, moving joints, rows, eye and cost."""
         return (
             "free",
             robot_key(self.robot),
@@ -152,10 +153,12 @@ class FreeElement(ElementModel):
 
     @property
     def first_actuation(self) -> int:
+        """Index of the first torque row, after the rows of speeds, task and eye."""
         return len(JACOBIANS) + 2 * (len(WATCHED) + len(RATED)) + 2
 
     @cached_property
     def all_rows(self) -> list[RowPlace]:
+        """Name, joint and index of each row, in the order of `rows`."""
         rows: list[RowPlace] = [
             (speed_class.name, None, k) for k, speed_class in enumerate(JACOBIANS)
         ]

@@ -125,6 +125,7 @@ def with_margin(robot: Robot, share: float) -> Robot:
     factor = 1 - share
 
     def reduced(joint: Joint) -> Joint:
+        """Return a joint with smaller limits."""
         motor = (
             None
             if joint.motor is None
@@ -269,9 +270,15 @@ def sense_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstra
     """Return the velocity row of joint i in one direction, and the two rows of its stop.
 
     With the tip speed v, the stop travel d and the acceleration limit a, the rows of the stop are
-    v q̇/(2 d) ≤ a and v q̇/(2 d) − q̈ ≤ a in this direction.
+    v q̇/(2 d) ≤ a and v q̇/(2 d) − q̈ ≤ a. Here q̇ and q̈ count positive in this direction.
 
-    sense: direction, +1 or −1.
+    Parameters
+    ----------
+    instant : Instant
+    i : int
+        Index of the joint.
+    sense : casadi.SX or int
+        Direction, +1 or −1.
     """
     bounds, speed = instant.limits, sense * instant.qd_hull[i]
     tip = instant.speeds[TIP] / (2 * bounds.stop)
@@ -370,7 +377,11 @@ def actuations_by_load(robot: Robot) -> list[tuple[int, int, int, Drive, tuple[i
 def torque_places(robot: Robot, start: int) -> list[RowPlace]:
     """Return names and indices of the rows of `torque_rows`.
 
-    start: index of the first of them in native/elements.c.
+    Parameters
+    ----------
+    robot : Robot
+    start : int
+        Index of the first torque row in native/elements.c.
     """
     indices = {item[:2]: start + 3 * index for index, item in enumerate(actuations_by_load(robot))}
     return [
@@ -382,7 +393,14 @@ def torque_places(robot: Robot, start: int) -> list[RowPlace]:
 
 
 def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
-    """Return names and indices of the rows of `kinematic_rows`."""
+    """Return names and indices of the rows of `kinematic_rows`.
+
+    Parameters
+    ----------
+    robot : Robot
+    jerk : bool
+        Include the rows of the jerk.
+    """
     rows: list[RowPlace] = [(limit_class.name, None, k) for k, limit_class in enumerate(JACOBIANS)]
     for i, joint in enumerate(robot.joints):
         index = len(JACOBIANS) + JOINT_ROWS * i
@@ -443,8 +461,18 @@ def _torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.SX:
     """Return σ τ_motor/τ_nominal of joint i.
 
-    The exact torque is the larger one of two functions. A smooth function replaces this maximum.
-    nominal: nominal torque of the motor, N·m.
+    The exact torque is the larger one of two functions. A smooth function replaces this maximum:
+
+        max(a, b) ≈ (a + b)/2 + √((a − b)²/4 + COST_SOFTNESS²).
+
+    Parameters
+    ----------
+    drive : Drive
+    instant : Instant
+    i : int
+        Index of the joint.
+    nominal : float
+        Nominal torque of the motor, N·m.
     """
     torque_1, torque_2 = (
         side / nominal for side in directed_torques(drive, instant, i, breakaway=False)

@@ -72,6 +72,7 @@ class StraightElement(ElementModel):
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
+        """Key of the kind of motion, the robot, the rows and the cost."""
         return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
@@ -100,10 +101,12 @@ class StraightElement(ElementModel):
 
     @property
     def first_actuation(self) -> int:
+        """Index of the first torque row, after the rows of speeds and joints."""
         return len(JACOBIANS) + 4 * JOINT_ROWS
 
     @cached_property
     def all_rows(self) -> list[RowPlace]:
+        """Name, joint and index of each row, in the order of `rows`."""
         return [
             *joint_places(self.robot, self.jerk),
             *torque_places(self.robot, self.first_actuation),
@@ -189,7 +192,18 @@ def path_derivatives(
 
 
 def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
-    """Evaluate polynomials with coefficients (curves, powers) at xi by Horner's rule."""
+    """Evaluate polynomials at xi by Horner's rule.
+
+    Parameters
+    ----------
+    coefficients : casadi.SX, (curves, powers)
+        Coefficients of xi⁰, xi¹, …
+    xi : casadi.SX
+
+    Returns
+    -------
+    casadi.SX, (curves,)
+    """
     value = coefficients[:, -1]
     for k in range(coefficients.size2() - 2, -1, -1):
         value = value * xi + coefficients[:, k]
@@ -197,5 +211,5 @@ def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
 
 
 def _derivative(coefficients: ca.SX) -> ca.SX:
-    """Return the coefficients of the derivatives of polynomials (curves, powers)."""
+    """Return the coefficients (curves, powers − 1) of the derivatives of polynomials."""
     return ca.horzcat(*(k * coefficients[:, k] for k in range(1, coefficients.size2())))

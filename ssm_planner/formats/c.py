@@ -177,6 +177,7 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
     """
 
     def limit(joint: Joint, limit_type: type[Limit]) -> float:
+        """Return the limit of a joint, or infinity."""
         joint_limit = joint.find_limit(limit_type)
         return math.inf if joint_limit is None else joint_limit.high
 

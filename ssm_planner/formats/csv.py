@@ -615,9 +615,16 @@ def read_columns(path: Path, names: Sequence[str]) -> Array:
 
 
 def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
-    """Return the message for the first invalid row at or after the row `start`.
+    """Return the message for the first invalid row.
 
-    message: text if every row seems to be valid.
+    Parameters
+    ----------
+    path : Path
+    layout : Layout
+    message : str
+        Message of the reader, which is used if every row seems to be valid.
+    start : int
+        Index of the first row to examine.
     """
     width = len(layout.names)
     for k, line in islice(_data_lines(path, layout), start, None):

@@ -334,8 +334,19 @@ def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
 def _time(point: Any, k: int, location: str) -> float:
     """Return the time of a point since the start, s.
 
-    k: index of the point. location: beginning of error messages. Raises TrajectoryError if the time
-    is invalid.
+    Parameters
+    ----------
+    point : Any
+        The point as read from a file.
+    k : int
+        Index of the point.
+    location : str
+        Beginning of error messages.
+
+    Raises
+    ------
+    TrajectoryError
+        If the time is missing or invalid.
     """
     stamp = point.get("time_from_start") if isinstance(point, dict) else None
     if isinstance(stamp, dict) and stamp.keys() <= {"sec", "nanosec"}:
@@ -351,10 +362,22 @@ def _time(point: Any, k: int, location: str) -> float:
 
 
 def _numbers(point: JsonObject, key: str, k: int, location: str) -> Sequence[float]:
-    """Return the values under a key of a point. They may be missing.
+    """Return the list of numbers under a key of a point.
 
-    k: index of the point. location: beginning of error messages. Raises TrajectoryError if the
-    entry is not a list of numbers.
+    Parameters
+    ----------
+    point : dict
+    key : str
+        Key of the list. If it is missing, the result is empty.
+    k : int
+        Index of the point.
+    location : str
+        Beginning of error messages.
+
+    Raises
+    ------
+    TrajectoryError
+        If the entry is not a list of numbers.
     """
     values = point.get(key) or []
     if not isinstance(values, list) or not all(type(value) in (int, float) for value in values):

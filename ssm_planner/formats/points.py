@@ -207,13 +207,13 @@ def check_points(points: Points, robot: Robot) -> None:
     n = len(points.t)
     if n < 2:
         raise TrajectoryError(f"{points.place(0)}: {n} point; a trajectory needs at least two")
-    row_name = (
+    columns = (
         ("time", t),
         ("position", points.q),
         ("velocity", points.qd),
         ("acceleration", points.qdd),
     )
-    for name, values in row_name:
+    for name, values in columns:
         if values is None:
             continue
         for block in blocks(n, BLOCK):

@@ -267,7 +267,14 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
 
 
 def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
-    """Return the names of the columns of positions and velocities of a joint."""
+    """Return the names of the columns of positions and velocities of a joint.
+
+    Parameters
+    ----------
+    joint : Joint
+    driven : bool
+        True if the joint has a drive, so that its unit is an increment.
+    """
     unit = "inc" if driven else joint.unit
     return f"{POSITION}_{unit}", f"{VELOCITY}_{unit}_per_s"
 
@@ -275,8 +282,18 @@ def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
 def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table:
     """Return the first table whose cubics keep every limit.
 
-    If the plan itself violates a limit, the first table is returned. Raises ExportError if all
-    tables exceed a limit.
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan. If it did not pass, the first table is returned.
+    axes : dict of Axis
+        Drives by joint.
+
+    Raises
+    ------
+    ExportError
+        If every table exceeds a limit.
     """
     certificates = []
     for table in _trials(plan, axes, STRETCHES if certificate.passed else (0.0,)):
@@ -403,7 +420,14 @@ class _Fit:
     def _nearby(self, values: Array) -> tuple[Array, Array]:
         """Return the extremes of a quantity on each interval and its two neighbours.
 
-        values: quantity at the dense instants, (k, instants). Both results have shape (n − 1,).
+        Parameters
+        ----------
+        values : (k, instants) array
+            Values of k variants of the quantity at the dense instants.
+
+        Returns
+        -------
+        lowest, highest : (n − 1,) arrays
         """
         low = np.pad(np.minimum.reduceat(values.min(axis=0), self._where), 1, mode="edge")
         high = np.pad(np.maximum.reduceat(values.max(axis=0), self._where), 1, mode="edge")

@@ -81,7 +81,16 @@ def _signed_bytes(manifest: JsonObject) -> bytes:
 def _read_key(path: Path, key_type: str) -> Any:
     """Read an Ed25519 key from a PEM file.
 
-    key_type: "private" or "public". Raises ExportError if the file does not contain such a key.
+    Parameters
+    ----------
+    path : Path
+    key_type : str
+        "private" or "public".
+
+    Raises
+    ------
+    ExportError
+        If the file does not contain such a key, or if the package cryptography is not installed.
     """
     try:
         from cryptography.exceptions import UnsupportedAlgorithm

@@ -161,6 +161,7 @@ def _played(
     slack = change / 4 + 2 * reading.resolution + robot.velocities * DIGIT
 
     def positions(times: Array) -> Array:
+        """Return the positions of the motion (n, 4) at times (n,) from its start, s."""
         return motion.positions(np.clip(motion.breaks[0] + times, *motion.breaks[[0, -1]]))
 
     for time in np.linspace(0.0, motion.duration, count):

@@ -94,7 +94,11 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
 def urdf(robot: Robot, mark: str = "") -> str:
     """Return the robot as URDF text with a base, four links and the frame of the tool tip.
 
-    mark: warning that is added to the comment at the beginning.
+    Parameters
+    ----------
+    robot : Robot
+    mark : str
+        Warning that is added to the comment at the beginning.
     """
     return render_template(
         _templates(escape=True),

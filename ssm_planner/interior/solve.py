@@ -16,7 +16,7 @@ from ssm_planner.native import library
 from ssm_planner.typing import Array, record
 
 TOLERANCE = 1e-8
-"""Largest scaled residual of the optimality conditions at the solution."""
+"""Largest residual of the optimality conditions at the solution."""
 LAST_BARRIER = 11.0
 """Tolerance divided by the last weight μ of the barrier."""
 SUPERLINEAR = 1.5

@@ -676,8 +676,15 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
 def _missing_data(skipped: Mapping[str, str]) -> tuple[str, str]:
     """List skipped checks and their missing data.
 
-    skipped: missing data by name of the check, joined by " and ". Returns the names of the checks
-    and the data without repetition, as two texts.
+    Parameters
+    ----------
+    skipped : mapping of str to str
+        Missing data by name of the check, joined by " and ".
+
+    Returns
+    -------
+    checks, data : str
+        Names of the checks, and the data without repetition.
     """
     data = dict.fromkeys(item for needs in skipped.values() for item in needs.split(" and "))
     return ", ".join(plain_words(name) for name in skipped), ", ".join(data)
@@ -884,7 +891,11 @@ def sizing_verdict(sizing: Sizing) -> list[str]:
 def _joint_verdict(joint: JointSizing, confidence: float) -> str:
     """Describe the verdict on the candidate motors of one joint.
 
-    confidence: probability with which the smallest suitable motor suffices.
+    Parameters
+    ----------
+    joint : JointSizing
+    confidence : float
+        Probability with which the smallest suitable motor suffices.
     """
     smallest = joint.smallest
     if smallest is not None:

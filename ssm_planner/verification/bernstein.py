@@ -197,9 +197,17 @@ def _changes(coefficients: Array) -> Indices:
 
 
 def _bisect(coefficients: Array) -> Array:
-    """Return the single zero (m,) of each polynomial in [0, 1].
+    """Find the single zero of each polynomial in [0, 1] by bisection.
 
-    coefficients: Bernstein coefficients (m, n + 1), whose first and last have opposite signs.
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+        Bernstein coefficients. The first and the last of each polynomial have opposite signs.
+
+    Returns
+    -------
+    (m,) array
+        Arguments of the zeros.
     """
     powers = to_powers(coefficients)
     if len(powers) <= FEW:

@@ -142,6 +142,7 @@ class _Motion:
     """
 
     def __init__(self, trajectory: Trajectory, robot: Robot, masses: list[float]) -> None:
+        """Sample a motion, and compute the joint torques for each payload in `masses`, kg."""
         max_intervals = max(INSTANTS // (len(trajectory.breaks) - 1), 1)
         blocks = []
         for pieces in pieces_of(trajectory):

@@ -270,6 +270,7 @@ class Certificate(ShortRepr):
         return data_frame([limit.to_dict() for limit in self.limits])
 
     def _repr_html_(self) -> str:
+        """Return the table of all limits for a notebook."""
         return html_table([limit.to_dict() for limit in self.limits])
 
     @property

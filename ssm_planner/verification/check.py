@@ -209,8 +209,8 @@ def _dynamics_of_table(
     judged_limits = {(band.name, band.joint) for band in bands}
     judged_limits |= {(item.name, item.joint) for item in unjudged}
     for limit in (limit for owner in (*robot.joints, limits) for limit in owner.limits):
-        is_asked = limits.duty is not None or type(limit) is not ContinuousTorque
-        if limit.order > 1 and is_asked and (limit.name, limit.joint) not in judged_limits:
+        is_limited = limits.duty is not None or type(limit) is not ContinuousTorque
+        if limit.order > 1 and is_limited and (limit.name, limit.joint) not in judged_limits:
             unjudged.append(Unjudged(limit.name, limit.joint, UNDEFINED))
     if len(smooth):
         bands = _dynamics_of_smooth_pieces(trajectory, smooth, robot, limits, rate=rate)

@@ -35,6 +35,7 @@ class Jumps:
     """
 
     def __init__(self, robot: Robot) -> None:
+        """Start without jumps. The tolerances follow from the limits of the joints."""
         self.robot = robot
         self.worst = np.zeros((3, 4))
         self.time = np.zeros((3, 4))
@@ -97,8 +98,13 @@ class Jumps:
     def checks(self, straight: bool = False) -> list[LimitCheck]:
         """Return the results of each joint.
 
-        Jumps of the acceleration count only if the jerk is limited. straight: check only jumps of
-        the position, because linear pieces jump in velocity.
+        Jumps of the acceleration count only if the jerk is limited.
+
+        Parameters
+        ----------
+        straight : bool
+            True for a table. Only jumps of the position count, because linear pieces jump in
+            velocity.
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):

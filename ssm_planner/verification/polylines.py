@@ -92,7 +92,16 @@ class _Speeds:
     """
 
     def __init__(self, robot: Robot, resolution: Array, start: Array) -> None:
-        """Start at the velocity `start` (4,). resolution: rounding errors (4,), rad or m."""
+        """Prepare the collection.
+
+        Parameters
+        ----------
+        robot : Robot
+        resolution : (4,) array
+            Largest rounding error of a point, rad or m.
+        start : (4,) array
+            Declared velocity at the start of the motion.
+        """
         self.robot = robot
         self.resolution = resolution
         self.allowed = robot.accelerations
@@ -250,19 +259,31 @@ def _of_tool(
 ) -> LimitCheck:
     """Return the result of a tool speed without the speed that rounding can explain.
 
-    The speed is evaluated at the start of every piece and at the worst sampled instant. resolution:
-    largest rounding errors of the points, (4,).
+    The speed is evaluated at the start of every piece and at the worst sampled instant.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        The tool speed, or the rate of a task coordinate.
+    limit : LimitCheck
+        Result for the linear pieces themselves.
+    trajectory : Trajectory
+    robot : Robot
+    resolution : (4,) array
+        Largest rounding error of a point, rad or m.
     """
     if limit.passed:
         return limit
     mechanism = Mechanism.from_robot(robot)
 
     def values(q: Array, qd: Array) -> Array:
+        """Return the tool speeds (n,) of joint positions and velocities (n, 4)."""
         if isinstance(quantity.limit, SpeedLimit):
             return tool_speed(type(quantity.limit), mechanism, q, qd)
         return np.abs(task_rates(mechanism, q, qd)[:, quantity.index])
 
     def unexplained(q: Array, speeds: Array, index: Indices) -> Array:
+        """Return the tool speeds (n,) without the largest effect of rounding."""
         wrong = 2 * resolution / (trajectory.breaks[index + 1] - trajectory.breaks[index])[:, None]
         rounding = sum(values(q, np.eye(4)[i] * wrong) for i in range(4))
         return np.maximum(values(q, speeds) - rounding, 0.0)

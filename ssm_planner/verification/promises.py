@@ -406,9 +406,16 @@ def _middle(tips: Array) -> Array:
 
 
 def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
-    """Return an arc about a centre (3,) from the first tip to the last of `tips` (k, 3).
+    """Return an arc of a circle from the first tip to the last.
 
-    shorter: take the shorter arc between them. Otherwise, take the arc through the second tip.
+    Parameters
+    ----------
+    tips : (k, 3) array
+        Tip positions on the circle, m.
+    centre : (3,) array
+        Centre of the circle, m.
+    shorter : bool
+        Select the shorter arc. Otherwise, the arc passes the second tip.
     """
     radius = tips[0] - centre
     end = tips[-1] - centre
@@ -535,9 +542,24 @@ def _check(limit: OfPath, promise: Way, value: float, time: float) -> LimitCheck
 def _farthest_off(
     limit: OfPath, tolerance: float, promise: Way, t: Array, values: Array
 ) -> LimitCheck:
-    """Check values (n,) that must equal `limit.largest` up to a tolerance.
+    """Check values that must equal `limit.largest` up to a tolerance.
 
-    tolerance: largest deviation, in the unit of the values.
+    Parameters
+    ----------
+    limit : OfPath
+        The limit with the required value.
+    tolerance : float
+        Largest deviation from this value, in its unit.
+    promise : Way
+        The phase.
+    t, values : (n,) arrays
+        Instants in s, and the values at these instants.
+
+    Returns
+    -------
+    LimitCheck
+        The value with the largest deviation. Its limit is the end of the tolerance on the same
+        side.
     """
     error = values - limit.largest
     k = int(np.argmax(np.abs(error)))

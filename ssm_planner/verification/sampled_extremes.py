@@ -241,10 +241,17 @@ class SampledExtremes:
         values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
     def _gain(self, lowest: Array, highest: Array) -> Array:
-        """Return by how much the quantities may exceed their worst values, (n,).
+        """Return by how much the quantities may exceed their worst values.
 
-        lowest, highest: bounds (n, k) of the quantities within n intervals. The result is the
-        largest of the relative excesses, and it is positive if the interval must be divided.
+        Parameters
+        ----------
+        lowest, highest : (n, k) arrays
+            Bounds of the k quantities within n intervals.
+
+        Returns
+        -------
+        (n,) array
+            Largest gain of the relative excess. An interval with a positive gain must be divided.
         """
         bounds = zip(self.worst, lowest.T, highest.T, strict=True)
         return np.max(
@@ -395,6 +402,7 @@ class RmsTorques:
     """
 
     def __init__(self, quantities: Sequence[Quantity]) -> None:
+        """Select the motor torques among the quantities."""
         self.columns = [
             k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)
         ]

@@ -96,7 +96,15 @@ class StopMotions:
 
 
 def _motion(lengths: Array, coefficients: Array) -> Trajectory:
-    """Return a trajectory that starts at time 0. lengths: (m,), s. coefficients: (m, 6, 4)."""
+    """Return a trajectory that starts at time 0.
+
+    Parameters
+    ----------
+    lengths : (m,) array
+        Durations of the pieces, s.
+    coefficients : (m, 6, 4) array
+        Coefficients of powers of the time since the start of the piece.
+    """
     return Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
 
 
@@ -212,9 +220,15 @@ def quickest_stops(
 
 
 def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions:
-    """Return the quickest stops in a part of a motion.
+    """Compute the quickest stops in a part of a motion.
 
-    times: (n,), in s from the start of the part.
+    Parameters
+    ----------
+    motion : Trajectory
+        The part.
+    robot : Robot
+    times : (n,) array
+        Instants in s from the start of the part.
     """
     path = _Path.from_motion(motion, robot, times)
     start_nodes = np.clip(
@@ -537,9 +551,17 @@ class _MotorAlong:
         return np.where(bounds, (limit - offset) / slope, unbounded)
 
     def minimum(self, square: Array) -> Array:
-        """Return the smallest s̈ (n,) that keeps the torque limit in both directions.
+        """Return the smallest s̈ that keeps the torque limit in both directions.
 
-        square: ṡ², (n,).
+        Parameters
+        ----------
+        square : (n,) array
+            ṡ² at the positions.
+
+        Returns
+        -------
+        (n,) array
+            Lower bounds of s̈. A position without a bound has −∞.
         """
         root = np.sqrt(square)
         zero = np.zeros(len(square))

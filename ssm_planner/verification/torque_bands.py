@@ -168,7 +168,13 @@ def _of_windows(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Arr
 
 
 def _load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Array, ...]) -> Array:
-    """Bound how much the load of a joint changes with q, q̇ and the mass matrix, (n, 4).
+    """Bound the change of the load of each joint within a window.
+
+    The load is M(q) q̈ + h(q, q̇). With steps Δq_i and Δq̇_i of one coordinate at a time, the bound
+    is
+
+        Σ_i Σ_± |h(q ± Δq_i, q̇) − h(q, q̇)| + |h(q, q̇ ± Δq̇_i) − h(q, q̇)|
+                + |M(q ± Δq_i) − M(q)| q̈_max.
 
     Parameters
     ----------
@@ -177,6 +183,11 @@ def _load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Array, ...
         Joint positions and velocities in the middle of each window.
     errors : tuple of three arrays
         Largest changes of q and of q̇, (n, 4) each, and the largest q̈, (4,).
+
+    Returns
+    -------
+    (n, 4) array
+        Largest changes of the loads, N·m and N.
     """
     q_error, qd_error, largest_qdd = errors
     still = np.zeros_like(qd)

@@ -106,8 +106,16 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
 def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
     """Return the result for a point.
 
-    error: distance from the point as a multiple of NEAR. time: instant of this distance, s. entry:
-    name of the motion.
+    Parameters
+    ----------
+    name : str
+        "target" or "waypoint".
+    entry : str
+        Name of the motion.
+    error : float
+        Distance from the point as a multiple of NEAR.
+    time : float
+        Instant of this distance, s.
     """
     return LimitCheck(
         name, None, error, limit=1.0, margin=1 - error, time=float(time), unit="", case=entry
@@ -115,7 +123,17 @@ def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
 
 
 def _timed(name: str, entry: str, actual: float, requested: float) -> LimitCheck:
-    """Return the result for a duration in s that must equal `requested` up to TIMELY."""
+    """Return the result for a duration that must equal the requested duration.
+
+    Parameters
+    ----------
+    name : str
+        "dwell" or "duration".
+    entry : str
+        Name of the motion.
+    actual, requested : float
+        Durations, s. Their relative difference may be TIMELY.
+    """
     margin = 1 - abs(actual / requested - 1) / TIMELY
     return LimitCheck(
         name, None, actual, limit=requested, margin=margin, time=0.0, unit="s", case=entry
@@ -136,6 +154,7 @@ class _Path:
     """
 
     def __init__(self, motion: Trajectory, mechanism: Mechanism) -> None:
+        """Sample a motion at all breaks, and at further instants within its pieces."""
         lengths = np.diff(motion.breaks)
         count = int(np.clip(INSTANTS / len(lengths), 1, MOST))
         inner = motion.breaks[:-1, None] + np.arange(count) / count * lengths[:, None]

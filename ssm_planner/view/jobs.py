@@ -86,6 +86,7 @@ class Jobs:
     """The planning runs of one server, and its studies by the path of their page."""
 
     def __init__(self, study: Study) -> None:
+        """Create the study of the first page and a folder for progress."""
         self.studies = {"/": study}
         self._jobs: dict[str, Job] = {}
         self._lock = threading.Lock()
@@ -246,6 +247,7 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
     start = time.perf_counter()
 
     def progress(step: Step) -> None:
+        """Append a step with its time to the file."""
         with steps.open("a", encoding="utf-8") as file:
             file.write(f"{time.perf_counter() - start:.1f} s  {step}\n")
 

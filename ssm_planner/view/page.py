@@ -160,7 +160,15 @@ class Study:
     def edit(self, text: str) -> Study:
         """Return the study of a text that replaces the problem file.
 
-        text: YAML in the form of a problem file. Raises ProblemError if it is invalid.
+        Parameters
+        ----------
+        text : str
+            YAML in the form of a problem file.
+
+        Raises
+        ------
+        ProblemError
+            If the text is invalid.
         """
         section = Section(self._file, of_text(text).root)
         return Study(problem_from(section), section)

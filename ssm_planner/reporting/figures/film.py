@@ -201,7 +201,12 @@ def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
     """Yield the pictures of a film, with a common palette of 64 colours.
 
     The left panel shows the arm. If there is an eye, the right panel shows the tool in the eye.
-    speed: playback speed as a share of the planned speed.
+
+    Parameters
+    ----------
+    plan : Plan
+    speed : float
+        Playback speed as a share of the planned speed.
     """
     from PIL import Image
 

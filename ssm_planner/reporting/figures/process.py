@@ -58,6 +58,7 @@ class _Plain(pickle.Pickler):
     """
 
     def reducer_override(self, value: object) -> Any:
+        """Reduce a sizing result to its attributes."""
         if type(value).__module__.startswith("ssm_planner.sizing."):
             return SimpleNamespace, (), vars(value)
         return NotImplemented
@@ -150,6 +151,7 @@ class FigureProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Kill the process."""
         if self._process is not None:
             self._process.kill()
             self._pipe.submit(self._process.communicate)

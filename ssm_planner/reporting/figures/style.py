@@ -131,7 +131,13 @@ def _empty_figure(width: float, height: float) -> Figure:
 def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
     """Add labels and a light grid to a panel, and remove its frame at the top and on the right.
 
-    x, y: labels of the axes. title: text above the panel.
+    Parameters
+    ----------
+    axes : Axes
+    x, y : str
+        Labels of the axes.
+    title : str, optional
+        Text above the panel.
     """
     axes.set_xlabel(x, fontsize=SIZE)
     axes.set_ylabel(y, fontsize=SIZE)
@@ -290,7 +296,12 @@ def zero_lines(axes: Axes, down: bool = False) -> None:
 def shade_phases(axes: Axes, trajectory: Trajectory, with_names: bool = False) -> None:
     """Shade every second phase in a panel whose horizontal axis is the time in s.
 
-    with_names: write the name of each phase above the panel, in the longest form that fits.
+    Parameters
+    ----------
+    axes : Axes
+    trajectory : Trajectory
+    with_names : bool
+        Write the name of each phase above the panel, in the longest form that fits.
     """
     size = SIZE - 1
     inches = axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * MARGIN))  # Inches per second.

@@ -151,7 +151,11 @@ def _motors(plans: tuple[Plan, Plan]) -> Table:
 def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, str, str]:
     """Format the values of A and B, and the change from A to B.
 
-    relative: give the change in per cent of A. Otherwise, give the difference.
+    Parameters
+    ----------
+    values : sequence of two float or None
+    relative : bool
+        Give the change in per cent of A. Otherwise, give the difference.
     """
     a, b = values
     change = NOTHING

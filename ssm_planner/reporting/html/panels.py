@@ -418,7 +418,10 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> list[Panel]:
 def split_panels(channels: Arrays) -> Iterator[Panel]:
     """Yield one panel for each driven joint with the components of its motor torque.
 
-    channels: sampled quantities (n,) by name.
+    Parameters
+    ----------
+    channels : dict of (n,) arrays
+        Sampled quantities by name.
     """
     for i, joint in enumerate(JOINTS):
         if f"split{i}_{PARTS[0]}" in channels:

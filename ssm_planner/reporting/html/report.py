@@ -174,7 +174,10 @@ def problem_tables(plan: Plan) -> list[Table]:
 def repetition(duty: float | None) -> str:
     """Describe how often the robot performs the motion, as the beginning of a sentence.
 
-    duty: pause between two repetitions in s, or None for a single motion.
+    Parameters
+    ----------
+    duty : float or None
+        Pause between two repetitions, s. None means a single motion.
     """
     if duty is None:
         return "The motion performed once, from a cold start,"
@@ -216,7 +219,11 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
 
     An example is "Tilts −85° → −135°, inserts 20 mm in 3.35 s; limited by the tip speed."
 
-    panels: panels of the plan with the intervals in which their limits are active.
+    Parameters
+    ----------
+    plan : Plan
+    panels : list of Panel
+        Panels of the plan, which contain the intervals of active limits.
     """
     groups: dict[str, list[PhaseSummary]] = {}
     for phase in plan.phases:
@@ -276,7 +283,12 @@ def _limited_by(plan: Plan, panels: list[Panel]) -> str:
 def _of_joints(name: str, joints: list[int]) -> str:
     """Name a limit together with the numbers of its joints.
 
-    joints: indices of the joints. They are ignored for a limit of the tool.
+    Parameters
+    ----------
+    name : str
+        Name of the limit.
+    joints : list of int
+        Indices of the joints. They are ignored for a limit of the tool.
     """
     quantity = {"velocity": "speed"}.get(name, name)
     if name not in JOINT_LIMITS:
@@ -297,10 +309,16 @@ def _is_spot(phase: PhaseSummary) -> bool:
 def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
     """Return the tip positions at the ends of the phases.
 
-    Each entry contains a position in m, and whether it is a spot of a scan. Equal positions appear
-    once.
+    Parameters
+    ----------
+    plan : Plan
+    channels : mapping of (n,) arrays
+        Sampled quantities of the plan, see `channels_of`.
 
-    channels: sampled quantities (n,) of the plan, see `channels_of`.
+    Returns
+    -------
+    list of dict
+        Position in m, and whether it is a spot of a scan. Equal positions appear once.
     """
     spots = {phase.name for phase in plan.phases if _is_spot(phase)}
     t, start = channels["t"], float(plan.motion.breaks[0])

@@ -115,6 +115,7 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
     """
 
     def resample(values: Array) -> Array:
+        """Interpolate columns of the result (samples, k) at t, (n, k)."""
         return np.column_stack([np.interp(t, result.time, column) for column in values.T])
 
     q = resample(result.q)
