@@ -129,7 +129,7 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     factor : float
         Factor that converts values to SI units.
 
-    The result is None for a column with another quantity.
+    Both are returned as a tuple, or None for a column with another quantity.
 
     Raises
     ------

@@ -49,7 +49,18 @@ def from_powers(powers: Array) -> Array:
 
 
 def to_powers(coefficients: Array) -> Array:
-    """Return the power coefficients (m, n + 1) of Bernstein coefficients (m, n + 1)."""
+    """Return the power coefficients of polynomials.
+
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+        Bernstein coefficients b_j.
+
+    Returns
+    -------
+    (m, n + 1) array
+        a_i = C(n, i) Δⁱ b_0, with the forward differences Δ (Farouki 2012).
+    """
     degree = coefficients.shape[1] - 1
     powers = coefficients.copy(order="K")
     for row in range(degree, 0, -1):
@@ -189,7 +200,18 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
 
 
 def _changes(coefficients: Array) -> Indices:
-    """Return the numbers (m,) of sign changes along the coefficients (m, n + 1) without zeros."""
+    """Return the number of sign changes in each row of coefficients.
+
+    Zeros are skipped, so (1, 0, −1) has one change.
+
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+
+    Returns
+    -------
+    (m,) array of int
+    """
     signs = np.sign(coefficients.T)
     for k in range(1, len(signs)):
         signs[k] = np.where(signs[k] == 0, signs[k - 1], signs[k])

@@ -243,7 +243,16 @@ class _Program:
         return None if result.x is None else np.maximum(result.x[: p.shape[1]], 0.0)
 
     def bound(self, multipliers: Array) -> float:
-        """Return the bound in s for any multipliers (unknowns,) that are at least 0."""
+        """Return the lower bound on the duration for given multipliers, s.
+
+        It is the last line of the equation in the module, minus the estimated error of Simpson's
+        rule.
+
+        Parameters
+        ----------
+        multipliers : (unknowns,) array
+            Any values that are at least 0.
+        """
         minima = _smallest_values(self.p @ multipliers, self.kappa @ multipliers, self.max_speed)
         rough, fine = self.weights @ (minima + self.excess @ multipliers)
         mu, jump = self.mu @ multipliers, self.jump @ multipliers

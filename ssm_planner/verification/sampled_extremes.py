@@ -260,17 +260,25 @@ class SampledExtremes:
 
 
 def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
-    """Return lower and upper bounds (n, k) of k quantities within n intervals.
+    """Return lower and upper bounds of quantities within intervals.
 
-    The inner Bernstein coefficients of the cubic through v0 … v3 are (−5 v0 + 18 v1 − 9 v2 + 2
-    v3)/6 and (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
+    The cubic through the values v0 … v3 has the inner Bernstein coefficients
+
+        (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6   and   (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
+
+    A bound exceeds the four values by CAUTION times the excess of these coefficients. For a kinked
+    quantity, it also exceeds them by the largest difference of neighbouring values.
 
     Parameters
     ----------
     values : (4, n, k) array
-        Values at the INSTANTS of the intervals.
+        Values of k quantities at the INSTANTS of n intervals.
     kinked : (k,) array of bool
         True for quantities that may have a kink within an interval.
+
+    Returns
+    -------
+    lowest, highest : (n, k) arrays
     """
     v0, v1, v2, v3 = values
     near_start = (-5 * v0 + 18 * v1 - 9 * v2 + 2 * v3) / 6

@@ -206,9 +206,21 @@ def _duration(path: PathRows, squares: Array) -> float:
 
 
 def _rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
-    """Return the coefficients a, b and c of all rows a s̈ + b ṡ² + c ≤ 1, (2n, rows) each.
+    """Return the coefficients of all rows a s̈ + b ṡ² + c ≤ 1 for given speeds.
 
-    Friction coefficients and tangents of √x are taken at ṡ² = squares (n + 1,).
+    With x = ṡ², the tangent √x ≤ √x₀/2 + x/(2 √x₀) at x₀ replaces √x in the terms of viscous
+    friction.
+
+    Parameters
+    ----------
+    path : PathRows
+        The path at both ends of n intervals.
+    squares : (n + 1,) array
+        x₀ at the grid points. The friction coefficients are those at these speeds.
+
+    Returns
+    -------
+    a, b, c : (2n, rows) arrays
     """
     u = np.tile(np.diff(squares) / (2 * path.width), 2)
     x = np.concatenate([squares[:-1], squares[1:]])
@@ -217,12 +229,12 @@ def _rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
     for i, drive, motor in motorised(path.robot.joints):
         mu = friction_coefficient(friction_of(drive), drive.ratio * path.speed[2, :, i] * root)
         sides = path.torques(i, drive, motor, mu)
-        used = []
+        shares = []
         for side in sides:
             a, b, c, k = coefficients(side)
-            used.append(a * u + b * x + c + k * root)
+            shares.append(a * u + b * x + c + k * root)
         # The larger side is the torque, and the torque is at least −1.
-        rows += [*sides, -np.where(used[0] > used[1], *sides)]
+        rows += [*sides, -np.where(shares[0] > shares[1], *sides)]
     a, b, c, k = coefficients(np.stack(rows, axis=2))
     root = root[:, None]
     return a, b + k / (2 * root), c + k * root / 2

@@ -113,7 +113,7 @@ def check_slower(
     """
     if not 0 < speed <= 1:
         raise ProblemError(
-            "no playback", key="speed", value=speed, allowed="above 0 and up to 1 (100 %)"
+            "invalid speed", key="speed", value=speed, allowed="above 0 and up to 1 (100 %)"
         )
     slow = motion.slower(speed)
     return check(
@@ -149,7 +149,10 @@ def check_speeds(
     """
     if not 0 < slowest < 1:
         raise ProblemError(
-            "no range of speeds", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
+            "invalid lowest speed",
+            key="speed",
+            value=slowest,
+            allowed="above 0 and below 1 (100 %)",
         )
     driven = [i for i, *_ in motorised(robot.joints)]
     columns = [(row, i) for row in range(len(JUDGED)) for i in driven]

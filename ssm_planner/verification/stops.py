@@ -551,7 +551,9 @@ class _MotorAlong:
         return np.where(bounds, (limit - offset) / slope, unbounded)
 
     def minimum(self, square: Array) -> Array:
-        """Return the smallest s̈ that keeps the torque limit in both directions.
+        """Return the smallest s̈ that keeps the torque limit of the motor.
+
+        The limit holds for a driving and for a braking motor.
 
         Parameters
         ----------
@@ -561,7 +563,8 @@ class _MotorAlong:
         Returns
         -------
         (n,) array
-            Lower bounds of s̈. A position without a bound has −∞.
+            Lower bounds of s̈, which are −∞ at positions where the torque does not bound s̈ from
+            below.
         """
         root = np.sqrt(square)
         zero = np.zeros(len(square))

@@ -159,8 +159,8 @@ class _Path:
         count = int(np.clip(INSTANTS / len(lengths), 1, MOST))
         inner = motion.breaks[:-1, None] + np.arange(count) / count * lengths[:, None]
         self.t = np.append(inner, motion.breaks[-1])
-        every = blocks(len(self.t), BLOCK)
-        self.q = np.concatenate([motion.positions(self.t[block]) for block in every])
+        index_blocks = blocks(len(self.t), BLOCK)
+        self.q = np.concatenate([motion.positions(self.t[block]) for block in index_blocks])
         self.tasks = task_from_joints(mechanism, self.q)
         self.mechanism = mechanism
         self.branch = int(mechanism.branch_of(self.q[0]))

@@ -156,7 +156,7 @@ class Handler(BaseHTTPRequestHandler):
         text_type, _, identity = self.path.removeprefix("/").partition("/")
         text = self.server.jobs.text(text_type, identity) if text_type in KINDS else None
         if text is None:
-            self._refuse(HTTPStatus.NOT_FOUND, "nothing is here")
+            self._refuse(HTTPStatus.NOT_FOUND, "page not found")
         else:
             self._send(HTTPStatus.OK, text, KINDS[text_type])
 
@@ -166,7 +166,7 @@ class Handler(BaseHTTPRequestHandler):
             return
         answer = self.server.answers.get(self.path)
         if answer is None:
-            self._refuse(HTTPStatus.NOT_FOUND, "nothing is here")
+            self._refuse(HTTPStatus.NOT_FOUND, "page not found")
             return
         request = self._request()
         if request is None:

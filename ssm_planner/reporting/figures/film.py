@@ -82,7 +82,7 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     >>> files = film("results/eye_approach", "film")  # doctest: +SKIP
     """
     if speed <= 0.0:
-        raise ProblemError("no playback", key="speed", value=speed, allowed="above 0")
+        raise ProblemError("invalid speed", key="speed", value=speed, allowed="above 0")
     plan, path = as_plan(plan), Path(path)
     pictures = list(_pictures(plan, max(speed, plan.motion.duration / LONGEST)))
     with BytesIO() as file:
