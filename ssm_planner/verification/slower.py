@@ -149,7 +149,7 @@ def check_speeds(
     """
     if not 0 < slowest < 1:
         raise ProblemError(
-            "invalid lowest speed",
+            "invalid speed",
             key="speed",
             value=slowest,
             allowed="above 0 and below 1 (100 %)",
