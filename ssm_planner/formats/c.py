@@ -248,9 +248,8 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "ssm_inverse",
             "Computes the joints of (roll, tilt, spin, depth) on a branch, +1.0 or -1.0 (the sign "
             "of\n"
-            "   sin(theta2 - delta)). Revolute joints are moved by whole turns next to `near`. "
-            "Joints\n"
-            "   are NaN outside the workspace.",
+            "   sin(theta2 - delta)). Whole turns are added so that revolute joints are close to\n"
+            "   `near`. Joints are NaN outside the workspace.",
             (Argument("task", 4), Argument("branch", 0), Argument("near", 4)),
             (Argument("q", 4),),
             dense("inverse", [task, branch, guess], [ca.if_else(branch > 0, ahead, behind)]),

@@ -365,7 +365,7 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
     reason = (
         f"a stop exceeds {tightest.name} of {tightest.joint or 'the tool'}"
         if stops.ends
-        else "the motion ends moving"
+        else "the motion does not end at rest"
     )
     return [
         replace(

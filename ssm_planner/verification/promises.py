@@ -196,7 +196,7 @@ def lines_kept(
     else:
         names.append(PathDeparture.name)
     names += [ConstantSpeed.name] * bool(getattr(chain[0], "constant_speed", None))
-    reason = f"the points of a table do not show it for {span.name}"
+    reason = f"the points of a table do not show whether {span.name} keeps it"
     return checks, [Unjudged(name, None, reason) for name in names]
 
 

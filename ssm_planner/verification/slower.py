@@ -149,10 +149,7 @@ def check_speeds(
     """
     if not 0 < slowest < 1:
         raise ProblemError(
-            "invalid speed",
-            key="speed",
-            value=slowest,
-            allowed="above 0 and below 1 (100 %)",
+            "invalid speed", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
         )
     driven = [i for i, *_ in motorised(robot.joints)]
     columns = [(row, i) for row in range(len(JUDGED)) for i in driven]

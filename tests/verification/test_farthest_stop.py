@@ -48,7 +48,7 @@ def test_the_farthest_stop_is_that_of_a_closer_look(robot: Robot) -> None:
 
 def test_a_motion_that_ends_moving_has_no_stops_to_rely_on(robot: Robot) -> None:
     line = of_stop(motion(ends_at_rest=False), robot, 0.01, end_rate=None)
-    assert line.case == "the motion ends moving"
+    assert line.case == "the motion does not end at rest"
     assert line.margin == -1.0
 
 
