@@ -169,8 +169,9 @@ def rpy(rotation: Array) -> Array:
 def effort_limit(joint: Joint) -> float:
     """Return the largest steady effort (N·m or N) that the motor provides through its drive.
 
-    The motor lifts the load at its largest torque τ_max. With the slope k of the torque over the
-    load, the result is (τ_max − b_c)/k − b_oc, or NO_EFFORT without a motor.
+    The motor lifts the load at its largest torque τ_max. The torque without load is τ_0, and k is
+    the slope of the torque over the load. The result is then (τ_max − τ_0)/k − b_oc, where b_oc is
+    the friction at the output. A joint without a motor has NO_EFFORT.
     """
     drive = joint.drive
     motor = joint.motor

@@ -398,9 +398,8 @@ def answers(plan: Plan, folder: Path | None = None) -> list[str]:
 def closest_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
     """Return the limit with the smallest margin among those that are not active.
 
-    The fastest motion reaches some of its limits. These active limits, and limits on jumps, say
-    nothing about the distance from a violation, so they are left out. The result is None if all
-    limits are left out.
+    The fastest motion reaches some limits, which are called active. Active limits and limits on
+    jumps are left out. The result is None if no other limit exists.
     """
     slack = (limit for limit in limits if limit.margin > BINDING and limit.name not in JUMPS)
     return min(slack, key=lambda limit: limit.margin, default=None)
