@@ -287,11 +287,20 @@ class ElementFunctions:
 
 @lru_cache(maxsize=24)
 def element_functions(element: ElementModel) -> ElementFunctions:
-    """Return rows and cost of an element with their exact derivatives by CasADi.
+    """Return the rows and the cost of an element with their exact derivatives by CasADi.
 
-    With the multipliers λ_c (r,) of the point c, and Simpson's weights w_c,
+    With the multipliers λ_c (r,) of the point c, and Simpson's weights w_c, they are
 
         G(z) = [g(x_c)]_c,   L(z) = h Σ_c w_c ℓ(x_c),   ∇²(Σ_c λ_cᵀ g(x_c) + κ L).
+
+    Parameters
+    ----------
+    element : ElementModel
+        The model. Equal models share their Functions.
+
+    Returns
+    -------
+    ElementFunctions
     """
     z, *p = inputs = [ca.SX.sym("z", element.size), *element.parameter_symbols(ca.SX)]
     states = element.collocation_states(z)

@@ -94,7 +94,15 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
 def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
     """Return the limits of the tool by their names in LIMITS.
 
-    The results are `speeds` (kinds,) in the order of JACOBIANS, and `stop` (1,) in m.
+    Parameters
+    ----------
+    limits : iterable of ToolLimit
+        Limits of a task. A limit that it does not contain is UNLIMITED.
+
+    Returns
+    -------
+    dict of arrays
+        `speeds` (kinds,) in SI units and in the order of JACOBIANS, and `stop` (1,) in m.
     """
     limits = tuple(limits)
     stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)

@@ -145,11 +145,11 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     """
     check_points(points, robot)
     n = len(points.t)
-    unset = np.zeros(n, dtype=bool)
-    velocity = unset if points.qd is None else ~unset if points.has_qd is None else points.has_qd
-    acceleration = (
-        unset if points.qdd is None else ~unset if points.has_qdd is None else points.has_qdd
-    )
+    velocity, acceleration = points.has_qd, points.has_qdd
+    if velocity is None:
+        velocity = np.full(n, points.qd is not None)
+    if acceleration is None:
+        acceleration = np.full(n, points.qdd is not None)
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
     coefficients = large_array((n - 1, DEGREE + 1, 4))

@@ -206,8 +206,9 @@ def _base(unit: str) -> tuple[str, int]:
     """
     match = re.fullmatch(rf"(.*?)({PER})?", unit)
     per = (match.group(2) or "") if match else ""
-    base = unit[: len(unit) - len(per)] if per else unit
-    return base, 0 if not per else 2 if per.endswith(("2", "²")) else 1
+    if not per:
+        return unit, 0
+    return unit[: len(unit) - len(per)], 2 if per.endswith(("2", "²")) else 1
 
 
 def _unit_fault(unit: str, allowed: str) -> str:

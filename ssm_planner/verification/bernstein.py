@@ -70,9 +70,17 @@ def to_powers(coefficients: Array) -> Array:
 
 
 def halves(coefficients: Array) -> tuple[Array, Array]:
-    """Return the Bernstein coefficients on [0, 1/2] and on [1/2, 1], (m, n + 1) each.
+    """Divide polynomials at the middle of the interval by de Casteljau's algorithm.
 
-    De Casteljau's algorithm computes both from the coefficients (m, n + 1) on [0, 1].
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+        Bernstein coefficients on [0, 1].
+
+    Returns
+    -------
+    left_half, right_half : (m, n + 1) arrays
+        Bernstein coefficients of the same polynomials on [0, 1/2] and on [1/2, 1].
     """
     row = coefficients.T
     left_half = [coefficients[:, 0]]

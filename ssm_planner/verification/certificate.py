@@ -244,13 +244,16 @@ class Certificate(ShortRepr):
         It is "violated" if a limit is violated. It is "kept" if the certificate contains limits, if
         each of them is kept, and if every limit that counts could be judged.
         """
-        unjudged = self.unjudged or not self.limits
-        return VIOLATED if self.violations else NOT_JUDGED if unjudged else KEPT
+        if self.violations:
+            return VIOLATED
+        return NOT_JUDGED if self.unjudged or not self.limits else KEPT
 
     def verdict_of(self, limit: LimitCheck) -> str:
         """Return the verdict on one limit: "kept", "violated" or "not judged"."""
+        if not limit.passed:
+            return VIOLATED
         unjudged = [u for u in self.unjudged if (u.name, u.joint) == (limit.name, limit.joint)]
-        return VIOLATED if not limit.passed else NOT_JUDGED if unjudged else KEPT
+        return NOT_JUDGED if unjudged else KEPT
 
     @property
     def passed(self) -> bool:

@@ -383,7 +383,16 @@ def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -
 
 
 def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
-    """Return tip positions (n, 3) on a straight line between task coordinates (4,)."""
+    """Return tip positions (n, 3) on a straight line between two points in task coordinates.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    start, end : (4,) arrays
+        Task coordinates of both points.
+    s : (n,) array
+        Fractions of the line.
+    """
     return tip_from_task(mechanism, start + s[:, None] * (end - start))
 
 
