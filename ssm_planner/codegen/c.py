@@ -28,21 +28,30 @@ SIGN = (
     "static ssm_real sign_of(ssm_real x) { return (ssm_real)((x > SSM_R(0.0)) - (x < "
     "SSM_R(0.0))); }\n"
 )
+"""Definition of the sign function."""
 
 
 @frozen
 class Argument:
-    """Argument of a C function: an array of `size` numbers, or a single number if `size` is 0."""
+    """Argument of a C function.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    size : int
+        Number of values in the array. 0 means a single number that is not an array.
+    """
 
     name: str
     size: int
     places: Sequence[int] | None = None
-    """Positions of the numbers of an output in the array. None means consecutive positions."""
+    """Positions in the array of the values of an output. None means consecutive ones."""
     adds: bool = False
     """True if the output is added to the content of the array."""
 
     def element(self, index: int) -> str:
-        """Return the C expression of the number with an index."""
+        """Return the C expression of the value with an index."""
         if self.size == 0:
             return self.name
         return f"{self.name}[{index if self.places is None else self.places[index]}]"
@@ -55,9 +64,10 @@ def write_function(
     outputs: Sequence[Argument],
     expressions: Mapping[str, str] = PLAIN,
 ) -> str:
-    """Return the text of a C function. The text requires REAL and SIGN before it.
+    """Return the text of a C function.
 
-    The C function reads all inputs before it writes outputs, because they may overlap.
+    The text requires REAL and SIGN before it. The C function reads all inputs before it writes
+    outputs, so inputs and outputs may overlap.
 
     Parameters
     ----------
@@ -67,7 +77,7 @@ def write_function(
         Function of SX with dense inputs and outputs.
     inputs, outputs : sequence of Argument
         C arguments, one for each input and output of the function.
-    expressions : Mapping
+    expressions : mapping of str to str
         C expressions by operation. The default is those of OPERATIONS.
 
     Returns
@@ -105,7 +115,7 @@ def write_function(
 
 
 def literal(value: float) -> str:
-    """Return a constant of the type `ssm_real` as C text."""
+    """Return a number as a C constant of the type `ssm_real`, with all digits."""
     if not math.isfinite(value):
         return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
     text = repr(abs(float(value)))

@@ -20,6 +20,17 @@ class Mapped:
     """
 
     def __init__(self, function: ca.Function, parameters: Sequence[Array], count: int) -> None:
+        """Allocate the buffers of all calls.
+
+        Parameters
+        ----------
+        function : casadi.Function
+            Function of z, the parameters and optionally multipliers.
+        parameters : sequence of (size,) or (count, size) arrays
+            Parameters, which may be common to all elements.
+        count : int
+            Number n of elements.
+        """
         mapped = _mapped(
             function, count, tuple(i + 1 for i, values in enumerate(parameters) if values.ndim == 1)
         )
@@ -38,9 +49,19 @@ class Mapped:
         self._outputs = [((count, *size), positions) for size, positions in _outputs(function)]
 
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
-        """Return the results at points z (n, size) with multipliers (n, k).
+        """Evaluate the Function.
 
-        Additional columns of z are ignored.
+        Parameters
+        ----------
+        z : (n, size) array
+            First argument. Additional columns are ignored.
+        multipliers : (n, k) array, optional
+            Last argument.
+
+        Returns
+        -------
+        list of arrays
+            One array for each output, with n as its first length.
         """
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
         if multipliers is not None:
@@ -59,9 +80,15 @@ class Mapped:
 
 @lru_cache(maxsize=128)
 def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
-    """Map a Function over `count` elements.
+    """Map a Function over several elements.
 
-    The arguments with the indices `shared` are constant.
+    Parameters
+    ----------
+    function : casadi.Function
+    count : int
+        Number of elements.
+    shared : tuple of int
+        Indices of the arguments that all elements have in common.
     """
     return function.map(function.name(), "serial", count, list(shared), [])
 
@@ -70,7 +97,7 @@ def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Fu
 def _outputs(function: ca.Function) -> list[tuple[tuple[int, int], Indices | None]]:
     """Return the shape of every output, and the row-major positions of its nonzeros.
 
-    The positions are None if the nonzeros already have this order.
+    The positions are None if all entries are nonzeros in this order.
     """
     outputs: list[tuple[tuple[int, int], Indices | None]] = []
     for i in range(function.n_out()):

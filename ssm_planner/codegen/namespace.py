@@ -9,27 +9,29 @@ from typing import Any
 import numpy as np
 
 NAMES = ("sin", "cos", "sqrt", "exp", "sign", "arctan2", "where", "minimum", "maximum")
+"""Names of the functions in NumPy."""
 IN_CASADI = {"arctan2": "atan2", "where": "if_else", "minimum": "fmin", "maximum": "fmax"}
 """CasADi's names of functions that have other names in NumPy."""
 
 
 class Namespace(SimpleNamespace):
-    """Functions NAMES for one kind of number, with NumPy's names.
+    """Elementary functions for one kind of numbers, with NumPy's names (NAMES).
 
-    Each closed form is written once with these functions. The function `nonnegative` removes
-    rounding errors below zero from numbers. It does not change symbols, so that a solver sees NaN
-    outside the domain.
+    Each closed form of the package is written once with these functions. The function `nonnegative`
+    replaces negative numbers, which are rounding errors, by 0. It does not change symbols, so that
+    a solver sees NaN outside the domain.
     """
 
 
 NUMPY = Namespace(
     **{name: getattr(np, name) for name in NAMES}, nonnegative=lambda value: np.maximum(value, 0.0)
 )
+"""The functions for NumPy arrays."""
 
 
 @cache
 def casadi_namespace() -> Namespace:
-    """Return the functions for SX and MX expressions of CasADi."""
+    """Return the functions for expressions of CasADi (SX and MX)."""
     import casadi
 
     functions = {name: getattr(casadi, IN_CASADI.get(name, name)) for name in NAMES}
@@ -37,6 +39,10 @@ def casadi_namespace() -> Namespace:
 
 
 def namespace_of(*values: Any) -> Namespace:
-    """Return CasADi's functions if one of the values is a CasADi expression, else NumPy's."""
+    """Return the functions for the given values.
+
+    They are those of CasADi if one of the values is a CasADi expression, and otherwise those of
+    NumPy.
+    """
     symbolic = any(type(value).__module__.startswith("casadi") for value in values)
     return casadi_namespace() if symbolic else NUMPY

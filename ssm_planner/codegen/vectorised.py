@@ -1,6 +1,6 @@
 """Evaluate CasADi Functions for many samples, operation by operation, by NumPy or in C.
 
-NumPy evaluates many samples several times faster than CasADi's virtual machine.
+For many samples, this is several times faster than CasADi's virtual machine.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from ssm_planner.typing import Array, frozen
 
 
 def _copy(source: Array, result: Array) -> None:
-    """Copy an operand."""
+    """Copy an operand to the result (n,)."""
     result[...] = source
 
 
 def _if_else_zero(condition: Array, value: Array, result: Array) -> None:
-    """Write the value if the condition is true, and otherwise 0."""
+    """Write the value if the condition is true, and otherwise 0, (n,) each."""
     result[...] = np.where(condition != 0, value, 0.0)
 
 
@@ -36,7 +36,7 @@ class Operation:
     """Implementation of a CasADi operation in NumPy and in C."""
 
     numpy: Callable[..., Any]
-    """Function of the operands and `out`, which are rows of equal length."""
+    """Function of the operands and of `out`, which are rows (n,)."""
     c: str
     """C expression with the macros of `codegen.c.REAL`, in which {0} and {1} are the operands."""
 
@@ -91,10 +91,23 @@ for _name in ["pow", "fmin", "fmax", "atan2", "copysign", "fmod", "hypot"]:
 
 @frozen
 class Step:
-    """One operation of a Function. `out` and `operands` are indices of registers.
+    """One operation of a Function.
 
     An operation that reads an input or writes an output refers to the element `index` of
     `argument`.
+
+    Attributes
+    ----------
+    name : str
+        Name of the operation: "const", "input", "output" or a key of OPERATIONS.
+    out : int
+        Index of the register of the result.
+    operands : tuple of int
+        Indices of the registers of the operands.
+    constant : float
+        Value of a constant.
+    argument : int
+        Index of the input or output.
     """
 
     name: str
@@ -107,9 +120,9 @@ class Step:
 
 
 def steps(function: ca.Function) -> Iterator[Step]:
-    """Yield the operations of a Function of SX with dense inputs and outputs.
+    """Yield the operations of a Function of SX with dense inputs and outputs, in their order.
 
-    Raises NotImplementedError for an unknown operation.
+    Raises NotImplementedError for an operation that is not in OPERATIONS.
     """
     names = _names()
     for k in range(function.n_instructions()):
@@ -156,7 +169,7 @@ def _names() -> dict[int, str]:
 
 
 MANY = 200
-"""Smallest number of samples for which `call` uses `Vectorised`, which gives the same numbers."""
+"""Smallest number of samples for which `call` uses `Vectorised`."""
 BLOCK = 1024
 """Number of samples in a block, so that the registers stay in the processor's cache."""
 NATIVE = (
@@ -192,6 +205,7 @@ class Vectorised:
     """
 
     def __init__(self, function: ca.Function) -> None:
+        """Compile a dense Function of SX. Raises NotImplementedError for an unknown operation."""
         self.name = function.name()
         self.rows_in = [function.numel_in(i) for i in range(function.n_in())]
         self.rows_out = [function.numel_out(i) for i in range(function.n_out())]
@@ -209,7 +223,7 @@ class Vectorised:
         self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
         bounds = np.flatnonzero(np.diff(self._codes[:, 0] < 0)) + 1
         self._parts = []
-        """Runs of operations: (first, one past last, codes or None if not native, count)."""
+        """Runs of operations: start, end, codes (None if C lacks an operation), and count."""
         for start, end in pairwise([0, *bounds.tolist(), len(codes)]):
             code = (
                 ctypes.c_void_p(self._codes[start:].ctypes.data)
@@ -232,10 +246,25 @@ class Vectorised:
         self._places = list(zip(self._table.tolist(), self._row.tolist(), strict=True))
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """Return the results (n, elements) for arguments (n, elements).
+        """Evaluate the Function.
 
         Arrays in Fortran order, in which the n values of an element are adjacent, are fastest. The
-        results have this order. Raises GeometryError for wrong shapes.
+        results have this order.
+
+        Parameters
+        ----------
+        *arguments : (n, size) arrays
+            One array for each input, with one row for each sample.
+
+        Returns
+        -------
+        list of (n, size) arrays
+            One array for each output.
+
+        Raises
+        ------
+        GeometryError
+            If a shape is wrong.
         """
         n = arguments[0].shape[0]
         for argument, rows in zip(arguments, self.rows_in, strict=True):
@@ -255,8 +284,14 @@ class Vectorised:
     def _run(self, work: Array, inputs: list[Array], n: int) -> None:
         """Execute all operations for n samples, block by block.
 
-        `work` (registers, samples of a block) contains the registers. `inputs` contains the rows
-        (k, n) of the arguments and of the results.
+        Parameters
+        ----------
+        work : (registers, samples of a block) array
+            Memory for the registers.
+        inputs : list of (k, n) arrays
+            Rows of the arguments and of the results.
+        n : int
+            Number of samples.
         """
         tables = [work, self._constants, *inputs]
         starts = np.array([table.__array_interface__["data"][0] for table in tables])
@@ -264,7 +299,7 @@ class Vectorised:
             [(table.strides[0], table.strides[-1]) for table in tables]
         ).T
         addresses = starts[self._table] + row_bytes[self._table] * self._row
-        stride_bytes[1] = 0  # constants do not depend on the sample
+        stride_bytes[1] = 0  # Constants do not depend on the sample.
         moves = stride_bytes[self._table]
         stride = moves // 8
         moves[: len(work)] = 0
@@ -292,11 +327,17 @@ class Vectorised:
     def _compile(
         self, function: ca.Function
     ) -> tuple[list[tuple[str, int, int, int]], list[float]]:
-        """Return the operations and the constants of a Function.
+        """Translate a Function to a list of operations.
 
-        An operation is a tuple of its name, its first operand, its second operand or −1, and its
-        target. Operands and targets are indices of registers, constants, and rows of the arguments
-        and results.
+        A *slot* is a register, a constant, or a row of an argument or result. Slots have
+        consecutive indices in this order.
+
+        Returns
+        -------
+        operations : list of tuple
+            Name, slot of the first operand, slot of the second operand or −1, and slot of the
+            result.
+        constants : list of float
         """
         sequence = list(steps(function))
         constants = [step.constant for step in sequence if step.name == "const"]
@@ -325,23 +366,24 @@ class Vectorised:
 def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     """Evaluate a Function of column vectors over n samples.
 
-    A plain Function silently accepts a square transposed batch, so this function checks the shapes.
+    A CasADi Function silently accepts a transposed batch if it is square. This function checks the
+    shapes instead.
 
     Parameters
     ----------
     function : casadi.Function
-    *arguments : (n, size)
-        One array for each input of the function, whose size is the second length.
+    *arguments : (n, size) arrays
+        One array for each input of the function, whose length is `size`.
 
     Returns
     -------
-    tuple of (n, size)
+    tuple of (n, size) arrays
         One array for each output.
 
     Raises
     ------
     GeometryError
-        With function, argument and both shapes, if a shape is wrong.
+        If a shape is wrong. The message names the function, the argument and both shapes.
     """
     samples = _sample_count(function, arguments)
     if samples == 0:
@@ -374,13 +416,13 @@ def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
 
 @lru_cache(maxsize=256)
 def _sizes(function: ca.Function) -> tuple[int, ...]:
-    """Return the sizes of a Function's inputs."""
+    """Return the lengths of the inputs of a Function."""
     return tuple(function.size1_in(i) for i in range(function.n_in()))
 
 
 @lru_cache(maxsize=64)
 def _vectorised(function: ca.Function) -> Vectorised | None:
-    """Return a Function that is evaluated for many samples, or None if an operation is unknown."""
+    """Return a Function for many samples, or None if it contains an unknown operation."""
     if not function.is_a("SXFunction"):
         return None
     inputs = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
@@ -394,9 +436,17 @@ class Layout:
     """Names and lengths of parameters that form one vector, in NumPy and in CasADi.
 
     For example, Layout(gravity=3, scale=1) packs gravity (3,) and scale into a vector (4,).
+
+    Attributes
+    ----------
+    slices : dict of slice
+        Position of each parameter in the vector.
+    size : int
+        Length of the vector.
     """
 
     def __init__(self, **lengths: int) -> None:
+        """Place parameters with these lengths one after the other."""
         ends = accumulate(lengths.values(), initial=0)
         self.slices = {
             name: slice(*ends_) for name, ends_ in zip(lengths, pairwise(ends), strict=True)
@@ -404,9 +454,10 @@ class Layout:
         self.size = sum(lengths.values())
 
     def pack(self, **values: Any) -> Array:
-        """Return all parameters as one vector (size,). Each value may have any shape.
+        """Return all parameters as one vector (size,).
 
-        Raises GeometryError for a missing or unknown name, or for a wrong size.
+        Each value may have any shape with the right number of entries. Raises GeometryError if a
+        name is missing or unknown, or if a size is wrong.
         """
         arrays = {name: np.ravel(value) for name, value in values.items()}
         expected = {name: item.stop - item.start for name, item in self.slices.items()}
@@ -420,7 +471,14 @@ class Layout:
     def unpack(self, vector: Any) -> SimpleNamespace:
         """Return the parameters by name.
 
-        `vector` is a CasADi vector (size,), or an array (…, size) whose last axis is divided.
+        Parameters
+        ----------
+        vector : casadi.SX, (size,), or (…, size) array
+            All parameters. The last axis of an array is divided.
+
+        Returns
+        -------
+        SimpleNamespace
         """
         last_axis = isinstance(vector, np.ndarray)
         return SimpleNamespace(

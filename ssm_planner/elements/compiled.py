@@ -1,6 +1,7 @@
 """Rows and costs of the elements of a mesh in C (native/elements.c), for both element models.
 
-The results equal those of `ElementFunctions`, of `between` and of `breakaway` up to rounding.
+The results equal those of the CasADi Functions `ElementFunctions`, `dense_rows` and `breakaway` of
+the same model, up to rounding.
 """
 
 from __future__ import annotations
@@ -38,13 +39,14 @@ MECHANISM = Layout(
 )
 """Kinematics in the frames of `rigid_body.axes_frames`.
 
-These are x and z of the second and third axis, the angles of `Mechanism`, and the offset of θ2.
+These are the x and z components of the second and the third axis, the angles of `Mechanism`, and
+the offset of θ2.
 """
 EYE = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
 """The eye in the base frame of `rigid_body.axes_frames`.
 
-`lens_frame` holds the columns of the lens's frame, each divided by its semi-axis and by the lens's
-limit.
+`lens_frame` contains the columns of the frame of the lens. Each column is divided by its semi-axis
+and by the limit of the lens.
 """
 DRIVE = Layout(
     **dict.fromkeys(
@@ -55,12 +57,15 @@ DRIVE = Layout(
     ),
     **dict.fromkeys(("limit", "nominal"), 1),
 )
-"""One motor with its drive. `limit` and `nominal` are its torques."""
+"""One motor with its drive. `limit` and `nominal` are torques of the motor, N·m."""
 ACCELERATION = DRIVE.pack(
     **dict.fromkeys(DRIVE.slices, 0.0)
     | dict.fromkeys(("ratio", "input_inertia", "stribeck_speed", "limit", "nominal"), 1.0)
 )
-"""A drive without a load, whose torque is the acceleration of its joint."""
+"""A drive whose torque is the acceleration of its joint, without a load.
+
+It represents joints without a motor in the cost of effort.
+"""
 LANES = 4
 """Number of elements that C evaluates at once."""
 MESHES = ("worm", "antibacklash_screw")
@@ -71,7 +76,7 @@ PLACES: dict[Location, tuple[float, ...]] = {
     "between": DENSE,
     "breakaway": (0.0,),
 }
-"""Places in an element, as shares of its length, at which the rows are evaluated."""
+"""Fractions of an element at which the rows are evaluated, by the name of the evaluation."""
 
 
 class _Context(ctypes.Structure):
@@ -107,6 +112,20 @@ class NativeElements:
         count: int,
         location: Location,
     ) -> None:
+        """Prepare the inputs of the C code.
+
+        Parameters
+        ----------
+        library : ctypes.CDLL
+            The compiled library.
+        element : ElementModel
+        parameters : sequence of (size,) or (count, size) arrays
+            Parameters of the model.
+        count : int
+            Number n of elements.
+        location : str
+            Name of the points at which the rows are evaluated, a key of PLACES.
+        """
         inputs = _element_inputs(element, location)
         arrays = _parameter_arrays(element, inputs.arrays, parameters, count)
         self._element_inputs = inputs
@@ -144,9 +163,22 @@ class NativeElements:
         """The group for the structured solver."""
 
     def call(self, name: str, z: Array, multipliers: Array | None = None) -> Array:
-        """Evaluate one of the functions at z (n, size).
+        """Evaluate one of the functions.
 
-        `multipliers` (n, rows, and 1 with a cost) are only given for the Hessian.
+        Parameters
+        ----------
+        name : str
+            "rows", "jacobian", "hessian", "cost" or "gradient".
+        z : (n, size) array
+            The elements.
+        multipliers : (n, rows) array, optional
+            Multipliers of the rows for the Hessian. With a cost, a last column contains that of the
+            cost.
+
+        Returns
+        -------
+        array
+            The results, with the shape in `shapes`.
         """
         values = [
             np.ascontiguousarray(array, dtype=float)
@@ -160,17 +192,25 @@ class NativeElements:
 
 
 def _parameter_arrays(
-    element: ElementModel, fixed: Arrays, parameters: Sequence[Array], count: int
+    element: ElementModel, constant_arrays: Arrays, parameters: Sequence[Array], count: int
 ) -> dict[str, Any]:
     """Return the arrays of `_Context` that depend on the parameters of an element model.
 
-    `fixed` contains the arrays that do not depend on them.
+    Parameters
+    ----------
+    element : ElementModel
+    constant_arrays : dict of arrays
+        Arrays that do not depend on the parameters, see `_ElementInputs`.
+    parameters : sequence of arrays
+        Parameters of the model.
+    count : int
+        Number of elements.
     """
     sigma, *fit_parameters, packed = parameters
     slices = element.layout.slices
-    drives = fixed["drives"].copy()
-    drives[:, DRIVE.slices["limit"]] = packed[slices["torque"]][fixed["actuation"][:, :1]]
-    joints = fixed["cost"][:, 0]
+    drives = constant_arrays["drives"].copy()
+    drives[:, DRIVE.slices["limit"]] = packed[slices["torque"]][constant_arrays["actuation"][:, :1]]
+    joints = constant_arrays["cost"][:, 0]
     weights = np.ones(len(joints))
     if element.aim == "cooling":
         weights = packed[slices["cooling"]][joints]
@@ -183,23 +223,33 @@ def _parameter_arrays(
         "drives": drives,
         "cost_weights": weights,
         "limits": packed,
-        # A joint without a drive may reverse anywhere, and C needs a sign only where effort counts.
-        "sigma": np.where(fixed["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
+        # A joint without a drive may reverse at any time. C needs its sign only for the effort.
+        "sigma": np.where(constant_arrays["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
         "fits": _in_lanes(*fits) if fits else [],
     }
 
 
 def _addresses(arrays: Arrays) -> dict[str, int]:
-    """Return the addresses of arrays."""
+    """Return the addresses of the memory of arrays."""
     return {name: values.__array_interface__["data"][0] for name, values in arrays.items()}
 
 
 @record
 class _ElementInputs:
-    """Inputs of the functions of an element model that do not depend on its parameters."""
+    """Inputs of the C functions that do not depend on the parameters of a model.
+
+    Attributes
+    ----------
+    addresses : dict of int
+        Addresses of the arrays.
+    rows, loads : int
+        Numbers of rows and of payloads.
+    offset : float
+        Offset of θ2, rad.
+    """
 
     arrays: Arrays
-    """Arrays by their names in `_Context`. The limits of the drives are filled in later."""
+    """Arrays by their names in `_Context`. The limits of the drives are set later."""
     addresses: dict[str, int]
     rows: int
     loads: int
@@ -208,7 +258,10 @@ class _ElementInputs:
 
 @lru_cache(maxsize=64)
 def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs:
-    """Return the inputs for rows at collocation points, between them, or at breakaway."""
+    """Return the inputs of an element model for one kind of points.
+
+    The cost is only evaluated at the collocation points.
+    """
     breakaway = location == "breakaway"
     rows = element.row_places
     if breakaway:
@@ -248,9 +301,16 @@ def _free_values(element: FreeElement) -> dict[str, Any]:
 
 
 def _actuations(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array]:
-    """Return joint, load and law of every actuation, by load, (a, 3), and its drive (a, DRIVE).
+    """Return the data of all actuations, sorted by load.
 
-    At breakaway the law of a constant coefficient holds.
+    At breakaway, the law of a constant friction coefficient applies.
+
+    Returns
+    -------
+    actuation : (a, 3) array of int
+        Joint, index of the load, and index of the law.
+    drives : (a, DRIVE) array
+        Values of the drive.
     """
     by_load = actuations_by_load(element.robot)
     actuation = np.array([(i, load, _law(drive)) for i, _, load, drive, _ in by_load], dtype=int)
@@ -262,9 +322,17 @@ def _actuations(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array
 
 
 def _costs(element: ElementModel | None) -> tuple[Array, Array]:
-    """Return joint and law of every motor in the cost, (q, 2), and its drive (q, DRIVE).
+    """Return the data of all motors in the cost.
 
-    With effort, the other joints are included. None: no cost.
+    With effort as the cost, the joints without a motor are included. If there is no cost, or if
+    `element` is None, the arrays are empty.
+
+    Returns
+    -------
+    cost : (q, 2) array of int
+        Joint, and index of the law.
+    drives : (q, DRIVE) array
+        Values of the drive.
     """
     if element is None or element.aim == "time":
         return np.zeros((0, 2), dtype=int), np.zeros((0, DRIVE.size))
@@ -272,17 +340,21 @@ def _costs(element: ElementModel | None) -> tuple[Array, Array]:
     laws = [(i, _law(drive)) for i, drive, _ in motorised(joints)]
     drives = [_drive_figures(drive, motor.nominal_torque) for _, drive, motor in motorised(joints)]
     if element.aim == "effort":
-        others = list(motorless(joints))
-        laws += [(i, 0) for i in others]
-        drives += [ACCELERATION] * len(others)
+        other_joints = list(motorless(joints))
+        laws += [(i, 0) for i in other_joints]
+        drives += [ACCELERATION] * len(other_joints)
     return np.array(laws, dtype=int).reshape(-1, 2), np.array(drives).reshape(-1, DRIVE.size)
 
 
 def _in_lanes(fits: Array) -> Array:
-    """Return fits (n, size of `straight_element.fit_of`) in the order of C.
+    """Return fits (n, size of `straight_element.fit_of`) in the order of the C code.
 
-    LANES elements are interleaved, and the last one is repeated to fill a group. Curves follow each
-    other.
+    The C code evaluates LANES elements at once, so their values are interleaved. The last element
+    is repeated to complete a group. Within an element, the coefficients of each curve are adjacent.
+
+    Returns
+    -------
+    (groups, size, LANES) array
     """
     padded = fits[np.minimum(np.arange(-(-len(fits) // LANES) * LANES), len(fits) - 1)]
     curves = (
@@ -295,9 +367,10 @@ def _in_lanes(fits: Array) -> Array:
 
 
 def compiled() -> ctypes.CDLL | None:
-    """Return the library.
+    """Return the compiled library.
 
-    None if it does not exist, or if it does not know a tool speed that is limited.
+    The result is None if the library does not exist. It is also None if another package has added a
+    tool speed, which the C code does not contain.
     """
     return load() if list(JACOBIANS) == [TipSpeed] else None
 
@@ -310,8 +383,16 @@ def native_elements(
 ) -> NativeElements | None:
     """Return the native functions of an element model, or None without the compiled part.
 
-    `parameters` are (size,) or (count, size) each. `location` selects the points COLLOCATION, the
-    points DENSE, or the rows of `breakaway`.
+    Parameters
+    ----------
+    element : ElementModel
+    parameters : sequence of (size,) or (count, size) arrays
+        Parameters of the model.
+    count : int
+        Number of elements.
+    location : str
+        "collocation" for the points COLLOCATION, "between" for the points DENSE, or "breakaway" for
+        the start with static friction.
     """
     library = compiled()
     return (
@@ -322,10 +403,11 @@ def native_elements(
 class _Evaluated(ca.Callback):
     """A function of `ElementFunctions` for n elements as a CasADi callback.
 
-    Its results keep their sparsity.
+    Its results have the sparsity of the CasADi Function.
     """
 
     def __init__(self, elements: _AtParameters, name: str, function: ca.Function) -> None:
+        """Determine the sizes of arguments and results from a CasADi Function for one element."""
         ca.Callback.__init__(self)
         self._elements, self._name = elements, name
         self._in = [
@@ -362,11 +444,10 @@ class _Evaluated(ca.Callback):
         return True
 
     def eval_buffer(self, arguments: Sequence[memoryview], results: Sequence[memoryview]) -> int:
-        """Evaluate the function.
+        """Evaluate the function, as CasADi requires.
 
-        Returns 0, or the number of exceptions, which `MappedElements.check` raises.
-
-        An interruption by the user is such an exception.
+        Exceptions must not reach CasADi. They are stored, also an interruption by the user, and
+        `MappedElements.check` raises them. Returns the number of stored exceptions.
         """
         elements = self._elements
         try:
@@ -387,17 +468,20 @@ class _Evaluated(ca.Callback):
 
 @dataclass(eq=False)
 class _AtParameters:
-    """An element model at n elements with parameters that seldom change."""
+    """An element model at n elements whose parameters seldom change."""
 
     library: ctypes.CDLL
     element: ElementModel
     count: int
     failures: list[BaseException] = field(default_factory=list)
-    """Exceptions of the functions. CasADi does not pass them on."""
+    """Exceptions of the functions, which CasADi does not pass on."""
     _cached: tuple[list[Array], NativeElements] | None = None
 
     def with_parameters(self, parameters: list[Array]) -> NativeElements:
-        """Return the functions at these parameters. Those of the last call are cached."""
+        """Return the functions at these parameters.
+
+        If the parameters equal those of the previous call, the result is the same object.
+        """
         cached = self._cached
         if cached is None or not all(map(np.array_equal, cached[0], parameters)):
             copies = [values.copy() for values in parameters]
@@ -416,13 +500,14 @@ class MappedElements:
     """The functions of an element model at n elements for CasADi, with parameters as inputs."""
 
     def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
+        """Use the compiled library for `count` elements."""
         self._elements = _AtParameters(library, element, count)
         self._functions: list[_Evaluated] = []
 
     def function(self, function: ca.Function) -> ca.Function:
         """Return a callback that replaces one of `ElementFunctions`, mapped over the elements.
 
-        It lives as long as this object.
+        CasADi does not keep the callback alive. It exists as long as this object.
         """
         self._functions.append(_Evaluated(self._elements, function.name(), function))
         return self._functions[-1]
@@ -442,9 +527,20 @@ def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
 
 
 def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:
-    """Return `ElementModel.between` of elements z (n, size), (n, 9 rows).
+    """Evaluate the rows at all points DENSE of each element.
 
-    `parameters` are (size,) or (n, size) each.
+    Parameters
+    ----------
+    element : ElementModel
+    z : (n, size) array
+        The elements.
+    parameters : sequence of (size,) or (n, size) arrays
+        Parameters of the model.
+
+    Returns
+    -------
+    (n, 9 rows) array
+        Results of `ElementModel.dense_rows`.
     """
     n = len(z)
     native = native_elements(element, parameters, n, "between")
@@ -458,17 +554,27 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
 
 
 _INTEGERS = ("moving", "undriven", "slots", "actuation", "cost")
+"""Names of the arrays of integers in `_Context`."""
 
 
 def _law(drive: Drive) -> int:
-    """Return the index of a drive's torque law and law of friction."""
+    """Return the index of the C function for the torque law and the friction law of a drive."""
     friction = friction_of(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
     return len(LAWS) * drive.two_nuts + LAWS.index(law)
 
 
 def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:
-    """Return the data of a drive (DRIVE,). The limit is filled in later."""
+    """Return the values of a drive (DRIVE,) without its torque limit, which is set later.
+
+    Parameters
+    ----------
+    drive : Drive
+    nominal : float
+        Nominal torque of the motor, N·m.
+    breakaway : bool
+        Use the static friction coefficient.
+    """
     friction = friction_of(drive)
     values = {name: getattr(drive, name) for name in DRIVE.slices if hasattr(drive, name)}
     values |= {name: getattr(friction, name) for name in DRIVE.slices if hasattr(friction, name)}
@@ -479,7 +585,7 @@ def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = Fals
 
 
 def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Array]:
-    """Return the data of mechanism and eye, (MECHANISM,) and (EYE,)."""
+    """Return the values of the mechanism (MECHANISM,) and of the eye (EYE,)."""
     frames, angles, offset = axes_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
     angle = sum(angles)
     data = MECHANISM.pack(

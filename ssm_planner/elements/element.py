@@ -1,9 +1,10 @@
 """One element of a mesh: limits and costs as CasADi Functions with exact derivatives.
 
-Symbols, all in scaled time:
+An element is an interval of time in which the motion is a cubic. All symbols are in scaled time:
 
     z (4 m + 1,)   one element of m coordinates: u, u̇, ü at its start, ü at its end, its length h
-    x (k,)         state at one instant, positions first; x_c is the state at the share c of h
+    x (k,)         state at one instant, positions first
+    x_c            the state at the fraction c of the length h
     p              parameters; the first is σ (4,), the direction of every joint: +1, −1 or 0
     g(x, p) ≤ 1    path constraints, one row each
     ℓ(x, p)        integrand of the cost; on the element L(z) = h Σ_c w_c ℓ(x_c) by Simpson's rule
@@ -34,19 +35,22 @@ from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import keyword_record, record
 
 COLLOCATION = (0.0, 0.5, 1.0)
-"""Shares c of an element at which the path constraints hold.
+"""Fractions c of an element at which the path constraints hold.
 
 Both ends are included, because ü may jump there.
 """
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)
-"""Weights w_c of these points in integrals."""
+"""Weights w_c of these points in integrals (Simpson's rule)."""
 DENSE = tuple(k / 8 for k in range(9))
-"""Shares of an element at which violated constraints are searched between the collocation points.
+"""Fractions of an element at which the refinement searches violated constraints.
+
+They also lie between the collocation points.
 """
 Aim = Literal["time", "heat", "effort", "cooling"]
 """Cost in addition to time.
 
-"time": none, "heat": heat of all motors, "effort": effort, "cooling": weighted heat of some motors.
+"time" adds nothing, "heat" the heat of all motors, "effort" their effort, and "cooling" the
+weighted heat of some motors.
 """
 
 
@@ -54,7 +58,15 @@ X = TypeVar("X", ca.SX, ca.MX)
 
 
 class Parameter(NamedTuple):
-    """Length of a parameter vector, and whether every element has its own values."""
+    """A parameter vector of an element model.
+
+    Attributes
+    ----------
+    size : int
+        Its length.
+    per_element : bool
+        True if every element has its own values.
+    """
 
     size: int
     per_element: bool
@@ -65,15 +77,21 @@ class ElementModel(ABC):
     """Limits and costs of one kind of motion on one element.
 
     A subclass defines its vectors (`coordinates`, `state_size`, `positions`, `parameters`) and the
-    mathematics of one instant (`state`, `instant`, `rows`). Robot properties that are constants in
-    its expressions belong into its `key`, and every other number is a parameter. This class derives
-    the Functions. Models with the same key are equal.
+    mathematics of one instant (`state`, `instant`, `rows`). Its `key` contains all properties of
+    the robot that are constants in its expressions. Every other number is a parameter. This class
+    derives the Functions of CasADi. Models with the same key are equal.
+
+    Attributes
+    ----------
+    robot : Robot
+        The robot. Its `corners` are the extremes of a range of friction, if there is one.
     """
 
     robot: Robot
     active: frozenset[RowName] | None = None
-    """Rows that the Functions contain. None: all."""
+    """Rows that the Functions contain. None selects all rows."""
     aim: Aim = "time"
+    """Cost in addition to time."""
 
     state_size: ClassVar[int]
     """Length k of the state x."""
@@ -99,20 +117,20 @@ class ElementModel(ABC):
 
     @abstractmethod
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """Return the state x_c."""
+        """Return the state x_c (k,) at the fraction c of the element z (4 m + 1,)."""
 
     @abstractmethod
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return motion and limits of the joints in state x, in SI units."""
+        """Return the motion and the limits of the joints in state x (k,), in SI units."""
 
     @abstractmethod
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return all path constraints in state x."""
+        """Return all path constraints in state x (k,)."""
 
     @property
     @abstractmethod
     def all_rows(self) -> list[RowPlace]:
-        """Names, joints and indices in native/elements.c of all `rows`, in their order."""
+        """Name, joint and index in native/elements.c of each of `rows`, in their order."""
 
     @property
     @abstractmethod
@@ -120,6 +138,7 @@ class ElementModel(ABC):
         """Index of the first torque row in native/elements.c."""
 
     def __eq__(self, other: object) -> bool:
+        """Return True if both models have the same Functions."""
         return isinstance(other, ElementModel) and self.key == other.key
 
     def __hash__(self) -> int:
@@ -131,33 +150,36 @@ class ElementModel(ABC):
         return 4 * self.coordinates + 1
 
     def cubic(self, z: ca.SX) -> Cubic:
-        """Return the coordinates on the element z as a cubic, (m,) each."""
+        """Return the coordinates on the element z as a cubic with coefficients (m,)."""
         m = self.coordinates
         return Cubic(*ca.vertsplit(z, [0, m, 2 * m, 3 * m, 4 * m, 4 * m + 1]))
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
-        """Return the states at the points COLLOCATION."""
+        """Return the states x_c (k,) at the points COLLOCATION."""
         return [self.state(z, c) for c in COLLOCATION]
 
     @cached_property
     def row_places(self) -> list[RowPlace]:
-        """Names, joints and indices of the active rows, in their order."""
+        """Name, joint and index of each active row, in their order."""
         return [row for row in self.all_rows if self.active is None or row[:2] in self.active]
 
     @property
     def row_names(self) -> list[RowName]:
-        """Name of the limit, and joint, of every active row, in their order."""
+        """Name of the limit, and joint, of each active row, in their order."""
         return [(name, joint) for name, joint, _ in self.row_places]
 
     @cached_property
     def point(self) -> ca.Function:
-        """Function (x, *p) → g (rows,)."""
+        """Function (x, *p) → g (rows,) of the active rows."""
         inputs = self._symbols(self.state_size)
         return ca.Function("point", inputs, [_column(self._active_rows(*inputs))])
 
     @cached_property
     def cost(self) -> ca.Function | None:
-        """Function (x, *p) → ℓ. None if only time counts."""
+        """Function (x, *p) → ℓ. None if only time counts.
+
+        The effort compares the state x with the same positions at infinitely low speed.
+        """
         if self.aim == "time":
             return None
         x, *p = self._symbols(self.state_size)
@@ -175,7 +197,7 @@ class ElementModel(ABC):
 
     @cached_property
     def dense_rows(self) -> ca.Function:
-        """Function (z, *p) → g at all points DENSE, one after the other."""
+        """Function (z, *p) → g at all points DENSE, one after the other, (9 rows,)."""
         z, *p = self._symbols(self.size)
         values = [self.point(self.state(z, c), *p) for c in DENSE]
         return ca.Function("between", [z, *p], [ca.vertcat(ca.SX(0, 1), *values)])
@@ -191,7 +213,7 @@ class ElementModel(ABC):
 
     @cached_property
     def breakaway_joints(self) -> list[int]:
-        """Joint of every row of `breakaway`."""
+        """Index of the joint for every row of `breakaway`."""
         return [
             i
             for i in range(4)
@@ -206,7 +228,7 @@ class ElementModel(ABC):
         ]
 
     def _active_rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return the active path constraints in state x."""
+        """Return the path constraints in state x (k,) that the Functions contain."""
         return [
             row
             for row in self.rows(x, *p)
@@ -214,7 +236,7 @@ class ElementModel(ABC):
         ]
 
     def _symbols(self, size: int) -> list[ca.SX]:
-        """Return symbols of a vector and of all parameters."""
+        """Return symbols of a vector (size,) and of all parameters."""
         return [ca.SX.sym("x", size), *self.parameter_symbols(ca.SX)]
 
 
@@ -222,28 +244,38 @@ E = TypeVar("E", bound=ElementModel)
 
 
 def shared(element: E) -> E:
-    """Return the equal model that was used last, so that its Functions are built once."""
+    """Return an equal model that was used before, if there is one.
+
+    CasADi then builds the Functions of equal models only once.
+    """
     return cast(E, _recent(element))
 
 
 @lru_cache(maxsize=32)
 def _recent(element: ElementModel) -> ElementModel:
-    """Return the model itself. The cache returns the first of several equal models."""
+    """Return the model itself. The cache therefore returns the first of several equal models."""
     return element
 
 
 def _column(rows: list[PathConstraint]) -> ca.SX:
-    """Return the values of path constraints as a column."""
+    """Return the values of path constraints as a column (rows,)."""
     return ca.vertcat(ca.SX(0, 1), *(row.value for row in rows))
 
 
 @record
 class ElementFunctions:
-    """Functions of (z, *p) that are evaluated on every element, with r rows at 3 points.
+    """Functions of (z, *p) that are evaluated on every element.
 
-    `rows` gives G = [g(x_c)]_c (3 r,) and `jacobian` ∂G/∂z (3 r, 4 m + 1). With a cost, `cost`
-    gives L, and `gradient` gives L and ∇L. `hessian` also takes the multipliers λ (3 r,), followed
-    by κ with a cost, and gives ∇²(λᵀ G + κ L).
+    With r rows at the 3 points of COLLOCATION, the results are:
+
+        rows       G = [g(x_c)]_c, (3 r,)
+        jacobian   ∂G/∂z, (3 r, 4 m + 1)
+        hessian    ∇²(λᵀ G + κ L), (4 m + 1, 4 m + 1); its last argument contains λ (3 r,), and κ if
+                   there is a cost
+        cost       L
+        gradient   L and ∇L (4 m + 1,)
+
+    The last two are None if only time counts.
     """
 
     rows: ca.Function
@@ -255,11 +287,20 @@ class ElementFunctions:
 
 @lru_cache(maxsize=24)
 def element_functions(element: ElementModel) -> ElementFunctions:
-    """Return rows and cost of an element with their exact derivatives by CasADi.
+    """Return the rows and the cost of an element with their exact derivatives by CasADi.
 
-    With λ_c (r,) the multipliers of the point c, and Simpson's weights w_c,
+    With the multipliers λ_c (r,) of the point c, and Simpson's weights w_c, they are
 
         G(z) = [g(x_c)]_c,   L(z) = h Σ_c w_c ℓ(x_c),   ∇²(Σ_c λ_cᵀ g(x_c) + κ L).
+
+    Parameters
+    ----------
+    element : ElementModel
+        The model. Equal models share their Functions.
+
+    Returns
+    -------
+    ElementFunctions
     """
     z, *p = inputs = [ca.SX.sym("z", element.size), *element.parameter_symbols(ca.SX)]
     states = element.collocation_states(z)

@@ -1,6 +1,6 @@
 """Element model of a free motion: the coordinates are those of the moving joints.
 
-They are u = (q − q0) / d with d > 0. The state is x = (u, u̇, ü) of all four joints, (12,), in
+They are u = (q − q0)/d with d > 0. The state x = (u, u̇, ü) contains all four joints, (12,), in
 scaled time. Every joint keeps its direction within an element, so the friction law is exact.
 """
 
@@ -39,9 +39,10 @@ from ssm_planner.problem import TASK, Eye, LensClearance, RetinaClearance, TaskR
 from ssm_planner.typing import keyword_record
 
 WATCHED = ("roll", "spin")
-"""Task coordinates that may leave their range between two points inside it.
+"""Task coordinates whose range is a row.
 
-Tilt and depth depend on one joint each.
+They may leave their range between two points inside it. Tilt and depth cannot, because each of them
+depends on one joint.
 """
 RATED = ("roll", "tilt", "spin")
 """Task coordinates whose rate is not proportional to that of one joint."""
@@ -49,7 +50,19 @@ RATED = ("roll", "tilt", "spin")
 
 @keyword_record
 class FreeElement(ElementModel):
-    """Path constraints of a robot and an eye for moving joints, with p = (σ (4,), layout)."""
+    """Path constraints of a robot and an eye for moving joints.
+
+    Its parameters are σ (4,) and the values of `layout`.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        Kinematics of the robot.
+    moving : tuple of int
+        Indices of the moving joints.
+    eye : Eye or None
+        Eye with the retina and the lens.
+    """
 
     mechanism: Mechanism
     moving: tuple[int, ...]
@@ -67,19 +80,21 @@ class FreeElement(ElementModel):
         retina_easing=1,
         time_scale=1,
     )
-    """First point and unit of the coordinates, limits, ranges of WATCHED, and rates of RATED.
+    """Layout of the parameters.
 
-    `retina_easing` is the amount by which the retina's row may exceed 1. `time_scale` is the length
-    of a scaled second, s.
+    It contains the first point q0 and the units d of the coordinates, the limits, the ranges of
+    WATCHED and the rates of RATED. `retina_easing` is the amount by which the row of the retina may
+    exceed 1. `time_scale` is the length of a scaled second, s.
     """
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sizes of σ and of the limits."""
+        """Sizes of σ and of the other parameters."""
         return Parameter(4, True), Parameter(self.layout.size, False)
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
+        """Key of the kind of motion, robot, moving joints, rows, eye and cost."""
         return (
             "free",
             robot_key(self.robot),
@@ -95,14 +110,14 @@ class FreeElement(ElementModel):
         return len(self.moving)
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """Return u, u̇ and ü of all joints at the share c of an element."""
+        """Return u, u̇ and ü of all joints at the fraction c of an element, (12,)."""
         x = ca.SX.zeros(12)
         for order, values in enumerate(self.cubic(z).evaluate(c)):
             x[[4 * order + joint for joint in self.moving]] = values
         return x
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return motion and limits of the joints."""
+        """Return the motion and the limits of the joints in state x (12,)."""
         sigma, packed = p
         limits = self.layout.unpack(packed)
         q, qd, qdd = _joints(x, limits)
@@ -138,10 +153,12 @@ class FreeElement(ElementModel):
 
     @property
     def first_actuation(self) -> int:
+        """Index of the first torque row, after the rows of speeds, task and eye."""
         return len(JACOBIANS) + 2 * (len(WATCHED) + len(RATED)) + 2
 
     @cached_property
     def all_rows(self) -> list[RowPlace]:
+        """Name, joint and index of each row, in the order of `rows`."""
         rows: list[RowPlace] = [
             (speed_class.name, None, k) for k, speed_class in enumerate(JACOBIANS)
         ]
@@ -169,7 +186,7 @@ class FreeElement(ElementModel):
 
     @cached_property
     def _jacobians(self) -> list[ca.Function]:
-        """Functions q (4,) → J (k, 4) of all tool speeds."""
+        """Functions q (4,) → J(q) (k, 4) of all tool speeds."""
         q = ca.SX.sym("q", 4)
         return [
             ca.Function("jacobian", [q], [jacobian(self.mechanism, q)])
@@ -178,7 +195,21 @@ class FreeElement(ElementModel):
 
 
 def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
-    """Return the rows of the ranges of WATCHED. `parameters` are those of `FreeElement.layout`."""
+    """Return the rows of the ranges of WATCHED.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : casadi.SX, (4,)
+        Joint positions, rad and m.
+    parameters : SimpleNamespace
+        Values of `FreeElement.layout`.
+
+    Returns
+    -------
+    list of PathConstraint
+        Two rows for each range, ±(value − centre)/half_width.
+    """
     rows, task = [], task_from_joints_symbolic(mechanism, q)
     for k, name in enumerate(WATCHED):
         value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[
@@ -191,7 +222,21 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
 def rate_rows(
     mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
 ) -> list[PathConstraint]:
-    """Return the rows of the rates of RATED."""
+    """Return the rows of the rates of RATED.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, qd : casadi.SX, (4,)
+        Joint positions and velocities, rad and m.
+    parameters : SimpleNamespace
+        Values of `FreeElement.layout`.
+
+    Returns
+    -------
+    list of PathConstraint
+        Two rows for each rate, ±rate/limit.
+    """
     rows, rates = [], task_rates_symbolic(mechanism, q, qd)
     for k, name in enumerate(RATED):
         value = rates[TASK.index(name)] / parameters.rate[k]
@@ -200,7 +245,17 @@ def rate_rows(
 
 
 def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
-    """Return the rows of the eye. `easing` is the amount by which the retina's row may exceed 1."""
+    """Return the rows of the distances to the retina and to the lens.
+
+    Parameters
+    ----------
+    eye : Eye
+    mechanism : Mechanism
+    q : casadi.SX, (4,)
+        Joint positions, rad and m.
+    easing : casadi.SX
+        Amount by which the row of the retina may exceed 1.
+    """
     tip, rows = tip_position_symbolic(mechanism, q), []
     for name, value in eye_rows(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
         rows.append(
@@ -210,5 +265,5 @@ def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathCon
 
 
 def _joints(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return q, q̇ and q̈ in SI units, (4,) each, from the state and the parameters."""
+    """Return q, q̇ and q̈ in SI units, (4,) each, from the state x (12,) and the parameters."""
     return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2

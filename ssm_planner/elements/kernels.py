@@ -1,10 +1,13 @@
 """Generator of native/kernels.h, the parts of an element as C code.
 
-Each part computes values from a few variables v. NAME_at gives the values, NAME_by gives the values
-and their Jacobian row by row, and NAME_bend adds the upper triangle of the Hessian of the values
-weighted by multipliers. native/elements.c combines the parts by the chain rule.
+Each part computes values from a few variables v. It consists of up to three C functions:
 
-Run `python -m ssm_planner.elements.kernels` after a law has changed.
+    NAME_at     the values
+    NAME_by     the values, and their Jacobian row by row
+    NAME_bend   adds the upper triangle of the Hessian of Σ λ_i value_i, with multipliers λ
+
+native/elements.c combines the parts by the chain rule. Run `python -m ssm_planner.elements.kernels`
+after a change of a physical law.
 """
 
 from __future__ import annotations
@@ -36,6 +39,7 @@ from ssm_planner.problem import LAWS
 from ssm_planner.trajectory import Cubic
 
 HEADER = Path(__file__).parents[1] / "native" / "kernels.h"
+"""The generated file."""
 VECTOR = PLAIN | {
     "not": "SSM_F(is)({0} == SSM_R(0.0))",
     "lt": "SSM_F(is)({0} < {1})",
@@ -46,8 +50,8 @@ VECTOR = PLAIN | {
     "or": "SSM_F(is)(({0} != SSM_R(0.0)) | ({1} != SSM_R(0.0)))",
     "if_else_zero": "SSM_F(where)({0} != SSM_R(0.0), {1})",
 }
-"""C expressions of operations on vectors. Conditions are 0 or 1."""
-# The first entry is the base of the exponential laws.
+"""C expressions of operations on vectors of elements. Conditions have the value 0 or 1."""
+# The first entry abbreviates powers of e, which the exponential laws of friction contain.
 SHORTER = {
     "SSM_F(pow)(SSM_R(2.718281828459045), ": "V(exp)(",
     "SSM_F(": "V(",
@@ -56,7 +60,9 @@ SHORTER = {
 }
 """Abbreviations in the generated text."""
 WIDTH = 120
+"""Largest number of characters in a generated line."""
 Symbols = dict[str, ca.SX]
+"""Inputs or outputs of a C function by name."""
 
 
 @dataclass
@@ -73,9 +79,20 @@ class _Writer:
         values: Sequence[Any],
         kinds: str = "at by bend",
     ) -> None:
-        """Write NAME_at, NAME_by and NAME_bend, or those in `kinds`.
+        """Write the functions NAME_at, NAME_by and NAME_bend of a part.
 
-        `v` is name and symbols of the variables.
+        Parameters
+        ----------
+        name : str
+            Beginning of the names.
+        constants : dict of casadi.SX
+            Inputs that are not differentiated.
+        v : (str, casadi.SX)
+            Name and symbols of the variables.
+        values : sequence of casadi.SX
+            The values.
+        kinds : str
+            Endings of the functions to write.
         """
         symbols, inputs = v[1], {**constants, v[0]: v[1]}
         g = ca.cse(ca.vertcat(*values))
@@ -90,7 +107,13 @@ class _Writer:
     def function(self, name: str, inputs: Symbols, outputs: Symbols, *, adds: bool = False) -> None:
         """Write one function whose outputs are stored row by row, without structural zeros.
 
-        If `adds` is true, the function adds its results to the outputs.
+        Parameters
+        ----------
+        name : str
+        inputs, outputs : dict of casadi.SX
+            Arguments by name.
+        adds : bool
+            Add the results to the content of the outputs.
         """
         results, arguments = [], []
         for key, value in outputs.items():
@@ -117,7 +140,7 @@ class _Writer:
 
 
 def _packed(text: str) -> str:
-    """Put several statements on a line."""
+    """Put several statements of a C function on each line."""
     declaration, opening, *body, closing, _ = text.split("\n")
     lines, line = [declaration, opening], ""
     for statement in map(str.strip, body):
@@ -129,7 +152,10 @@ def _packed(text: str) -> str:
 
 
 def kernels() -> str:
-    """Return the text of native/kernels.h."""
+    """Return the text of native/kernels.h.
+
+    The text consists of the sizes of all arrays as macros, and of the functions of all parts.
+    """
     writer = _Writer()
     sizes = {
         "LOAD": LOAD.size,
@@ -160,7 +186,8 @@ def kernels() -> str:
 def _posture(writer: _Writer) -> int:
     """Write the rows of a free motion that depend on positions and velocities.
 
-    Returns the number of values from which they are prepared.
+    Expressions that depend only on the robot are computed once by the function `prepare`. Returns
+    the number of values that it computes.
     """
     y = _symbols("y", 12)
     inputs = {
@@ -189,7 +216,15 @@ def _posture(writer: _Writer) -> int:
 
 
 def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
-    """Return the rows of a free motion in state y (12,), by the names of their functions in C."""
+    """Return the rows of a free motion by the names of their functions in C.
+
+    Parameters
+    ----------
+    inputs : dict of casadi.SX
+        Values of MECHANISM, EYE and `FreeElement.layout`.
+    y : casadi.SX, (12,)
+        Joint positions, velocities and accelerations.
+    """
     xp = casadi_namespace()
     q, qd, _ = _joints(y)
     mechanism: Any
@@ -206,7 +241,7 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     lens: Any = SimpleNamespace(centre=_objects(eye.lens_centre), semi_axes=_objects(ca.SX.ones(3)))
     lens.frame = _objects(eye.lens_frame).reshape(3, 3)
     angles = ca.vertcat(q[0], q[1] - mechanism.offset, q[2:])  # These functions take θ2 itself.
-    # A rotation about the first axis changes no speed.
+    # The speeds do not depend on a rotation about the first axis.
     rotated = ca.vertcat(0, q[1:])
     speeds = [
         ca.sumsqr(ca.substitute(jacobian(mechanism, q) @ qd, q, rotated))
@@ -223,9 +258,9 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
 
 
 def _drives(writer: _Writer) -> None:
-    """Write the rows of a motor's torque, and the torque over its nominal value.
+    """Write the rows of a motor's torque, and the torque relative to its nominal value.
 
-    There is one function for each torque law and law of friction.
+    There is one function for each torque law (one mesh, or two nuts) and each law of friction.
     """
     drive_symbols = _symbols("drive", DRIVE.size)
     sigma = _symbols("sigma", 1)
@@ -250,7 +285,7 @@ def _drives(writer: _Writer) -> None:
 
 
 def _path(writer: _Writer) -> None:
-    """Write motion, load and tool speed of a joint along a path."""
+    """Write the motion, the load and the tool speed of a joint along a path."""
     x = _symbols("x", 5)
     packed = _symbols("limits", StraightElement.layout.size)
     fit_range = _symbols("place", 2)
@@ -259,7 +294,7 @@ def _path(writer: _Writer) -> None:
     )
 
     def instant(*names: str) -> tuple[Symbols, Instant]:
-        """Return the inputs, and the instant with these curves alone."""
+        """Return the inputs, and an instant whose fit contains only these curves."""
         curves = curves_of(1)
         coefficients = _symbols("curve", (DEGREE + 1) * len(names))
         fit = ca.SX.zeros(fit_of(1).size)
@@ -289,29 +324,30 @@ def _joint_limits(writer: _Writer) -> None:
     limits = SimpleNamespace(
         velocity=bounds[0], acceleration=bounds[1], jerk=bounds[2], stop=bounds[3]
     )
-    of_joint: Any = SimpleNamespace(qd_hull=v[0], qdd=v[1], speeds=v[2], limits=limits)
+    instant: Any = SimpleNamespace(qd_hull=v[0], qdd=v[1], speeds=v[2], limits=limits)
     writer.add_part(
         "sense",
         {"bounds": bounds, "sigma": sigma},
         ("v", v),
-        [row.value for row in sense_rows(of_joint, 0, sigma)],
+        [row.value for row in sense_rows(instant, 0, sigma)],
         "by bend",
     )
     v = _symbols("v", 2)
-    of_joint = SimpleNamespace(qdd=v[0], qddd=v[1], limits=limits)
+    instant = SimpleNamespace(qdd=v[0], qddd=v[1], limits=limits)
     writer.add_part(
         "pace",
         {"bounds": bounds},
         ("v", v),
-        [row.value for row in acceleration_rows(of_joint, 0, True)],
+        [row.value for row in acceleration_rows(instant, 0, True)],
         "by",
     )
 
 
 def _states(writer: _Writer) -> None:
-    """Write the state of one coordinate at a share of an element as a function of its z.
+    """Write the state of one coordinate at a fraction of an element as a function of its z.
 
-    `hull` is 1 where ṡ_b is the middle Bernstein coefficient.
+    The input `hull` is 1 if the bound of the velocity is the middle Bernstein coefficient, and
+    otherwise 0.
     """
     z = _symbols("z", 5)
     share = _symbols("share", 1)
@@ -327,17 +363,17 @@ def _states(writer: _Writer) -> None:
 
 
 def _symbols(name: str, size: int) -> ca.SX:
-    """Return symbols of a vector."""
+    """Return symbols of a vector (size,)."""
     return ca.SX.sym(name, size)
 
 
 def _joints(y: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return q, q̇ and q̈, (4,) each."""
+    """Return q, q̇ and q̈, (4,) each, from the state y (12,)."""
     return y[:4], y[4:8], y[8:12]
 
 
 def _objects(value: ca.SX) -> Any:
-    """Return an array of expressions."""
+    """Return the entries of an expression as an array (n,) of expressions."""
     import numpy as np
 
     array = np.empty(value.numel(), dtype=object)

@@ -1,13 +1,13 @@
 """Element model of a motion along a path: the coordinate is the path parameter s ∈ [0, 1].
 
-The state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time, where ṡ_b replaces ṡ in the velocity rows. The
+The state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time. In the velocity rows, ṡ_b replaces ṡ. The
 joints follow the path q(s), with primes for derivatives with respect to s:
 
     q̇ = q' ṡ,   q̈ = q'' ṡ² + q' s̈,   q⃛ = q''' ṡ³ + 3 q'' ṡ s̈ + q' s⃛,
     τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
 
-q', A, B, C and the tool speeds |J(q) q'| are smooth. On the short stretch of one element they are
-polynomials of degree DEGREE (a *fit*), so the optimisation evaluates no kinematics.
+The functions q', A, B, C and the tool speeds |J(q) q'| are smooth. On one element, they are
+replaced by polynomials of degree DEGREE (a *fit*), so the optimisation evaluates no kinematics.
 
 Every joint keeps its direction within an element, so the friction law is exact.
 """
@@ -38,14 +38,19 @@ from ssm_planner.kinematics import JACOBIANS
 from ssm_planner.typing import keyword_record
 
 DEGREE = 6
-"""Degree of the polynomials."""
+"""Degree of the polynomials in a fit."""
 
 
 @keyword_record
 class StraightElement(ElementModel):
-    """Path constraints of a robot along any path, with p = (σ (4,), `fit_of`, layout).
+    """Path constraints of a robot along any path.
 
-    `jerk` selects the jerk rows.
+    Its parameters are σ (4,), the fit of the path (`fit_of`), and the limits (`layout`).
+
+    Attributes
+    ----------
+    jerk : bool
+        Include the rows of the jerk.
     """
 
     jerk: bool
@@ -54,7 +59,7 @@ class StraightElement(ElementModel):
     state_size = 5
     positions = 1
     layout = Layout(**LIMITS, time_scale=1)
-    """Limits, and the length of a scaled second, s."""
+    """Layout of the limits, and of the length of a scaled second, s."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -67,10 +72,11 @@ class StraightElement(ElementModel):
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
+        """Key of the kind of motion, the robot, the rows and the cost."""
         return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """Return s, ṡ, s̈, s⃛ and ṡ at the share c of an element."""
+        """Return s, ṡ, s̈, s⃛ and ṡ at the fraction c of an element, (5,)."""
         cubic = self.cubic(z)
         s, speed, acceleration = cubic.evaluate(c)
         return ca.vertcat(s, speed, acceleration, cubic.jerk, speed)
@@ -78,7 +84,8 @@ class StraightElement(ElementModel):
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
         """Return the collocation states with the Bernstein coefficients of ṡ as ṡ_b.
 
-        If they keep a bound, ṡ keeps it on the whole element.
+        The velocity ṡ is a parabola within an element. If its three Bernstein coefficients keep a
+        bound, ṡ keeps it on the whole element.
         """
         start, middle, end = super().collocation_states(z)
         middle[4] = self.cubic(z).middle_velocity
@@ -94,17 +101,19 @@ class StraightElement(ElementModel):
 
     @property
     def first_actuation(self) -> int:
+        """Index of the first torque row, after the rows of speeds and joints."""
         return len(JACOBIANS) + 4 * JOINT_ROWS
 
     @cached_property
     def all_rows(self) -> list[RowPlace]:
+        """Name, joint and index of each row, in the order of `rows`."""
         return [
             *joint_places(self.robot, self.jerk),
             *torque_places(self.robot, self.first_actuation),
         ]
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return motion and limits of the joints from the fits of the path."""
+        """Return the motion and the limits of the joints from the fit of the path."""
         sigma, fit_parameters, packed = p
         parameters = self.layout.unpack(packed)
         scale = parameters.time_scale
@@ -127,9 +136,10 @@ class StraightElement(ElementModel):
 
 @cache
 def curves_of(loads: int) -> Layout:
-    """Return the layout of the fitted quantities.
+    """Return the layout of the quantities that a fit contains.
 
-    These are q', A, B and C of the joints with every load, and the tool speeds at ṡ = 1.
+    These are q', A, B and C of the four joints, and the tool speeds at ṡ = 1. A, B and C occur once
+    for each of the `loads` payloads.
     """
     return Layout(
         dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(JACOBIANS)
@@ -138,10 +148,10 @@ def curves_of(loads: int) -> Layout:
 
 @cache
 def fit_of(loads: int) -> Layout:
-    """Return the layout of a fit on [centre ± half_width] in s.
+    """Return the layout of a fit on [centre − half_width, centre + half_width] in s.
 
-    It contains the coefficients of `curves_of` with respect to ξ⁰, ξ¹, …, where ξ = (s − centre) /
-    half_width.
+    It contains the coefficients of `curves_of` with respect to ξ⁰, ξ¹, …, with
+    ξ = (s − centre)/half_width.
     """
     return Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * curves_of(loads).size)
 
@@ -149,7 +159,26 @@ def fit_of(loads: int) -> Layout:
 def path_derivatives(
     parameters: ca.SX, s: ca.SX, loads: int, jerk: bool
 ) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
-    """Evaluate a fit at s: `curves_of`, q'' (4,) and q''' (4,), which is 0 without `jerk`."""
+    """Evaluate a fit at s.
+
+    Parameters
+    ----------
+    parameters : casadi.SX, (size,)
+        Values of `fit_of`.
+    s : casadi.SX
+        Path parameter.
+    loads : int
+        Number of payloads.
+    jerk : bool
+        Evaluate q''' as well. Otherwise it is 0.
+
+    Returns
+    -------
+    curves : SimpleNamespace
+        The quantities of `curves_of`.
+    ddq, dddq : casadi.SX, (4,)
+        q'' and q'''.
+    """
     fit_ = fit_of(loads).unpack(parameters)
     curves = curves_of(loads)
     xi = (s - fit_.centre) / fit_.half_width
@@ -163,7 +192,18 @@ def path_derivatives(
 
 
 def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
-    """Evaluate polynomials with coefficients (curves, powers) at xi by Horner's rule."""
+    """Evaluate polynomials at xi by Horner's rule.
+
+    Parameters
+    ----------
+    coefficients : casadi.SX, (curves, powers)
+        Coefficients of xi⁰, xi¹, …
+    xi : casadi.SX
+
+    Returns
+    -------
+    casadi.SX, (curves,)
+    """
     value = coefficients[:, -1]
     for k in range(coefficients.size2() - 2, -1, -1):
         value = value * xi + coefficients[:, k]
@@ -171,5 +211,5 @@ def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
 
 
 def _derivative(coefficients: ca.SX) -> ca.SX:
-    """Return the coefficients of the derivatives."""
+    """Return the coefficients (curves, powers − 1) of the derivatives of polynomials."""
     return ca.horzcat(*(k * coefficients[:, k] for k in range(1, coefficients.size2())))

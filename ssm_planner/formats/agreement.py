@@ -1,8 +1,9 @@
 """Compare an export folder with the content that follows from its motion.
 
-An export and its reader make files and entries of the manifest with the same functions. The export
-makes them from a plan, and the reader from the motion that it has read. A changed file or entry
-therefore disagrees with the motion, even if the hashes in the manifest were made again.
+The same functions compute the files and the entries of the manifest for an export and for its
+reader. The export computes them from a plan, and the reader from the motion that it has read. A
+changed file or entry therefore disagrees with the motion, even if somebody also updated the hashes
+in the manifest.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ NOT_COMPARED = frozenset(
     ("note", "notes", "known", "reason", "encoder", "convention", "form", "not_verified")
     + ("certificate", "deviation", "spline")
 )
-"""Keys and columns that no client interprets."""
+"""Keys and columns with explanations. Controllers ignore them."""
 RELATIVE = 1e-10
 ABSOLUTE = 1e-11
-"""Differences within which two numbers count as equal, since machines round differently."""
+"""Differences up to which two numbers count as equal, because machines round differently."""
 DECIMAL = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
 """Numbers with a decimal point in a text. All other text must be the same."""
 DURATION_TOLERANCE = 1e-8
@@ -57,10 +58,13 @@ def suffix_of(manifest: JsonObject) -> str:
     return "" if manifest.get("verified") is True else UNVERIFIED
 
 
-def stated_rate(folder: Path, manifest: JsonObject, largest: float) -> float:
-    """Return the rate in a manifest, Hz. Raises TrajectoryError if it is not a rate."""
+def stated_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
+    """Return the rate that a manifest states, Hz.
+
+    Raises TrajectoryError if the entry is not a number above 0 and up to `maximum`.
+    """
     rate = manifest.get("rate_hz")
-    if isinstance(rate, (int, float)) and 0 < rate <= largest:
+    if isinstance(rate, (int, float)) and 0 < rate <= maximum:
         return float(rate)
     raise TrajectoryError(f"{folder / MANIFEST}: rate_hz is not a rate: {str(rate)[:40]}")
 
@@ -77,16 +81,25 @@ def require_agreement(
 ) -> None:
     """Raise TrajectoryError if files or entries do not follow from the motion.
 
-    `duration` is that of the motion, s. A stream of setpoints may exceed the planned duration by
-    less than one period.
+    Parameters
+    ----------
+    folder : Path
+        The export folder.
+    manifest : dict
+        Its manifest.
+    content : Content
+        Files and entries that follow from the motion.
+    duration : float
+        Duration of the motion, s. A stream of set points may be longer than the plan by less than
+        one period.
     """
-    stated = {key: manifest.get(key) for key in content.entries}
-    fault = difference(stated, content.entries, MANIFEST)
+    entries = {key: manifest.get(key) for key in content.entries}
+    fault = difference(entries, content.entries, MANIFEST)
     period = content.entries.get("interpolation_period_ms", 0) / 1000
     try:
-        planned = manifest["plan"]["duration_s"] * manifest.get("stretch", 1.0)
-        if not -DURATION_TOLERANCE <= duration - planned <= period + DURATION_TOLERANCE:
-            fault = fault or f"plan.duration_s and stretch give {planned} s, not {duration} s"
+        plan_time = manifest["plan"]["duration_s"] * manifest.get("stretch", 1.0)
+        if not -DURATION_TOLERANCE <= duration - plan_time <= period + DURATION_TOLERANCE:
+            fault = fault or f"plan.duration_s and stretch give {plan_time} s, not {duration} s"
     except (KeyError, TypeError):
         fault = fault or "plan.duration_s or stretch is not a number"
     fault = fault or difference(
@@ -101,35 +114,49 @@ def require_agreement(
         raise TrajectoryError(f"{folder}: changed after the export: {fault}")
 
 
-def difference(stated: Any, derived: Any, place: str) -> str | None:
-    """Describe the first difference between a document and its derivation, or return None.
+def difference(actual: Any, derived: Any, location: str) -> str | None:
+    """Describe the first difference between a document and the derived document.
 
-    Documents consist of the types of JSON. The keys in `NOT_COMPARED` are ignored, a missing key
-    equals null, and numbers are equal within
-    `RELATIVE` and `ABSOLUTE`.
+    Documents consist of the types of JSON. The keys in NOT_COMPARED are ignored. A missing key
+    equals null. Numbers are equal within RELATIVE and ABSOLUTE.
+
+    Parameters
+    ----------
+    actual, derived : JSON types
+        The document in the folder, and the document that follows from the motion.
+    location : str
+        Name of the document for the description.
+
+    Returns
+    -------
+    str or None
+        The description, or None if the documents are equal.
     """
-    if isinstance(stated, dict) and isinstance(derived, dict):
-        keys = sorted((stated.keys() | derived.keys()) - NOT_COMPARED)
-        pairs = [(stated.get(key), derived.get(key), f"{place}.{key}") for key in keys]
-    elif isinstance(stated, list) and isinstance(derived, list) and len(stated) == len(derived):
-        pairs = [(value, derived[k], f"{place}[{k}]") for k, value in enumerate(stated)]
-    elif _equal(stated, derived):
+    if isinstance(actual, dict) and isinstance(derived, dict):
+        keys = sorted((actual.keys() | derived.keys()) - NOT_COMPARED)
+        pairs = [(actual.get(key), derived.get(key), f"{location}.{key}") for key in keys]
+    elif isinstance(actual, list) and isinstance(derived, list) and len(actual) == len(derived):
+        pairs = [(value, derived[k], f"{location}[{k}]") for k, value in enumerate(actual)]
+    elif _equal(actual, derived):
         return None
     else:
-        shown = [repr(value)[:80] for value in (stated, derived)]
-        return f"{place} is {shown[0]}, but the motion gives {shown[1]}"
+        excerpts = [repr(value)[:80] for value in (actual, derived)]
+        return f"{location} is {excerpts[0]}, but the motion gives {excerpts[1]}"
     return next(filter(None, starmap(difference, pairs)), None)
 
 
-def _equal(stated: Any, derived: Any) -> bool:
-    if isinstance(stated, str) and isinstance(derived, str):
-        texts = stated, derived
-        first, second = ([float(number) for number in DECIMAL.findall(text)] for text in texts)
-        bare, other = (DECIMAL.sub("", text) for text in texts)
-        return bare == other and difference(first, second, "") is None
-    if type(stated) in (int, float) and type(derived) in (int, float):
-        return math.isclose(stated, derived, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
-    return type(stated) is type(derived) and bool(stated == derived)
+def _equal(actual: Any, derived: Any) -> bool:
+    """Return True if two values are equal, with tolerances for numbers and numbers in texts."""
+    if isinstance(actual, str) and isinstance(derived, str):
+        texts = actual, derived
+        numbers, derived_numbers = (
+            [float(number) for number in DECIMAL.findall(text)] for text in texts
+        )
+        remainder, derived_remainder = (DECIMAL.sub("", text) for text in texts)
+        return remainder == derived_remainder and difference(numbers, derived_numbers, "") is None
+    if type(actual) in (int, float) and type(derived) in (int, float):
+        return math.isclose(actual, derived, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
+    return type(actual) is type(derived) and bool(actual == derived)
 
 
 def _without_explanations(text: str) -> list[Any]:

@@ -1,7 +1,7 @@
-"""Export the kinematics, the dynamics and the motor torques of a robot, and a motion, as C99 code.
+"""Export a robot and its motion as C99 code.
 
-The code is intended for a control loop. It is generated from the expressions of this package, so no
-physical law is implemented twice.
+The code contains kinematics, dynamics and motor torques, and is intended for a control loop. It is
+generated from the CasADi expressions of this package, so no physical law is implemented twice.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ PACKAGE = "ssm_planner.formats"
 """Package that contains the templates."""
 ROBOT = "ssm_robot"
 TRAJECTORY = "ssm_trajectory"
+"""Names of the files without suffix."""
 UNITS = f"rad, m, N*m, N, s; joints in the order {', '.join(JOINTS)}"
+"""Units of all quantities in the code."""
 LIMITS: dict[str, type[Limit]] = {
     "velocity": JointVelocity,
     "acceleration": JointAcceleration,
@@ -48,11 +50,22 @@ LIMITS: dict[str, type[Limit]] = {
     "motor_torque": MotorTorque,
     "motor_speed": MotorSpeed,
 }
+"""Limits of the joints in the code, by the name of their constant."""
 
 
 @record
 class CFunction:
-    """A C function of the header, with its expressions and its comment."""
+    """A C function of the header.
+
+    Attributes
+    ----------
+    name, comment : str
+        Its name, and the comment above its declaration.
+    inputs, outputs : tuple of Argument
+        Its arguments with their sizes.
+    function : casadi.Function
+        The expressions that it evaluates.
+    """
 
     name: str
     comment: str
@@ -64,7 +77,15 @@ class CFunction:
 def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> JsonObject:
     """Write ssm_robot and ssm_trajectory (.h and .c), and return the entries of the manifest.
 
-    `suffix` marks unverified files and precedes the extension of their names.
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan. The code does not contain it.
+    folder : Path
+        Folder of the files.
+    suffix : str
+        Text that marks unverified files, before the extension.
     """
     mark = ["UNVERIFIED: the plan has no passed certificate."] if suffix else []
     remarks = [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}.", *mark]
@@ -86,10 +107,14 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
     Parameters
     ----------
     robot : Robot
-    remarks : Sequence[str]
+    remarks : sequence of str
         Lines that are added to the comment at the beginning.
     suffix : str
         Mark in the names of included files.
+
+    Returns
+    -------
+    header, source : str
     """
     functions = c_functions(robot)
     limits = joint_limits(robot)
@@ -116,7 +141,18 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
     """Return the header and the source file of a plan's motion as C99 code.
 
     The code contains the polynomials as constant tables, and a function that samples them.
-    `remarks` and `suffix` are those of `c_code`.
+
+    Parameters
+    ----------
+    plan : Plan
+    remarks : sequence of str
+        Lines that are added to the comment at the beginning.
+    suffix : str
+        Mark in the names of included files.
+
+    Returns
+    -------
+    header, source : str
     """
     motion = plan.motion
     values = {
@@ -137,12 +173,13 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
 def joint_limits(robot: Robot) -> dict[str, list[float]]:
     """Return the limits of the four joints by name of the C constant, in SI units.
 
-    A joint without a limit has the value infinity.
+    The value of a limit that a joint does not have is infinity.
     """
 
     def limit(joint: Joint, limit_type: type[Limit]) -> float:
-        found = joint.find_limit(limit_type)
-        return math.inf if found is None else found.high
+        """Return the limit of a joint, or infinity."""
+        joint_limit = joint.find_limit(limit_type)
+        return math.inf if joint_limit is None else joint_limit.high
 
     joints = robot.joints
     return {
@@ -156,6 +193,7 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
 
 
 def _render(template: str, values: dict[str, Any]) -> tuple[str, str]:
+    """Return the header and the source file of a template."""
     templates = environment(PACKAGE, escape=False)
     return render_template(templates, f"{template}.h", **values), render_template(
         templates, f"{template}.c", **values
@@ -163,12 +201,13 @@ def _render(template: str, values: dict[str, Any]) -> tuple[str, str]:
 
 
 def _comment(robot: Robot, remarks: Sequence[str]) -> str:
+    """Return the comment at the beginning of a file: robot, remarks and units."""
     sentences = [
         f"Robot {c_text(robot.name)} (SHA-256 of its values {robot_hash(robot)}).",
         *remarks,
         f"SI units: {UNITS}.",
-        "The code needs no allocation, no state and only the C mathematics library (-lm). All "
-        "functions are reentrant.",
+        "The code allocates no memory, keeps no state and only uses the C mathematics library "
+        "(-lm). All functions are reentrant.",
     ]
     return "/*\n" + "\n".join(f" * {line}" for line in sentences) + "\n */"
 
@@ -179,7 +218,11 @@ def c_text(name: str) -> str:
 
 
 def c_functions(robot: Robot) -> list[CFunction]:
-    """Build the C functions for forward and inverse kinematics, inverse dynamics, motor torques."""
+    """Build the C functions of a robot.
+
+    They compute the forward and the inverse kinematics, the inverse dynamics, and the motor
+    torques.
+    """
     mechanism = Mechanism.from_robot(robot)
     body = RigidBody.from_robot(robot)
     q, qd, qdd, qddd, task, guess = (
@@ -205,9 +248,8 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "ssm_inverse",
             "Computes the joints of (roll, tilt, spin, depth) on a branch, +1.0 or -1.0 (the sign "
             "of\n"
-            "   sin(theta2 - delta)). Revolute joints are moved by whole turns next to `near`. "
-            "Joints\n"
-            "   are NaN outside the workspace.",
+            "   sin(theta2 - delta)). Whole turns are added so that revolute joints are close to\n"
+            "   `near`. Joints are NaN outside the workspace.",
             (Argument("task", 4), Argument("branch", 0), Argument("near", 4)),
             (Argument("q", 4),),
             dense("inverse", [task, branch, guess], [ca.if_else(branch > 0, ahead, behind)]),
@@ -224,8 +266,7 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "Computes the motor torques in N*m by the exact friction law. A standing joint is\n"
             "   assumed to start in the direction of qdd, or of qddd if qdd is zero, with static "
             "friction.\n"
-            "   If both are zero, the joint is held, which needs no torque for a self-locking "
-            "drive.\n"
+            "   If both are zero, the joint is held. Self-locking drives hold it without torque.\n"
             "   The torque is 0 for a joint without a drive. qddd may be zeros.",
             (*four, Argument("qddd", 4)),
             (Argument("tau_motor", 4),),
@@ -235,6 +276,7 @@ def c_functions(robot: Robot) -> list[CFunction]:
 
 
 def _declaration(f: CFunction) -> str:
+    """Return the declaration of a C function, without its semicolon."""
     inputs = [
         f"ssm_real {a.name}" if a.size == 0 else f"const ssm_real {a.name}[{a.size}]"
         for a in f.inputs

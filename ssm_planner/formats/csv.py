@@ -1,7 +1,8 @@
 """Read and write trajectories as CSV files with units in the column names.
 
 The header names joints and units, and each row contains one point. An export contains points at a
-fixed rate, or the points between which cubic or quintic interpolation keeps the limits.
+fixed rate. Without a rate, it contains the points between which cubic or quintic interpolation
+keeps the limits.
 """
 
 from __future__ import annotations
@@ -54,11 +55,15 @@ MOTORS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
 COLUMNS = (*STATES, *MOTORS, "task")
 """Groups of columns that an export can select."""
 COUNTS = "counts"
+"""Name of the group of columns with positions in encoder increments."""
 TURNS = "increments_per_motor_turn"
+"""Key of the encoder resolution in a manifest."""
 UNITS = {"time": "s", "position": "increments", "joints": "in the names of the columns"}
+"""Units in a manifest."""
 SAME = 1e-9
-"""Relative difference of equal values in a column, related to its largest value."""
+"""Largest relative difference of equal values in a column, related to its largest value."""
 DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
+"""Groups of columns in a table at a fixed rate."""
 
 
 def trajectory_table(
@@ -66,8 +71,8 @@ def trajectory_table(
 ) -> tuple[list[str], Array]:
     """Sample a trajectory at a fixed rate, and return a table with its header.
 
-    The table always ends with the last instant of the motion. Where an acceleration jumps, a row
-    contains the values just after the jump.
+    The last row is the last instant of the motion. At an instant at which the acceleration jumps,
+    the row contains the values just after the jump.
 
     Parameters
     ----------
@@ -75,14 +80,15 @@ def trajectory_table(
     robot : Robot
     rate : float
         Rows per second, Hz.
-    columns : Sequence[str]
+    columns : sequence of str
         Groups of `COLUMNS`: joint derivatives, motor quantities, task coordinates.
 
     Returns
     -------
-    tuple[list[str], Array]
-        Names of the columns with their units, and the rows (samples, columns). The first column is
-        the time.
+    header : list of str
+        Names of the columns with their units.
+    rows : (samples, columns) array
+        Values in SI units. The first column is the time.
     """
     samples = trajectory.uniform(rate)
     return table(samples, robot, columns, at_end=samples.t == trajectory.breaks[-1])
@@ -93,8 +99,21 @@ def table(
 ) -> tuple[list[str], Array]:
     """Return the table of samples with its header, see `trajectory_table`.
 
-    `at_end` (n,) is nonzero for samples at the end of the motion. The rows of these samples contain
-    the motor torques just before the end.
+    Parameters
+    ----------
+    samples : Samples
+        n samples of the joint motion.
+    robot : Robot
+    columns : sequence of str
+        Groups of `COLUMNS`.
+    at_end : (n,) array
+        Nonzero for samples at the end of the motion. Their rows contain the motor torques just
+        before the end.
+
+    Returns
+    -------
+    header : list of str
+    rows : (n, columns) array
     """
     header = ["time_s"]
     values = [samples.t]
@@ -133,10 +152,11 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
     Parameters
     ----------
     path : Path
+        File to write.
     trajectory : Trajectory
     robot : Robot
     rate : float, optional
-        Rows per second, Hz. The default is `RATE`, divided by 10 until the file has at most `ROWS`
+        Rows per second, Hz. The default is RATE, divided by 10 until the file has at most ROWS
         rows.
     """
     if rate is None:
@@ -205,8 +225,8 @@ def export_csv(
             notes += _as_read(reading, plan)
     if COUNTS in (columns or ()):
         axes = axes_of(plan.robot, counts_per_turn)
-        made = _counts(motion, axes, rate or RATE, suffix)
-        entries |= made.write(folder)
+        count_files = _counts(motion, axes, rate or RATE, suffix)
+        entries |= count_files.write(folder)
         count = int(np.ceil(motion.duration * (rate or RATE) - 1e-9)) + 1
         notes += [
             f"time,position in increments of {', '.join(axes)}: {count} rows at "
@@ -253,10 +273,10 @@ def read_csv_export(
     content = Content({"trajectory": name, "units": UNITS}, {name: None})
     if "axes" in manifest:
         axes = stated_axes(folder, manifest, robot)
-        counted = _counts(motion, axes, rate, suffix)
+        count_files = _counts(motion, axes, rate, suffix)
         skipped = reading.resolution is not None
-        texts = dict.fromkeys(counted.files) if skipped else counted.files
-        content = Content(content.entries | counted.entries, {**content.files, **texts})
+        texts = dict.fromkeys(count_files.files) if skipped else count_files.files
+        content = Content(content.entries | count_files.entries, {**content.files, **texts})
         if skipped:
             note = "increments not compared: the table has positions alone"
             reading = replace(reading, notes=(*reading.notes, note))
@@ -266,7 +286,22 @@ def read_csv_export(
 def stated_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, Axis]:
     """Return the axes of all driven joints with the encoders that a manifest states.
 
-    Raises TrajectoryError if the increments per motor turn are not positive integers.
+    Parameters
+    ----------
+    folder : Path
+        Export folder, for messages.
+    manifest : dict
+    robot : Robot
+
+    Returns
+    -------
+    dict of Axis
+        Axes by name of the joint.
+
+    Raises
+    ------
+    TrajectoryError
+        If the increments per motor turn are not positive integers.
     """
     axes = manifest.get("axes")
     turns = {}
@@ -277,15 +312,15 @@ def stated_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, A
             raise TrajectoryError(
                 f"{folder}: the manifest does not give the increments of joint {joint.name}"
             )
-        turns[joint.name] = turn or 0  # A joint without a drive has no encoder.
+        turns[joint.name] = turn or 0  # 0 for a joint without a drive
     return axes_of(robot, turns)
 
 
 def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
     """Raise TrajectoryError if columns of motors and tasks do not follow from the joints.
 
-    The torque of a joint at rest, all torques without accelerations, and all motor speeds without
-    velocities are not compared.
+    Some values do not follow from the joints of the table, so they are not compared: the torque of
+    a joint at rest, all torques without accelerations, and all motor speeds without velocities.
     """
     names = layout_of(path).names
     values = read_columns(path, names)
@@ -317,7 +352,27 @@ def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
 def _rows(
     plan: Plan, certificate: Certificate, rate: float | None, columns: Sequence[str]
 ) -> tuple[list[str], Array, str, float]:
-    """Return the header and the rows of an export, a note on them, and their stretch."""
+    """Return the table of an export.
+
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan.
+    rate : float or None
+        Rows per second, Hz. None selects the points between which a spline keeps the limits.
+    columns : sequence of str
+        Groups of `COLUMNS`. If it is empty, default groups are used.
+
+    Returns
+    -------
+    header : list of str
+    rows : (n, columns) array
+    note : str
+        Description of the rows.
+    stretch : float
+        Duration of the table divided by the duration of the plan.
+    """
     if rate is None:
         points = spline_points(plan, certificate, tick=None)
         default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
@@ -384,18 +439,27 @@ def _write(
 
 
 SEPARATORS = (",", ";", "\t")
+"""Characters that may separate columns."""
 LOOK = 1000
-"""Number of rows from whose digits the rounding of the positions is determined."""
+"""Number of rows whose digits determine the rounding of the positions."""
 FINEST_DIGIT = 400
-"""Largest magnitude of a decimal exponent that is evaluated. No float has a finer digit."""
+"""Largest magnitude of a decimal exponent. A float cannot have a finer digit."""
 
 
 @frozen
 class Layout:
-    """Position of the header of a table, its separator and the names of its columns."""
+    """The layout of a table.
+
+    Attributes
+    ----------
+    separator : str
+        Character between columns.
+    names : list of str
+        Names of the columns.
+    """
 
     header: int
-    """Line of the header, counted from 0."""
+    """Index of the line with the header."""
     separator: str
     names: list[str]
 
@@ -403,8 +467,23 @@ class Layout:
 def read_csv(path: Path, robot: Robot) -> Reading:
     """Read a trajectory from a CSV file whose header names joints and units, see `headings`.
 
-    Raises TrajectoryError if the file is not a trajectory of this robot. The message states the
-    file, the line and the reason.
+    Parameters
+    ----------
+    path : Path
+    robot : Robot
+        Robot that defines the joints of the file.
+
+    Returns
+    -------
+    Reading
+        The trajectory. Rows with velocities are joined by cubics, and rows with accelerations by
+        quintics. Rows with positions alone are joined by lines.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file is not a trajectory of this robot. The message states the file, the line and the
+        reason.
     """
     layout = layout_of(path)
     columns, ignored = headings(layout.names, robot, f"{path}:{layout.header + 1}")
@@ -425,9 +504,11 @@ def read_csv(path: Path, robot: Robot) -> Reading:
 
 
 def layout_of(path: Path) -> Layout:
-    """Determine the layout of a file. The header is its first line with content.
+    """Determine the layout of a table.
 
-    Comments begin with "#". Raises TrajectoryError if there is no header.
+    The header is the first line that is not empty and not a comment. Comments begin with "#".
+
+    Raises TrajectoryError if the header is missing, or if the separator is unknown.
     """
     for k, line in _lines(path):
         text = line.strip().lstrip("\ufeff")
@@ -449,9 +530,25 @@ def layout_of(path: Path) -> Layout:
 
 
 def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
-    """Return the selected columns (n, k) of all rows in SI units.
+    """Read selected columns of all rows.
 
-    Raises TrajectoryError if a row is invalid.
+    Parameters
+    ----------
+    path : Path
+    layout : Layout
+        Layout of the file.
+    selected : sequence of Heading
+        k columns with their factors to SI units.
+
+    Returns
+    -------
+    (n, k) array
+        Values in SI units. A large table is kept in a temporary file.
+
+    Raises
+    ------
+    TrajectoryError
+        If a row has a wrong number of columns, or if a value is not a number.
     """
     columns = [heading.column for heading in selected]
     factors = [heading.factor for heading in selected]
@@ -488,7 +585,7 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
 def _row_count(path: Path, layout: Layout) -> tuple[int, int]:
     """Return the number of rows, and the number of columns of the last row.
 
-    Raises TrajectoryError if the file has no rows, or if a row has surplus columns.
+    Raises TrajectoryError if the file does not contain rows, or if a row has surplus columns.
     """
     width = len(layout.names)
     rows, line = 0, ""
@@ -503,7 +600,7 @@ def _row_count(path: Path, layout: Layout) -> tuple[int, int]:
 
 
 def read_columns(path: Path, names: Sequence[str]) -> Array:
-    """Return the named columns (n, k) of a table, the first of which is the time.
+    """Return the named columns (n, k) of a table, in the units of the file.
 
     Raises TrajectoryError if a column is missing.
     """
@@ -518,7 +615,17 @@ def read_columns(path: Path, names: Sequence[str]) -> Array:
 
 
 def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
-    """Return the message for the first invalid row at or after the row `start`."""
+    """Return the message for the first invalid row.
+
+    Parameters
+    ----------
+    path : Path
+    layout : Layout
+    message : str
+        Message of the reader, which is used if every row seems to be valid.
+    start : int
+        Index of the first row to examine.
+    """
     width = len(layout.names)
     for k, line in islice(_data_lines(path, layout), start, None):
         fields = [field.strip() for field in line.split(layout.separator)]
@@ -531,14 +638,14 @@ def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
 
 
 def _column_fault(path: Path, k: int, count: int, width: int) -> str:
-    """Return the message for a row with the index `k` that has a wrong number of columns."""
+    """Return the message for line k (from 0) with `count` instead of `width` columns."""
     return f"{path}:{k + 1}: the row has {count} columns, but the header has {width}"
 
 
 def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
     """Return the largest rounding error of each position (4,), rad or m.
 
-    It is half a unit of the last digit. Only the first `LOOK` rows are evaluated.
+    It is half a unit of the last digit. Only the first LOOK rows are evaluated.
     """
     exponents = np.full(4, 99)
     for _, line in islice(_data_lines(path, layout), LOOK):
@@ -550,9 +657,9 @@ def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
 
 
 def _last_digit(text: str) -> int:
-    """Return the power of ten of the last digit in a number, or 99 for a zero.
+    """Return the power of ten of the last digit of a number, or 99 for a zero.
 
-    A zero contains no information about the rounding.
+    For example, "1.25" gives −2. A zero does not show how numbers are rounded.
     """
     mantissa, _, exponent = text.lower().partition("e")
     if not mantissa.strip("+-0."):
@@ -562,16 +669,19 @@ def _last_digit(text: str) -> int:
 
 
 def _line_of(path: Path, layout: Layout, row: int) -> int:
+    """Return the line number, from 1, of the row with the index `row`."""
     return next(islice(_data_lines(path, layout), row, None))[0] + 1
 
 
 def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
+    """Yield the index and the text of each line that contains a row."""
     for k, line in _lines(path):
         if k > layout.header and line.strip():
             yield k, line.rstrip("\n")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield the index and the text of each line."""
     with _opened(path) as file:
         yield from enumerate(file)
 
@@ -589,6 +699,7 @@ def _opened(path: Path) -> Iterator[TextIO]:
 
 
 def _number(text: str) -> bool:
+    """Return True if a text is a decimal number, NaN or infinity."""
     return (
         re.fullmatch(
             r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)", text.strip(), re.I | re.A

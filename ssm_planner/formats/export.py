@@ -1,6 +1,6 @@
 """Export a plan to the formats of controllers.
 
-An export requires a passed certificate, and its folder appears only when every file is complete.
+An export requires a passed certificate. Its folder appears only when every file is complete.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from ssm_planner.verification import Certificate, check_slower, sealed
 from ssm_planner.verification.check import check
 
 WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
+"""Entry of the manifest of an unverified export."""
 
 
 @checked
@@ -45,7 +46,7 @@ def export(
 ) -> tuple[dict[str, Path], JsonObject]:
     """Export a plan or a trajectory in one of `FORMATS`.
 
-    The plan is verified again first.
+    The function first checks the plan again.
 
     Parameters
     ----------
@@ -56,15 +57,15 @@ def export(
     path : str or Path, optional
         Folder to write. The default is a folder with the name of the format beside the plan.
     force : bool
-        Export a plan that does not pass. Its file names and its manifest state that it is
+        Export a plan that does not pass the check. Its file names and its manifest state that it is
         unverified.
     speed : float
-        Fraction of the plan's speed, in (0, 1]. The slower motion is certified separately.
+        Fraction of the plan's speed, in (0, 1]. The slower motion receives its own certificate.
     stops : int, optional
-        Number of instants, at least 1, for which stops.csv holds a controlled stop (csv and epos4
-        only).
+        Number of instants, at least 1, for which stops.csv contains a controlled stop (csv and
+        epos4 only).
     robot : Robot, optional
-        Robot of a trajectory. A plan names its robot.
+        Robot of a trajectory. A plan already contains its robot.
     sign : str or Path, optional
         PEM file with the private Ed25519 key that signs the manifest.
     **options
@@ -72,14 +73,15 @@ def export(
 
     Returns
     -------
-    files : dict[str, Path]
+    files : dict of Path
         Paths by file name, including the manifest.
     manifest : dict
+        Content of the manifest.
 
     Raises
     ------
     ExportError
-        If the plan does not pass, or an option is invalid for the format.
+        If the plan does not pass, or if an option is invalid for the format.
     ProblemError
         If the speed is out of range.
 
@@ -97,7 +99,7 @@ def export(
     if stops is not None and ("stops" not in form.options or stops < 1):
         raise ExportError(
             f"stops = {stops!r} is not allowed for {to} (allowed: 1 or more, for "
-            f"{', '.join(name for name, other in FORMATS.items() if 'stops' in other.options)})"
+            f"{', '.join(name for name, entry in FORMATS.items() if 'stops' in entry.options)})"
         )
     for name in options:
         if name not in form.options:
@@ -106,11 +108,11 @@ def export(
                 f"{', '.join(form.options) or 'no options'})"
             )
     source = as_plan(plan, robot)
-    certificate, passed = verified(source, force)
+    certificate, is_verified = verified(source, force)
     if speed != 1.0:
-        source = slower(source, speed, passed)
-        certificate, passed = verified(source, force)
-    suffix = "" if passed else UNVERIFIED
+        source = slower(source, speed, is_verified)
+        certificate, is_verified = verified(source, force)
+    suffix = "" if is_verified else UNVERIFIED
     write = pkgutil.resolve_name(form.writer)
     folder = Path(path) if path is not None else source.path.parent / to
     with publishing(folder) as temporary:
@@ -124,7 +126,7 @@ def export(
             to,
             plan=source,
             certificate=certificate,
-            verified=passed,
+            verified=is_verified,
             details=details,
             sign=None if sign is None else Path(sign),
         )
@@ -132,11 +134,22 @@ def export(
     return {**files, "manifest": folder / MANIFEST}, manifest
 
 
-def slower(plan: Plan, speed: float, passed: bool) -> Plan:
+def slower(plan: Plan, speed: float, is_verified: bool) -> Plan:
     """Return the plan played at a fraction of its speed.
 
-    passed: the plan passed its check, so the slower plan receives a new certificate. Raises
-    ProblemError if the speed is not in (0, 1].
+    Parameters
+    ----------
+    plan : Plan
+    speed : float
+        Fraction of the speed, in (0, 1].
+    is_verified : bool
+        True if the plan has passed its check. The slower plan then receives a new certificate, and
+        otherwise none.
+
+    Raises
+    ------
+    ProblemError
+        If the speed is out of range.
     """
     limits = plan.limits.slower(1 / speed) if 0 < speed <= 1 else plan.limits
     certificate = check_slower(plan.motion, plan.robot, plan.limits, speed)
@@ -148,7 +161,7 @@ def slower(plan: Plan, speed: float, passed: bool) -> Plan:
         problem=problem,
         trajectory=motion,
         certificate=sealed(certificate, motion, plan.robot, problem.task_limits)
-        if passed
+        if is_verified
         else None,
     )
     object.__setattr__(slowed, "file", plan.file)
@@ -157,10 +170,30 @@ def slower(plan: Plan, speed: float, passed: bool) -> Plan:
 
 
 def _stops(plan: Plan, folder: Path, name: str, count: int, details: JsonObject) -> JsonObject:
-    """Write controlled stops from `count` instants of the exported motion.
+    """Write controlled stops from instants of the exported motion.
 
-    `details` has the entries of the manifest. Returns further ones. Raises ExportError if a stop
-    exceeds a limit.
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+        Export folder. If its table of positions states velocities and keeps all limits, the stops
+        start from the motion of this table.
+    name : str
+        Name of the file.
+    count : int
+        Number of instants.
+    details : dict
+        Entries of the manifest.
+
+    Returns
+    -------
+    dict
+        Further entries of the manifest.
+
+    Raises
+    ------
+    ExportError
+        If a stop exceeds a limit.
     """
     stretch = details.get("stretch", 1.0)
     motion, limits = plan.motion.slower(1 / stretch), plan.limits.slower(stretch)
@@ -182,10 +215,24 @@ def _stops(plan: Plan, folder: Path, name: str, count: int, details: JsonObject)
 def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
     """Check a plan again before its export.
 
-    Returns the new certificate, and whether both it and the stored certificate passed. A plan
-    without a stored certificate has not passed.
+    Parameters
+    ----------
+    plan : Plan
+    force : bool
+        Also accept a plan that does not pass.
 
-    Raises ExportError if one of the two did not pass, unless `force` is True.
+    Returns
+    -------
+    certificate : Certificate
+        The new certificate.
+    passed : bool
+        True if this certificate and the stored one passed. A plan without a stored certificate has
+        not passed.
+
+    Raises
+    ------
+    ExportError
+        If the plan has not passed, unless `force` is true.
     """
     certificate = check(plan.motion, plan.robot, plan.limits)
     stored = plan.certificate
@@ -214,22 +261,37 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
 
 def write_manifest(
     folder: Path,
-    kind: str,
+    format_name: str,
     plan: Plan,
     certificate: Certificate,
     verified: bool,
     details: JsonObject,
     sign: Path | None = None,
 ) -> JsonObject:
-    """Write manifest.json beside the files that it lists and return its content.
+    """Write manifest.json beside the files that it lists, and return its content.
 
-    kind: format of the export. details: entries that this format adds. sign: file of a private key.
+    Parameters
+    ----------
+    folder : Path
+        Folder with the exported files.
+    format_name : str
+        Name of the format.
+    plan : Plan
+        The exported plan.
+    certificate : Certificate
+        The new certificate of the plan.
+    verified : bool
+        False adds a warning.
+    details : dict
+        Entries that the format adds.
+    sign : Path, optional
+        PEM file with a private Ed25519 key.
     """
     ends = plan.limits.slower(details.get("stretch", 1.0))
     manifest = {
         "format": EXPORT,
         "version": VERSION,
-        "kind": kind,
+        "kind": format_name,
         "verified": verified,
         **({} if verified else {"warning": WARNING}),
         "plan": {"file": plan.path.name, "sha256": plan.sha256, "duration_s": plan.motion.duration},

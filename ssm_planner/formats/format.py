@@ -1,6 +1,6 @@
 """Declarations of the export formats.
 
-To add a format, declare a `Format` and register it (docs/architecture.md).
+To add a format, declare a `Format` and register it, as docs/architecture.md describes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ _COUNTS = "increments per motor turn (4 × encoder counts) if the motor file has
 
 @record
 class Format(ShortRepr):
-    """Export format. Its functions are loaded on first use.
+    """Export format.
+
+    It names its functions. They are loaded on first use, so that other commands start quickly.
 
     Examples
     --------
@@ -33,22 +35,22 @@ class Format(ShortRepr):
     writer: str
     """Function that writes the files, as `module:function`.
 
-    Its parameters are plan, certificate, folder, suffix of the file names and the options. It
-    returns the entries that the format adds to the manifest.
+    Its parameters are the plan, its certificate, the folder, the suffix of the file names and the
+    options. It returns the entries that the format adds to the manifest.
     """
     description: str
     """Content of the files."""
     options: Mapping[str, str] = field(default_factory=dict)
-    """Meaning of each option by the name of its parameter. The command line offers them all.
+    """Meaning of each option, by the name of its parameter. The command line offers them all.
 
     A format with the option `stops` can include controlled stops, which `export` writes.
     """
     reader: str | None = None
     """Function that reads the folder, as `module:function`.
 
-    Its parameters are folder, manifest, names of the unchanged files and robot. It returns a
-    `formats.points.Reading`. Without it, the entry `trajectory` of the manifest names the file to
-    read.
+    Its parameters are the folder, the manifest, the names of the unchanged files, and the robot. It
+    returns a `formats.points.Reading`. If it is None, the entry `trajectory` of the manifest names
+    the file to read.
     """
 
 

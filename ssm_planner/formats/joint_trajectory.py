@@ -1,7 +1,8 @@
-"""Convert, write and read JointTrajectory messages.
+"""Convert, write and read JointTrajectory messages of ROS 2.
 
-A YAML file contains a message in the form that `ros2 topic pub` or an action goal requires. A
-message that joint_trajectory_controller would reject raises an error with the controller's reason.
+A YAML file contains a message in the form that `ros2 topic pub` or an action goal requires. If
+joint_trajectory_controller would reject a message, the reader raises an error with the reason of
+the controller.
 """
 
 from __future__ import annotations
@@ -41,8 +42,14 @@ FIELDS = ("positions", "velocities", "accelerations", "effort")
 class Message:
     """A JointTrajectory with n points.
 
-    Each point has a time, and a list for every quantity. A list contains one value per joint, or it
-    is empty.
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the joints in the order of the lists.
+    time : (n,) array
+        Times of the points since the start, s.
+    positions, velocities, accelerations, effort : list of sequences of float
+        One list for each point in SI units, with one value for each joint. A list may be empty.
     """
 
     names: tuple[str, ...]
@@ -85,7 +92,7 @@ def yaml_text(message: Message, comments: Sequence[str], under: str) -> str:
     Parameters
     ----------
     message : Message
-    comments : Sequence[str]
+    comments : sequence of str
         Comment lines at the beginning.
     under : str
         Key of the message. If it is empty, the message is at the top level.
@@ -103,11 +110,12 @@ def yaml_text(message: Message, comments: Sequence[str], under: str) -> str:
 
 
 def _list(values: Sequence[float] | Array) -> str:
-    """Format numbers so that YAML 1.1 reads them as numbers. It would read 1e-05 as text."""
+    """Format numbers as a YAML list. YAML 1.1 would read 1e-05 as text, so it becomes 1.0e-05."""
     return "[" + ", ".join(_yaml(float(value) + 0.0) for value in np.asarray(values)) + "]"
 
 
 def _yaml(value: float) -> str:
+    """Format a number so that its mantissa contains a decimal point."""
     text = repr(value)
     mantissa, e, exponent = text.partition("e")
     return text if not e or "." in mantissa else f"{mantissa}.0e{exponent}"
@@ -116,13 +124,31 @@ def _yaml(value: float) -> str:
 def read_yaml(path: Path, robot: Robot) -> Reading:
     """Read a JointTrajectory or a FollowJointTrajectory goal from a YAML file.
 
-    Raises TrajectoryError if the file is not such a message or a controller would reject it.
+    Parameters
+    ----------
+    path : Path
+    robot : Robot
+        Robot with the joints of the message.
+
+    Returns
+    -------
+    Reading
+        The trajectory that a controller executes.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file does not contain such a message, or if a controller would reject it.
     """
     return read_message(yaml_message(path), robot, str(path))
 
 
 def yaml_message(path: Path) -> Message:
-    """Return the message in a YAML file. Raises TrajectoryError if the file contains none."""
+    """Return the message in a YAML file.
+
+    The message may be at the top level, or under the keys `goal` and `trajectory`. Raises
+    TrajectoryError if the file does not contain a message.
+    """
     content = yaml_content(path)
     for key in ("goal", "trajectory"):
         if isinstance(content, dict) and isinstance(content.get(key), dict):
@@ -131,7 +157,10 @@ def yaml_message(path: Path) -> Message:
 
 
 def yaml_content(path: Path) -> Any:
-    """Return the content of a YAML file. Raises TrajectoryError if it cannot be read."""
+    """Return the content of a YAML file as dictionaries and lists.
+
+    Raises TrajectoryError if the file cannot be read, or if it is too large.
+    """
     data = read_bytes(path, LARGEST_FILE)
     try:
         text = data.decode("utf-8-sig")
@@ -145,8 +174,17 @@ def yaml_content(path: Path) -> Any:
 def message_from(data: Any, location: str) -> Message:
     """Build a message from dictionaries and lists.
 
-    `location` is the beginning of error messages. Raises TrajectoryError if a key is missing or has
-    a wrong type.
+    Parameters
+    ----------
+    data : Any
+        Content of a file.
+    location : str
+        Beginning of error messages, such as the path of the file.
+
+    Raises
+    ------
+    TrajectoryError
+        If a key is missing or has a wrong type.
     """
     if (
         not isinstance(data, dict)
@@ -176,10 +214,15 @@ def read_message(
     ----------
     message : Message
     robot : Robot
+        Robot with the joints of the message, in any order.
     location : str
-        Beginning of error messages.
-    notes : tuple[str, ...]
+        Beginning of error messages, such as the path of the file.
+    notes : tuple of str
         Notes that are added to the result.
+
+    Returns
+    -------
+    Reading
 
     Raises
     ------
@@ -211,9 +254,18 @@ def read_message(
 def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str], list[str]]:
     """Find faults of a message, and remarks on it.
 
-    A fault is a reason for which joint_trajectory_controller rejects the message. A remark concerns
-    a behaviour that depends on the configuration of the controller. `joints` contains the names of
-    the robot's joints.
+    Parameters
+    ----------
+    message : Message
+    joints : sequence of str
+        Names of the joints of the robot.
+
+    Returns
+    -------
+    faults : list of str
+        Reasons for which joint_trajectory_controller rejects the message.
+    remarks : list of str
+        Behaviour that depends on the configuration of the controller.
     """
     names = message.names
     time = message.time
@@ -258,13 +310,44 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
 
 
 def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
-    """Return the values (n, 4), with 0 for missing ones, and a mask (n,) of points with values."""
-    has = np.array([len(row) > 0 for row in rows])
+    """Return a table of values in the order of the robot's joints.
+
+    Parameters
+    ----------
+    rows : list of n sequences of float
+        Values of each point in the order of the message. A sequence may be empty.
+    order : list of four int
+        Index in the message of each joint of the robot.
+
+    Returns
+    -------
+    values : (n, 4) array
+        Values in SI units. Missing values are 0.
+    has_values : (n,) array of bool
+        True for points with values.
+    """
+    has_values = np.array([len(row) > 0 for row in rows])
     table = np.array([row if len(row) else [0.0] * len(order) for row in rows], dtype=float)
-    return table[:, order], has
+    return table[:, order], has_values
 
 
 def _time(point: Any, k: int, location: str) -> float:
+    """Return the time of a point since the start, s.
+
+    Parameters
+    ----------
+    point : Any
+        The point as read from a file.
+    k : int
+        Index of the point.
+    location : str
+        Beginning of error messages.
+
+    Raises
+    ------
+    TrajectoryError
+        If the time is missing or invalid.
+    """
     stamp = point.get("time_from_start") if isinstance(point, dict) else None
     if isinstance(stamp, dict) and stamp.keys() <= {"sec", "nanosec"}:
         sec = stamp.get("sec", 0)
@@ -279,6 +362,23 @@ def _time(point: Any, k: int, location: str) -> float:
 
 
 def _numbers(point: JsonObject, key: str, k: int, location: str) -> Sequence[float]:
+    """Return the list of numbers under a key of a point.
+
+    Parameters
+    ----------
+    point : dict
+    key : str
+        Key of the list. If it is missing, the result is empty.
+    k : int
+        Index of the point.
+    location : str
+        Beginning of error messages.
+
+    Raises
+    ------
+    TrajectoryError
+        If the entry is not a list of numbers.
+    """
     values = point.get(key) or []
     if not isinstance(values, list) or not all(type(value) in (int, float) for value in values):
         raise TrajectoryError(f"{location}: point {k}: {key} is not a list of numbers")

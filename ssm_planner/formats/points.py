@@ -1,11 +1,11 @@
 """Join the points of a joint motion as joint_trajectory_controller does.
 
-The motion between two points is a straight line if only positions are given, a cubic with
+The motion between two points is a straight line if only positions are given. It is a cubic with
 velocities, and a quintic with velocities and accelerations (ros2_controllers,
 joint_trajectory_controller, trajectory representation).
 
-Points are also checked for values that do not fit their column: degrees instead of radians,
-millimetres instead of metres, swapped columns.
+The module also rejects values that do not fit their column: degrees instead of radians, millimetres
+instead of metres, and swapped columns.
 """
 
 from __future__ import annotations
@@ -26,14 +26,19 @@ from ssm_planner.verification import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
 LONG = 1_000_000
-"""Number of points beyond which points and pieces are kept in temporary files."""
+"""Number of points above which points and pieces are kept in temporary files."""
 
 
 @record
 class Points:
-    """n points of a joint motion in the order of the robot's joints (rad, m, s).
+    """n points of a joint motion in the order of the robot's joints.
 
-    Tables have the shape (n, 4) and are in memory or in a file.
+    Attributes
+    ----------
+    t : (n,) array
+        Times, s.
+    q, qd, qdd : (n, 4) arrays
+        Positions, velocities and accelerations, rad and m. They are in memory or in a file.
     """
 
     t: Array
@@ -41,8 +46,9 @@ class Points:
     qd: Array | None = None
     qdd: Array | None = None
     has_qd: Mask | None = None
-    """Mask (n,) of the points with velocities. None if all points have them, or none has."""
+    """Points with velocities, (n,). None if all points have velocities, or if qd is None."""
     has_qdd: Mask | None = None
+    """Points with accelerations, (n,), with the same meaning of None."""
     resolution: Array | None = None
     """Largest rounding error of the positions, (4,). None if the rounding is unknown."""
     place: Callable[[int], str] = "point {}".format
@@ -55,11 +61,13 @@ class Reading:
 
     trajectory: Trajectory
     interpolation: str
+    """Description of the motion between the points."""
     resolution: Array | None
-    """Rounding error for `check`, (4,). None if every piece is smooth."""
+    """Largest rounding error of the positions, (4,). None if every piece is smooth."""
     notes: tuple[str, ...] = ()
+    """Remarks on the file for the user."""
     checks: tuple[LimitCheck, ...] = ()
-    """Limit checks of data in the file that are not part of the trajectory."""
+    """Results for data in the file that are not part of the trajectory."""
     start_rate: Mapping[str, float] = field(default_factory=dict)
     """Rates of task coordinates that the file declares at the start, rad/s or m/s.
 
@@ -73,7 +81,19 @@ class Reading:
     """Controlled stops through the points of a table."""
 
     def check(self, robot: Robot, limits: TaskLimits) -> Certificate:
-        """Check the trajectory and the other data of the file."""
+        """Check the trajectory, its controlled stops and the other data of the file.
+
+        Parameters
+        ----------
+        robot : Robot
+        limits : TaskLimits
+            Limits of the task, with the rates at both ends.
+
+        Returns
+        -------
+        Certificate
+            Of all stops, it contains only the result with the smallest margin.
+        """
         certificate = check(
             self.trajectory,
             robot,
@@ -83,15 +103,19 @@ class Reading:
         )
         # A stop begins in motion, and ends at rest unless the motion itself ends moving.
         alone = replace(limits, start_rate=None, end_rate=limits.end_rate and None, motion=())
-        found = [check(stop, robot, alone, resolution=self.resolution) for stop in self.stops]
+        certificates = [
+            check(stop, robot, alone, resolution=self.resolution) for stop in self.stops
+        ]
         of_stops = [
-            replace(worst, name="controlled stop", case=worst.name)
-            for worst in sorted((each.worst for each in found), key=lambda line: line.margin)[:1]
+            replace(tightest, name="controlled stop", case=tightest.name)
+            for tightest in sorted(
+                (result.worst for result in certificates), key=lambda line: line.margin
+            )[:1]
         ]
         return certificate.with_more((*self.checks, *of_stops))
 
     def ends_on(self, limits: TaskLimits) -> TaskLimits:
-        """Add the start and end rates that the file declares to limits.
+        """Return limits with the rates that the file declares at the start and the end.
 
         Rates that the limits already contain take precedence.
         """
@@ -107,7 +131,7 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     ----------
     points : Points
     robot : Robot
-    notes : tuple[str, ...]
+    notes : tuple of str
         Notes to pass on with the trajectory.
 
     Returns
@@ -121,11 +145,11 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     """
     check_points(points, robot)
     n = len(points.t)
-    unset = np.zeros(n, dtype=bool)
-    velocity = unset if points.qd is None else ~unset if points.has_qd is None else points.has_qd
-    acceleration = (
-        unset if points.qdd is None else ~unset if points.has_qdd is None else points.has_qdd
-    )
+    velocity, acceleration = points.has_qd, points.has_qdd
+    if velocity is None:
+        velocity = np.full(n, points.qd is not None)
+    if acceleration is None:
+        acceleration = np.full(n, points.qdd is not None)
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
     coefficients = large_array((n - 1, DEGREE + 1, 4))
@@ -140,9 +164,10 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
 
 
 def large_array(shape: tuple[int, ...]) -> Array:
-    """Return an array (n, …) of a given shape without values.
+    """Return an uninitialised array of a given shape (n, …).
 
-    More than `LONG` rows are in a temporary file. The system reads and writes its parts on demand.
+    An array with more than LONG rows is in a temporary file. The operating system reads and writes
+    its parts on demand.
     """
     if shape[0] <= LONG:
         return np.empty(shape)
@@ -153,8 +178,12 @@ def large_array(shape: tuple[int, ...]) -> Array:
 def describe(cubic: Mask, quintic: Mask) -> str:
     """Describe the interpolation between points in words.
 
-    `cubic` is a mask (n,) of the pieces that are cubic or quintic, and `quintic` a mask (n,) of the
-    quintic pieces.
+    Parameters
+    ----------
+    cubic : (n,) array of bool
+        True for pieces that are cubic or quintic.
+    quintic : (n,) array of bool
+        True for quintic pieces.
     """
     if quintic.all():
         return "quintic between points (positions, velocities and accelerations given)"
@@ -172,19 +201,19 @@ def check_points(points: Points, robot: Robot) -> None:
     """Raise TrajectoryError if points do not form a trajectory of the robot.
 
     Faults are too few points, values that are not finite, times that do not increase, wrong units
-    and swapped columns.
+    and swapped columns. The message names the first faulty point.
     """
     t = points.t
     n = len(points.t)
     if n < 2:
         raise TrajectoryError(f"{points.place(0)}: {n} point; a trajectory needs at least two")
-    row_name = (
+    columns = (
         ("time", t),
         ("position", points.q),
         ("velocity", points.qd),
         ("acceleration", points.qdd),
     )
-    for name, values in row_name:
+    for name, values in columns:
         if values is None:
             continue
         for block in blocks(n, BLOCK):
@@ -208,7 +237,13 @@ def check_points(points: Points, robot: Robot) -> None:
 def _pieces(points: Points, block: slice, cubic: Mask, quintic: Mask) -> Array:
     """Return the coefficients (m, 6, 4) of m pieces.
 
-    `cubic` and `quintic` are masks (m,) of the pieces of at least these degrees.
+    Parameters
+    ----------
+    points : Points
+    block : slice
+        Indices of the points at the starts of the pieces.
+    cubic, quintic : (m,) arrays of bool
+        True for pieces of at least this degree.
     """
     sides = block, slice(block.start + 1, block.stop + 1)
     tables = [table for table in (points.q, points.qd, points.qdd) if table is not None]
@@ -233,19 +268,28 @@ FEW = 20
 ENOUGH = 20_000
 """Largest number of intervals that are compared."""
 ALIKE = 0.05
-"""Largest relative residual, and deviation of the factor, for proportional columns."""
+"""Largest relative residual, and deviation of the factor from 1, of columns that agree."""
 UNLIKE = 2.0
 """Factor beyond which velocities proportional to the slopes have a different unit."""
 FACTORS = (
     (180 / math.pi, "degrees where radians are meant"),
     (1000.0, "millimetres where metres are meant"),
 )
+"""Factors between units that are often confused, with a hint for the user."""
 
 
-def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], start: int) -> None:
-    """Raise TrajectoryError if a position in q (n, 4) is too large for its kind of joint.
+def check_magnitudes(q: Array, robot: Robot, point_name: Callable[[int], str], start: int) -> None:
+    """Raise TrajectoryError if a position is too large for its kind of joint.
 
-    `place` returns the name of a point for messages, and `start` is the index of the first row.
+    Parameters
+    ----------
+    q : (n, 4) array
+        Joint positions, rad and m.
+    robot : Robot
+    point_name : callable
+        Function that returns the name of a point for messages.
+    start : int
+        Index of the first point.
     """
     for i, joint in enumerate(robot.joints):
         k = int(np.argmax(np.abs(q[:, i])))
@@ -253,9 +297,9 @@ def check_magnitudes(q: Array, robot: Robot, place: Callable[[int], str], start:
         if abs(value) > (LARGEST_STROKE if joint.slides else LARGEST_ANGLE):
             unit = "millimetres" if joint.slides else "degrees"
             raise TrajectoryError(
-                f"{place(start + k)}: position of joint {joint.name} = {value:.6g} {joint.unit}: "
-                f"this is too large for this kind of joint; are these {unit}, or are columns "
-                "swapped?"
+                f"{point_name(start + k)}: position of joint {joint.name} = {value:.6g} "
+                f"{joint.unit}: this is too large for this kind of joint; are these {unit}, or "
+                "are columns swapped?"
             )
 
 
@@ -268,9 +312,9 @@ def check_derivatives(
 
     Parameters
     ----------
-    t : (n,)
+    t : (n,) array
         Instants, s.
-    value, derivative : (n, 4)
+    value, derivative : (n, 4) arrays
         Values and their derivatives.
     robot : Robot
     names : (str, str)
@@ -310,11 +354,24 @@ def check_derivatives(
 
 
 def _same(factor: float, residual: float) -> bool:
+    """Return True if a factor and a residual show that two columns agree."""
     return residual < ALIKE and abs(factor - 1) < ALIKE
 
 
 def _compare(slope: Array, mean: Array) -> tuple[float, float]:
-    """Return the mean derivative as a multiple of the slope, and the relative residual."""
+    """Fit mean = factor · slope by least squares.
+
+    Parameters
+    ----------
+    slope, mean : (n,) arrays
+        Slopes of the values, and mean derivatives.
+
+    Returns
+    -------
+    factor : float
+    residual : float
+        Norm of mean − factor · slope, relative to the norm of `mean`.
+    """
     size = float(np.linalg.norm(mean))
     if size == 0.0:
         return 0.0, 1.0

@@ -1,12 +1,13 @@
 """Export tables of position, velocity and time (PVT) for drives that interpolate with cubics.
 
-Elmo's PVT mode and the IPM mode of maxon EPOS2 and EPOS3 use such tables. Times are whole ms and
-positions are whole increments, so the rows cannot lie exactly at the acceleration jumps of the plan
-or exactly on the plan. Cubics through rounded samples of the plan would exceed its limits.
+Elmo's PVT mode and the IPM mode of maxon EPOS2 and EPOS3 use such tables. Times are whole
+milliseconds, and positions are whole increments. Therefore, the rows cannot lie exactly at the
+acceleration jumps of the plan or exactly on the plan. Cubics through rounded samples of the plan
+would exceed its limits.
 
-Therefore, the rows of each joint are fitted. A linear program finds the rows nearest to a slightly
-slower plan for which the cubics stay within the accelerations, velocities and positions that the
-plan has nearby. The motion that the drives will execute is then verified.
+For this reason, a linear program fits the rows of each joint. It finds the rows nearest to a
+slightly slower plan for which the cubics stay within the accelerations, velocities and positions
+that the plan has nearby. The motion that the drives will execute is then checked.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification import Certificate
 
 INT24 = 2**23 - 1
+"""Largest velocity in increments/s that the drives accept (24 bits with sign)."""
 LARGEST_TIME = 255
 """Largest duration of one row, ms (8 bits)."""
 INTERVALS = (40, 60, 25, 100)
@@ -58,6 +60,7 @@ EXCESS = 1e6
 TIME = "time_ms"
 POSITION = "position"
 VELOCITY = "velocity"
+"""Names of the columns. The unit follows the name."""
 FORM = {
     "time_ms": "time since the previous row, 1 to 255; 0 in the first row, whose time is not used",
     "position_inc": "absolute, INT32",
@@ -67,19 +70,21 @@ FORM = {
     "start": "first row: position and velocity that the axis must have at the start",
     "end": "last row: the target; the command that ends a table depends on the drive",
 }
+"""Explanation of the columns in the manifest."""
 NOT_VERIFIED = (
     "the export was not tested on a drive: format and interpolation follow Elmo's SimplIQ manual "
     "(P 32, V 24, T 8 bits; ms, counts/s) and maxon's IPM application note for the EPOS2 (0x20C1); "
-    "an EPOS4 has no such mode",
+    "the EPOS4 does not have this mode",
     "both drives hold 64 rows at a time: send the rest of a longer table while it runs",
     "no source states the velocity unit of the drives and the command that ends a table: see the "
     "manual of the drive",
 )
+"""Statements about the drives that were not tested."""
 
 
 @record
 class Table:
-    """Rows of all joints and the certificate of the cubics between them."""
+    """Rows of all joints at n times, and the certificate of the cubics between them."""
 
     t: Array
     """Times in s (n,), multiples of 1 ms."""
@@ -89,7 +94,9 @@ class Table:
     Joints without a drive have rad, m and s instead.
     """
     stretch: float
+    """Duration of the table divided by the duration of the plan."""
     limits: TaskLimits
+    """Limits of the slower motion, with the rates at both ends of the table."""
     certificate: Certificate
 
 
@@ -121,17 +128,17 @@ def export_pvt(
     axes = axes_of(plan.robot, counts_per_turn)
     table = _table(plan, certificate, axes)
     t, rows = table.t, table.rows
-    made = content(plan.robot, axes, t, rows, limits=table.limits, suffix=suffix)
-    entries = made.write(folder)
+    files = content(plan.robot, axes, t, rows, limits=table.limits, suffix=suffix)
+    entries = files.write(folder)
     notes = [
         f"{len(table.t)} rows, {100 * (table.stretch - 1):.2g} % slower than the plan; "
         f"{table.certificate.interpolation}"
     ]
     for i, joint in enumerate(plan.robot.joints):
         if joint.name in axes:
-            planned, _ = _samples(plan, table.t, table.stretch, i)
+            plan_positions, _ = _samples(plan, table.t, table.stretch, i)
             position = table.rows[joint.name][0] / scale(axes, joint.name)
-            deviation = float(np.abs(position - planned).max())
+            deviation = float(np.abs(position - plan_positions).max())
             entries["axes"][joint.name]["deviation"] = deviation
             notes.append(
                 f"joint {joint.name}: up to {deviation:.2g} {joint.unit} from the plan at the rows"
@@ -158,9 +165,26 @@ def content(
     limits: TaskLimits,
     suffix: str,
 ) -> Content:
-    """Return the files and the entries of the manifest for rows at times t (n,), see `Table`.
+    """Return the files and the entries of the manifest for a table.
 
-    The names of the files end with `suffix`. Raises ExportError if a number does not fit.
+    Parameters
+    ----------
+    robot : Robot
+    axes : mapping of str to Axis
+        Drives by joint.
+    t : (n,) array
+        Times of the rows, s.
+    rows : mapping of str to two (n,) arrays
+        Positions and velocities by joint, see `Table`.
+    limits : TaskLimits
+        Limits with the rates at both ends.
+    suffix : str
+        Text that marks unverified files, before the extension.
+
+    Raises
+    ------
+    ExportError
+        If a number does not fit into the table of a drive.
     """
     files = {}
     entries: JsonObject = {}
@@ -204,8 +228,25 @@ def content(
 def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
     """Read the motion that drives execute for exported tables: cubics between their rows.
 
-    The arguments are those of `read_epos4`. Raises TrajectoryError if a table is damaged or does
-    not belong to the robot.
+    Parameters
+    ----------
+    folder : Path
+        Export folder.
+    manifest : dict
+        Its manifest.
+    names : collection of str
+        Files that are unchanged since the export.
+    robot : Robot
+
+    Returns
+    -------
+    Reading
+        The motion, and the content that the folder must have for this motion.
+
+    Raises
+    ------
+    TrajectoryError
+        If a table is damaged, or if it does not belong to the robot.
     """
     axes, steps, tables = read_tables(folder, manifest, robot, TIME, _columns)
     if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
@@ -226,6 +267,14 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
 
 
 def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
+    """Return the names of the columns of positions and velocities of a joint.
+
+    Parameters
+    ----------
+    joint : Joint
+    driven : bool
+        True if the joint has a drive, so that its unit is an increment.
+    """
     unit = "inc" if driven else joint.unit
     return f"{POSITION}_{unit}", f"{VELOCITY}_{unit}_per_s"
 
@@ -233,8 +282,18 @@ def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
 def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table:
     """Return the first table whose cubics keep every limit.
 
-    If the plan itself violates a limit, the first table is returned. Raises ExportError if no table
-    keeps the limits.
+    Parameters
+    ----------
+    plan : Plan
+    certificate : Certificate
+        Certificate of the plan. If it did not pass, the first table is returned.
+    axes : dict of Axis
+        Drives by joint.
+
+    Raises
+    ------
+    ExportError
+        If every table exceeds a limit.
     """
     certificates = []
     for table in _trials(plan, axes, STRETCHES if certificate.passed else (0.0,)):
@@ -253,6 +312,11 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
 
 
 def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> Iterator[Table]:
+    """Yield tables with different durations and times between rows.
+
+    The order is that of `stretches` (relative increases of the duration) and INTERVALS. Raises
+    ExportError if the motion is too short for a table.
+    """
     for slowdown in stretches:
         for interval in INTERVALS:
             total = int(np.ceil(plan.motion.duration * (1 + slowdown) * 1000 - 1e-6))
@@ -278,6 +342,7 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
 
 
 def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
+    """Return positions and velocities (n,) of joint i at times t (n,) of the slower plan."""
     s = at_times(plan, plan.motion.breaks[0] + t, stretch)
     return s.q[:, i], s.qd[:, i]
 
@@ -285,7 +350,7 @@ def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array
 class _Fit:
     """Linear program for the rows of one joint.
 
-    Positions are in increments, and velocities in increments per τ, the mean time between rows. The
+    Positions are in increments. Velocities are in increments per τ, the mean time between rows. The
     unknowns are the deviations d of the n positions and w of the n velocities from the plan, their
     bounds e ≥ |d|, and an excess ε ≥ 0. The program minimises Σ e + EXCESS ε subject to these
     conditions on every interval:
@@ -298,6 +363,20 @@ class _Fit:
     """
 
     def __init__(self, plan: Plan, i: int, t: Array, stretch: float, unit: float) -> None:
+        """Build the program.
+
+        Parameters
+        ----------
+        plan : Plan
+        i : int
+            Index of the joint.
+        t : (n,) array
+            Times of the rows, s.
+        stretch : float
+            Factor on the duration of the plan.
+        unit : float
+            Increments per rad or m.
+        """
         joint = plan.robot.joints[i]
         motion = plan.motion
         n = len(t)
@@ -315,31 +394,41 @@ class _Fit:
             motion.sample(motion.breaks[0] + self._dense / stretch, side)
             for side in ("left", "right")
         ]
-        bend = np.array(
+        accelerations = np.array(
             [s.qdd[:, i] * unit * tau**2 * factor for s in sides for factor in (1, stretch**-2)]
         )
-        a = self._nearby(bend)
+        a = self._nearby(accelerations)
         v = self._nearby(np.array([s.qd[:, i] * unit * tau for s in sides]))
         p = self._nearby(np.array([s.q[:, i] * unit for s in sides]))
         limit = abs(joint.acceleration * unit * tau**2)
         h = np.diff(t) / tau
-        # Rounding positions by half an increment changes an acceleration by up to 6 / h², but
-        # rarely by half of that.
-        maximum = max(limit, float(np.abs(bend).max())) - 3 / h**2
+        # Rounding both positions by half an increment changes an acceleration by at most
+        # 6 / h², and seldom by more than 3 / h².
+        maximum = max(limit, float(np.abs(accelerations).max())) - 3 / h**2
         a = np.maximum(a[0] - SLACK * limit, -maximum), np.minimum(a[1] + SLACK * limit, maximum)
         zero = np.zeros(n - 1)
-        ones = np.ones(n - 1)
+        one = np.ones(n - 1)
         self.rows_of = (
             ((-6 / h**2, 6 / h**2, -4 / h, -2 / h), a, limit),
             ((6 / h**2, -6 / h**2, 2 / h, 4 / h), a, limit),
-            ((-3 / h, 3 / h, -ones, -ones), v, 0.0),
-            ((ones, zero, h / 3, zero), p, 0.0),
-            ((zero, ones, zero, -h / 3), p, 0.0),
+            ((-3 / h, 3 / h, -one, -one), v, 0.0),
+            ((one, zero, h / 3, zero), p, 0.0),
+            ((zero, one, zero, -h / 3), p, 0.0),
         )
-        """Factors of positions and velocities, (low, high) of their sum, tolerance for ε = 1."""
+        """Factors of positions and velocities, bounds of their sum, and tolerance for ε = 1."""
 
     def _nearby(self, values: Array) -> tuple[Array, Array]:
-        """Return the extremes of values (k, instants) on each interval and its neighbours."""
+        """Return the extremes of a quantity on each interval and its two neighbours.
+
+        Parameters
+        ----------
+        values : (k, instants) array
+            Values of k variants of the quantity at the dense instants.
+
+        Returns
+        -------
+        lowest, highest : (n − 1,) arrays
+        """
         low = np.pad(np.minimum.reduceat(values.min(axis=0), self._where), 1, mode="edge")
         high = np.pad(np.maximum.reduceat(values.max(axis=0), self._where), 1, mode="edge")
         return np.min([low[:-2], low[1:-1], low[2:]], axis=0), np.max(
@@ -347,9 +436,18 @@ class _Fit:
         )
 
     def rows(self, is_complete: bool) -> tuple[Array, Array]:
-        """Return the positions (n,), increments, and the best velocities (n,), increments/s.
+        """Solve the program.
 
-        If `is_complete` is true, both are rounded to integers.
+        Parameters
+        ----------
+        is_complete : bool
+            Round the results to integers. The positions are rounded first, and the velocities are
+            then fitted again.
+
+        Returns
+        -------
+        positions, velocities : (n,) arrays
+            Rows in increments and increments/s.
         """
         free = np.pad(np.ones(len(self.positions) - 2), 1)
         if not is_complete:
@@ -364,8 +462,17 @@ class _Fit:
     def _solve(self, d: Array, free: Array) -> tuple[Array, Array]:
         """Solve the linear program, and return the deviations d and w (n,).
 
-        Positions with `free` (n,) equal to 0 have the deviation `d` (n,). The deviations of all
-        other positions are unknown. Without a solution, all deviations are 0.
+        Parameters
+        ----------
+        d : (n,) array
+            Deviations of fixed positions.
+        free : (n,) array
+            0 for a fixed position, and 1 for a position whose deviation is unknown.
+
+        Returns
+        -------
+        d, w : (n,) arrays
+            Deviations of positions and velocities. They are 0 if the program is infeasible.
         """
         from scipy import sparse
         from scipy.optimize import Bounds, LinearConstraint, milp

@@ -1,4 +1,7 @@
-"""Read a trajectory file of any supported format. The file name determines the reader."""
+"""Read a trajectory file of any supported format.
+
+The suffix of the file name determines the reader. For an export folder, the manifest determines it.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,7 @@ from ssm_planner.typing import JsonObject
 ACCEPTED = (
     "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or an export folder"
 )
+"""Supported files, for error messages."""
 LARGEST_MANIFEST = 20_000_000
 """Largest size of a manifest, bytes."""
 LARGEST_RATE = 1e3
@@ -34,6 +38,7 @@ def read_trajectory(path: str | Path, robot: Robot) -> Reading:
     Parameters
     ----------
     path : str or Path
+        File or folder.
     robot : Robot
         Robot that defines the joints of the file.
 
@@ -62,6 +67,7 @@ def read_trajectory(path: str | Path, robot: Robot) -> Reading:
 
 
 def _read_file(path: Path, robot: Robot) -> Reading:
+    """Read a single file. Its suffix determines the format. Raises TrajectoryError."""
     suffix = path.suffix.lower()
     if not path.is_file():
         raise TrajectoryError(f"{path}: not a regular file")
@@ -75,6 +81,11 @@ def _read_file(path: Path, robot: Robot) -> Reading:
 
 
 def _read_folder(folder: Path, robot: Robot) -> Reading:
+    """Read a rosbag2 or an export folder.
+
+    The files of an export must have the hashes in its manifest, and they must agree with the
+    motion. Raises TrajectoryError if they do not.
+    """
     if (folder / "metadata.yaml").is_file():
         _check_hashes(folder.parent, below=folder.name)
         return read_rosbag(folder, robot)
@@ -82,17 +93,17 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
     intact = _check_hashes(folder, manifest)
     require_robot(folder, manifest, robot)
     start, end = (_declared(folder, manifest, key) for key in ("start_rate", "end_rate"))
-    kind = str(manifest.get("kind"))
-    form = FORMATS.get(kind)
+    format_name = str(manifest.get("kind"))
+    form = FORMATS.get(format_name)
     if form is None:
-        raise TrajectoryError(f"{folder / MANIFEST}: unknown kind of export: {kind[:80]}")
+        raise TrajectoryError(f"{folder / MANIFEST}: unknown kind of export: {format_name[:80]}")
     if form.reader:
         reading: Reading = pkgutil.resolve_name(form.reader)(folder, manifest, intact, robot)
     else:
         name = manifest.get("trajectory")
         if not isinstance(name, str):
             raise TrajectoryError(
-                f"{folder}: this export ({kind[:80]}) does not contain a trajectory"
+                f"{folder}: this export ({format_name[:80]}) does not contain a trajectory"
             )
         if name not in intact:
             raise TrajectoryError(
@@ -106,14 +117,14 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
 
 
 def read_manifest(folder: Path) -> JsonObject:
-    """Read the manifest of an export folder.
+    """Return the manifest of an export folder.
 
-    Raises TrajectoryError if the folder has no manifest of an export.
+    Raises TrajectoryError if the folder does not contain the manifest of an export.
     """
     path = folder / MANIFEST
     if not path.exists():
         raise TrajectoryError(
-            f"{folder}: neither a rosbag2 nor an export (no {MANIFEST}; allowed: {ACCEPTED})"
+            f"{folder}: not a rosbag2 and not an export (without {MANIFEST}; allowed: {ACCEPTED})"
         )
     manifest = read_json(path, LARGEST_MANIFEST)
     expected = EXPORT, VERSION
@@ -130,17 +141,21 @@ def _check_hashes(
 ) -> frozenset[str]:
     """Check that the files of an export are unchanged, and return the names in its manifest.
 
-    The SHA-256 of each file is compared with the manifest. Raises TrajectoryError if a file is
-    missing or was modified.
+    The SHA-256 of each file is compared with the manifest.
 
     Parameters
     ----------
     folder : Path
         Folder of the export.
-    manifest : JsonObject, optional
-        Its manifest. If it is not given, the file is read if it exists.
+    manifest : dict, optional
+        Its manifest. By default, the function reads manifest.json if this file exists.
     below : str
-        Name of a subfolder. If it is given, only the files in this subfolder are compared.
+        Name of a subfolder. If it is not empty, only the files in this subfolder are compared.
+
+    Raises
+    ------
+    TrajectoryError
+        If a file is missing or was modified.
     """
     path = folder / MANIFEST
     if manifest is None:
@@ -174,9 +189,10 @@ def _check_hashes(
 
 
 def _declared(folder: Path, manifest: JsonObject, key: str) -> dict[str, float]:
-    """Return the rates of task coordinates that the manifest declares under a key.
+    """Return the rates of task coordinates that a manifest declares under a key.
 
-    Raises TrajectoryError if the entry is not a mapping from task coordinates to numbers.
+    The rates are in rad/s and m/s. Raises TrajectoryError if the entry is not a mapping from task
+    coordinates to numbers.
     """
     rates = manifest.get(key, {})
     if not isinstance(rates, dict) or not set(rates) <= set(TASK):

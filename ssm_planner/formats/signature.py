@@ -21,15 +21,42 @@ SIGNATURE = "signature"
 def signature_of(manifest: JsonObject, key: Path) -> str:
     """Return the signature of a manifest in hexadecimal.
 
-    `key` is a PEM file with a private key. Raises ExportError if it cannot be used.
+    Parameters
+    ----------
+    manifest : dict
+        Manifest of an export. An existing signature in it is ignored.
+    key : Path
+        PEM file with an Ed25519 private key.
+
+    Raises
+    ------
+    ExportError
+        If the key cannot be used, or if the package cryptography is not installed.
     """
     return str(_read_key(key, "private").sign(_signed_bytes(manifest)).hex())
 
 
 def signature_fault(folder: Path, manifest: JsonObject, key: Path) -> str | None:
-    """Return why a folder is not the one that was signed, or None.
+    """Verify the signature of an export folder.
 
-    `key` is a PEM file with the public key. Raises ExportError if it cannot be used.
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    manifest : dict
+        Its manifest.
+    key : Path
+        PEM file with the Ed25519 public key.
+
+    Returns
+    -------
+    str or None
+        Reason why the folder differs from the signed folder, or None if both are equal.
+
+    Raises
+    ------
+    ExportError
+        If the key cannot be used, or if the package cryptography is not installed.
     """
     public = _read_key(key, "public")
     from cryptography.exceptions import InvalidSignature
@@ -46,13 +73,25 @@ def signature_fault(folder: Path, manifest: JsonObject, key: Path) -> str | None
 
 
 def _signed_bytes(manifest: JsonObject) -> bytes:
-    """Return the manifest without its signature as canonical JSON."""
+    """Return the manifest without its signature as JSON with sorted keys and no spaces."""
     signed = {key: value for key, value in manifest.items() if key != SIGNATURE}
     return json.dumps(signed, sort_keys=True, separators=(",", ":")).encode()
 
 
-def _read_key(path: Path, kind: str) -> Any:
-    """Read a private or a public key. Raises ExportError if it cannot be used."""
+def _read_key(path: Path, key_type: str) -> Any:
+    """Read an Ed25519 key from a PEM file.
+
+    Parameters
+    ----------
+    path : Path
+    key_type : str
+        "private" or "public".
+
+    Raises
+    ------
+    ExportError
+        If the file does not contain such a key, or if the package cryptography is not installed.
+    """
     try:
         from cryptography.exceptions import UnsupportedAlgorithm
         from cryptography.hazmat.primitives import serialization
@@ -63,12 +102,12 @@ def _read_key(path: Path, kind: str) -> Any:
         ) from error
     try:
         data = path.read_bytes()
-        if kind == "private":
+        if key_type == "private":
             key: Any = serialization.load_pem_private_key(data, None)
         else:
             key = serialization.load_pem_public_key(data)
     except (OSError, ValueError, TypeError, UnsupportedAlgorithm):
         key = None
     if not isinstance(key, (ed25519.Ed25519PrivateKey, ed25519.Ed25519PublicKey)):
-        raise ExportError(f"{path}: not an Ed25519 {kind} key (allowed: PEM without password)")
+        raise ExportError(f"{path}: not an Ed25519 {key_type} key (allowed: PEM without password)")
     return key

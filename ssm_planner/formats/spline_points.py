@@ -1,9 +1,9 @@
 """Choose points of a plan so that a controller's spline through them keeps the limits.
 
 The first choice are the breaks of the plan's pieces, where its acceleration may jump. If they do
-not suffice, intermediate points are added. The spline that the controller will execute is then
-verified like any trajectory. Its cubics differ slightly from the quintics of the plan. If they
-exceed a limit slightly, the motion is slowed down until it keeps the limit.
+not suffice, intermediate points are added. The spline that the controller will execute is checked
+like any trajectory. Its cubics differ slightly from the quintics of the plan. If they exceed a
+limit by a small amount, the motion is slowed down until it keeps the limit.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TRIALS = 4
 REST = 1e-7
 """Largest speed at rest, rad/s or m/s."""
 ROUNDED = 1e-9
-"""Times are rounded to ticks of this size or finer, s."""
+"""Coarsest resolution to which times are rounded, s."""
 
 
 @record
@@ -37,6 +37,7 @@ class SplinePoints:
     """Points of a plan, and the certificate of the controller's spline through them."""
 
     samples: Samples
+    """State of the joints at n points."""
     with_acceleration: bool
     """True if the controller must join the points by quintics, and False for cubics."""
     stretch: float
@@ -57,20 +58,25 @@ class SplinePoints:
 
 
 def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-9) -> SplinePoints:
-    """Return points of a plan for a controller that joins them by cubics or quintics.
+    """Choose points of a plan for a controller that joins them by cubics or quintics.
 
     Parameters
     ----------
     plan : Plan
     certificate : Certificate
-        Certificate of the plan. If it did not pass, the first points are returned without changes.
+        Certificate of the plan. If it did not pass, the first choice of points is returned.
     tick : float, optional
         Resolution of the times, s. None disables rounding.
+
+    Returns
+    -------
+    SplinePoints
+        The first points for which the spline keeps every limit.
 
     Raises
     ------
     ExportError
-        If no spline keeps the limits.
+        If every spline exceeds a limit.
     """
     smooth = _acceleration_jump(plan) <= SMOOTH
     trials = [_trial(plan, 1, True, 1.0, tick)] if smooth else []
@@ -99,10 +105,21 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
 
 
 def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
-    """Sample a plan that is slowed down, at instants t (n,) of the slower motion, s.
+    """Sample a plan that is slowed down.
 
-    `stretch` is the factor on the duration. The joints rest after the end. An instant that differs
-    from the end by less than `ROUNDED` counts as the end.
+    Parameters
+    ----------
+    plan : Plan
+    t : (n,) array
+        Instants of the slower motion, s. An instant that exceeds the end by less than ROUNDED
+        counts as the end.
+    stretch : float
+        Factor on the duration.
+
+    Returns
+    -------
+    Samples
+        State of the joints at these instants. After the end, the joints rest.
     """
     start = plan.motion.breaks[0]
     end = plan.motion.breaks[-1]
@@ -115,6 +132,20 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
 def _trial(
     plan: Plan, divisions: int, with_acceleration: bool, stretch: float, tick: float | None
 ) -> SplinePoints:
+    """Return points of a plan, with the certificate of the spline through them.
+
+    Parameters
+    ----------
+    plan : Plan
+    divisions : int
+        Number of equal parts into which each piece of the plan is divided.
+    with_acceleration : bool
+        Join the points by quintics instead of cubics.
+    stretch : float
+        Factor on the duration.
+    tick : float or None
+        Resolution of the times, s. None disables rounding.
+    """
     breaks = plan.motion.breaks
     shares = np.arange(divisions) / divisions
     t = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
@@ -132,6 +163,7 @@ def _trial(
 
 
 def _acceleration_jump(plan: Plan) -> float:
+    """Return the largest jump of an acceleration in the plan, relative to its limit."""
     inner = plan.motion.breaks[1:-1]
     jump = plan.motion.sample(inner, "right").qdd - plan.motion.sample(inner, "left").qdd
     return float(np.max(np.abs(jump) / plan.robot.accelerations, initial=0.0))
@@ -140,8 +172,9 @@ def _acceleration_jump(plan: Plan) -> float:
 def _slower(plan: Plan, violation: LimitCheck) -> float:
     """Return the factor on the duration with which the motion keeps a violated limit.
 
-    If a motion is slowed down a little, a quantity that depends on the nth derivative decreases at
-    least with the nth power of the speed. The result is infinite if a slower motion does not help.
+    If a motion is slowed down a little, a quantity that depends on the n-th derivative decreases at
+    least with the n-th power of the speed. The factor is therefore (1 − 1.2 margin)^(1/n). It is
+    infinite if a slower motion does not help.
     """
     limit = plan.problem.limit(violation.name, violation.joint)
     if isinstance(limit, Symmetric) and not isinstance(limit, ContinuousTorque):

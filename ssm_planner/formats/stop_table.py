@@ -1,7 +1,8 @@
 """The table of controlled stops in an export folder.
 
-Stops follow from the accelerations of the motion. They are derived again if the folder states
-accelerations. If it states positions alone, its table of stops is played instead.
+Stops follow from the accelerations of the motion. If the folder states accelerations, the reader
+computes the stops again and compares them. If the folder states positions alone, the reader plays
+the stops of its table instead.
 """
 
 from __future__ import annotations
@@ -36,9 +37,21 @@ MOST = 100_000
 def stop_table(
     stops: Stops | StopMotions, robot: Robot, axes: Mapping[str, Any], name: str
 ) -> Content:
-    """Return the file with all stops, one after the other, and the entry of the manifest.
+    """Return the file with all stops and its entry in the manifest.
 
-    axes: drive axes of the export by joint. Positions of these joints are in increments.
+    Parameters
+    ----------
+    stops : Stops or StopMotions
+        The stops, which follow one after the other in the file.
+    robot : Robot
+    axes : mapping
+        Drive axes of the export by joint. Positions of these joints are in increments.
+    name : str
+        Name of the file.
+
+    Returns
+    -------
+    Content
     """
     header, scales = _columns(robot, axes)
     rows = [np.empty((0, len(header)))]
@@ -61,7 +74,7 @@ def stop_table(
 
 
 def _columns(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
-    """Return the names of the columns, and the numbers (4,) by which positions are multiplied."""
+    """Return the names of the columns, and the factors (4,) from rad or m to their units."""
     scales = [axes.get(joint.name, {}).get("increments_per_unit") for joint in robot.joints]
     names = [
         f"{joint.name}_{joint.unit if scale is None else 'inc'}"
@@ -71,16 +84,35 @@ def _columns(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
 
 
 def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robot) -> Reading:
-    """Return the motion of a folder with the stops that the folder must or does contain.
+    """Return the motion of a folder together with its stops.
 
-    Raises TrajectoryError if stops that are played do not follow the motion.
+    Parameters
+    ----------
+    folder : Path
+        Export folder.
+    manifest : dict
+        Its manifest, which states whether the folder contains stops.
+    reading : Reading
+        The motion of the folder.
+    robot : Robot
+
+    Returns
+    -------
+    Reading
+        The motion with the content that the table of stops must have. If the folder states
+        positions alone, also with the stops of the table.
+
+    Raises
+    ------
+    TrajectoryError
+        If the stops of the table do not follow the motion.
     """
     content = reading.content
     if "stops" not in manifest or content is None:
         return reading
     name = f"stops{suffix_of(manifest)}.csv"
-    stated = manifest["stops"]
-    count = stated.get("instants") if isinstance(stated, dict) else None
+    entry = manifest["stops"]
+    count = entry.get("instants") if isinstance(entry, dict) else None
     if type(count) is not int or not 0 < count <= MOST or name not in manifest["files"]:
         raise TrajectoryError(f"{folder}: the manifest does not give the number of stops")
     if reading.resolution is None:
@@ -92,7 +124,7 @@ def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robo
         rows[:, 2:] /= scales
         stops = _played(rows, count, reading, robot, path=folder / name)
         reading = replace(reading, stops=tuple(stops))
-        table = Content({"stops": {**stated, "file": name}}, {name: None})
+        table = Content({"stops": {**entry, "file": name}}, {name: None})
     content = Content(content.entries | table.entries, {**content.files, **table.files})
     return replace(reading, content=content)
 
@@ -102,8 +134,25 @@ def _played(
 ) -> Iterator[Trajectory]:
     """Yield the stops in the rows of a table.
 
-    Each row must be on the path of the motion, as closely as the points of the motion determine it.
-    A stop may only be missing where the robot rests.
+    Each row must lie on the path of the motion, as closely as the points of the motion determine
+    it. A stop may be missing only where the robot rests.
+
+    Parameters
+    ----------
+    rows : (n, 6) array
+        Instant of the stop and time since then in s, and joint positions in rad and m.
+    count : int
+        Number of instants from which the table must contain stops.
+    reading : Reading
+        The motion.
+    robot : Robot
+    path : Path
+        File of the table, for messages.
+
+    Raises
+    ------
+    TrajectoryError
+        If a stop is missing, or if it does not follow the motion.
     """
     motion = reading.trajectory
     assert reading.resolution is not None
@@ -112,6 +161,7 @@ def _played(
     slack = change / 4 + 2 * reading.resolution + robot.velocities * DIGIT
 
     def positions(times: Array) -> Array:
+        """Return the positions of the motion (n, 4) at times (n,) from its start, s."""
         return motion.positions(np.clip(motion.breaks[0] + times, *motion.breaks[[0, -1]]))
 
     for time in np.linspace(0.0, motion.duration, count):
@@ -123,21 +173,21 @@ def _played(
     for stop in np.split(rows, np.flatnonzero(rows[1:, 1] == 0) + 1) if len(rows) else ():
         t, q = stop[:, 1], stop[:, 2:]
         regular = np.arange(len(t)) * PERIOD
-        planned = positions(stop[0, 0] + regular)
-        distance = np.abs(q[:, None] - planned) / (
-            slack + np.abs(np.diff(planned, axis=0)).max(axis=0)
+        path_positions = positions(stop[0, 0] + regular)
+        distance = np.abs(q[:, None] - path_positions) / (
+            slack + np.abs(np.diff(path_positions, axis=0)).max(axis=0)
         )
         faults = (
             np.ptp(stop[:, 0]),
             np.abs(t - regular)[:-1].max(initial=0.0) - DIGIT,
             t[-1] - regular[-1] - DIGIT,
-            np.abs(q[0] - planned[0]) - slack,
+            np.abs(q[0] - path_positions[0]) - slack,
             distance.max(axis=2).min(axis=1).max() - 1,
         )
         if not np.max(np.hstack(faults)) <= 0:
             raise TrajectoryError(
                 f"{path}: the stop from {stop[0, 0]} s does not follow the motion"
             )
-        # Times have so few digits that a short last interval has no certain length.
-        kept = np.append(t[:-1] < t[-1] - PERIOD / 2, True)
-        yield join_points(Points(t[kept], q[kept]), robot).trajectory
+        # A short last interval is left out, because the digits do not determine its length.
+        used_rows = np.append(t[:-1] < t[-1] - PERIOD / 2, True)
+        yield join_points(Points(t[used_rows], q[used_rows]), robot).trajectory

@@ -1,4 +1,7 @@
-"""Parse column names of trajectory tables: joint, derivative and unit."""
+"""Parse column names of trajectory tables: joint, derivative and unit.
+
+A name consists of words and a unit, such as q1_rad, "roll [deg]" or joint1_velocity_rad_per_s.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,26 @@ ORDER_WORDS = (
     "qd|dq|vel|velocity|speed|rate",
     "qdd|ddq|acc|accel|acceleration",
 )
-"""Pattern of the words that name each derivative."""
+"""Patterns of the words that denote the position, the velocity and the acceleration."""
 NEUTRAL_WORDS = "joint|j|axis|[1-4]|actual|target|command|desired|value"
-"""Pattern of the words that name neither a joint nor a derivative."""
+"""Pattern of further words that may be part of a column name."""
 ORDER_NAMES = ("position", "velocity", "acceleration")
 _JOINT = re.compile(r"^(joint|j|axis|q|qd|qdd|dq|ddq|theta)_?([1-4])$")
 
 
 @frozen
 class Heading:
-    """A column of a table with its index, its name and its factor to SI units."""
+    """A column of a table.
+
+    Attributes
+    ----------
+    column : int
+        Index of the column in the file.
+    name : str
+        Name of the column in the file.
+    factor : float
+        Factor that converts its values to SI units.
+    """
 
     column: int
     name: str
@@ -37,25 +50,26 @@ def headings(
 
     Parameters
     ----------
-    names : list[str]
+    names : list of str
         Column names in the order of the file.
     robot : Robot
-        Robot that defines the joint names and whether a joint has angles or lengths.
+        Robot that defines the names of the joints. It also determines whether a joint has angles or
+        lengths.
     location : str
         Beginning of error messages: the file and the line.
 
     Returns
     -------
-    columns : dict[tuple[int, int], Heading]
+    columns : dict of Heading
         Columns by (derivative 0 to 2, joint 0 to 3). The time has the key (−1, 0).
-    ignored : list[str]
+    ignored : list of str
         Names of the unused columns.
 
     Raises
     ------
     TrajectoryError
-        If a unit is missing, unknown or wrong for the joint or the derivative, or if a column is
-        missing or given twice.
+        If a unit is missing, unknown or wrong for the joint or the derivative. Also if a column is
+        missing or occurs twice.
     """
     columns: dict[tuple[int, int], Heading] = {}
     ignored = []
@@ -80,6 +94,11 @@ def headings(
 def _complete(
     columns: dict[tuple[int, int], Heading], names: list[str], robot: Robot, location: str
 ) -> None:
+    """Raise TrajectoryError if columns are missing.
+
+    A table needs the time and the positions of all joints. Velocities and accelerations are
+    optional, but must be complete, and accelerations require velocities.
+    """
     if (-1, 0) not in columns:
         raise TrajectoryError(
             f"{location}: no time column with a unit (for example time_s); the columns are {names}"
@@ -103,9 +122,19 @@ def _complete(
 def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     """Determine the quantity and the unit of a column from its name.
 
-    Returns the order of the derivative, the index of the joint, and the factor that converts values
-    to SI units. The time has the order −1. The result is None for a column with another quantity.
-    Raises ValueError if the unit does not fit the quantity.
+    Returns
+    -------
+    key : (int, int)
+        Order of the derivative and index of the joint. The time has the key (−1, 0).
+    factor : float
+        Factor that converts values to SI units.
+
+    Both are returned as a tuple, or None for a column with another quantity.
+
+    Raises
+    ------
+    ValueError
+        If the unit does not fit the quantity.
     """
     label, unit = of_heading(name)
     tokens = [token for token in re.split(r"[^a-z0-9]+|_", label.lower()) if token]
@@ -117,12 +146,12 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     if joint is None:
         return None
     base, per = _base(unit)
-    moved = robot.joints[joint]
-    units = LENGTHS if moved.slides else ANGLES
+    robot_joint = robot.joints[joint]
+    units = LENGTHS if robot_joint.slides else ANGLES
     if base not in units:
-        kind = f"; joint {moved.name} {'slides' if moved.slides else 'turns'}"
+        motion_text = f"; joint {robot_joint.name} {'slides' if robot_joint.slides else 'turns'}"
         raise ValueError(
-            _unit_fault(unit, f"{', '.join(units)}; derivatives add /s or /s^2") + kind
+            _unit_fault(unit, f"{', '.join(units)}; derivatives add /s or /s^2") + motion_text
         )
     if order is not None and order != per:
         raise ValueError(
@@ -132,7 +161,20 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
 
 
 def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
-    """Return the joint and the derivative that the words name, or None where a name is missing."""
+    """Return the joint and the derivative that the words of a column name denote.
+
+    Parameters
+    ----------
+    tokens : list of str
+        Words in lower case.
+    robot : Robot
+
+    Returns
+    -------
+    joint, order : int or None
+        Index of the joint and order of the derivative. None if the words do not state it. Both are
+        None if a word is unknown.
+    """
     joint = None
     order = None
     names = [joint.name for joint in robot.joints]
@@ -160,15 +202,17 @@ def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
 def _base(unit: str) -> tuple[str, int]:
     """Split a unit into its base and its order of differentiation.
 
-    Both deg/s and deg_per_s give (deg, 1).
+    For example, both deg/s and deg_per_s give ("deg", 1).
     """
     match = re.fullmatch(rf"(.*?)({PER})?", unit)
     per = (match.group(2) or "") if match else ""
-    base = unit[: len(unit) - len(per)] if per else unit
-    return base, 0 if not per else 2 if per.endswith(("2", "²")) else 1
+    if not per:
+        return unit, 0
+    return unit[: len(unit) - len(per)], 2 if per.endswith(("2", "²")) else 1
 
 
 def _unit_fault(unit: str, allowed: str) -> str:
+    """Return the message for a unit that is missing or not allowed."""
     if unit:
         return f"unit {unit!r} is not allowed (allowed: {allowed})"
     return f"the unit is missing (allowed: {allowed})"

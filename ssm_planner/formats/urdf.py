@@ -1,6 +1,6 @@
 """Export the mechanism as URDF with joints, limits and inertias.
 
-URDF cannot represent the friction of the drives, so the export has no friction.
+URDF cannot represent the friction of the drives, so the export leaves it out.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 LINKS = ("link1", "link2", "link3", "stage")
+"""Names of the moving links."""
 TOOL = "tool"
+"""Name of the frame at the tool tip."""
 SMALLEST_MASS = 1e-12
 SMALLEST_INERTIA = 1e-14
-"""Mass (kg) and inertia (kg·m²) of a link whose body has none.
+"""Mass (kg) and inertia (kg·m²) of a link whose body is massless.
 
 Some readers refuse a moving link without inertia. Others assume 1 kg.
 """
@@ -36,7 +38,9 @@ NO_MASS = (
     f"has no mass: {SMALLEST_MASS:g} kg and {SMALLEST_INERTIA:g} kg*m^2 are used instead, because "
     "some readers refuse a massless link"
 )
+"""Note about a massless body."""
 PLUGIN = "mock_components/GenericSystem"
+"""Placeholder for the hardware in ros2_control."""
 SIZES = ((0.08, 0.003), (0.12, 0.001))
 """Length and radius (m) of the cylinder that shows a turning and a sliding link."""
 NO_EFFORT = 1e3
@@ -50,12 +54,22 @@ ABSENT = (
     "gravity: simulators assume the direction -z",
     "inertia of rotors, wheels and nuts (input and output inertia of the drives)",
 )
+"""Properties of the robot that the file does not contain."""
 
 
 def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str) -> JsonObject:
     """Write robot.urdf and controllers.yaml, and return the entries of the manifest.
 
-    `suffix` marks unverified files and precedes the extension of their names.
+    Parameters
+    ----------
+    plan : Plan
+        The plan with its robot.
+    certificate : Certificate
+        Certificate of the plan. The files do not contain it.
+    folder : Path
+        Folder of the files.
+    suffix : str
+        Text that marks unverified files, before the extension.
     """
     path = folder / f"robot{suffix}.urdf"
     mark = "" if not suffix else "UNVERIFIED: the exported plan has no passed certificate."
@@ -80,7 +94,11 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
 def urdf(robot: Robot, mark: str = "") -> str:
     """Return the robot as URDF text with a base, four links and the frame of the tool tip.
 
-    `mark` is a warning that is added to the comment at the beginning.
+    Parameters
+    ----------
+    robot : Robot
+    mark : str
+        Warning that is added to the comment at the beginning.
     """
     return render_template(
         _templates(escape=True),
@@ -121,9 +139,20 @@ def _links(robot: Robot) -> Iterator[dict[str, Any]]:
 
 
 def rpy(rotation: Array) -> Array:
-    """Return roll, pitch and yaw (3,) of a rotation R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3), rad.
+    """Return the roll, pitch and yaw angles of a rotation matrix.
 
-    The angles are also accurate at a pitch of ±90°.
+    The rotation is R = Rz(yaw) Ry(pitch) Rx(roll), as URDF defines it. The angles are also accurate
+    at a pitch of ±90°, where the yaw is chosen as 0.
+
+    Parameters
+    ----------
+    rotation : (3, 3) array
+        Rotation matrix.
+
+    Returns
+    -------
+    (3,) array
+        Roll, pitch and yaw, rad.
     """
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     if math.hypot(rotation[0, 0], rotation[1, 0]) < 1e-12:
@@ -138,7 +167,12 @@ def rpy(rotation: Array) -> Array:
 
 
 def effort_limit(joint: Joint) -> float:
-    """Return the largest steady effort (N·m or N) that the motor provides through its drive."""
+    """Return the largest steady effort (N·m or N) that the motor provides through its drive.
+
+    The motor lifts the load at its largest torque τ_max. The torque without load is τ_0, and k is
+    the slope of the torque over the load. The result is then (τ_max − τ_0)/k − b_oc, where b_oc is
+    the friction at the output. A joint without a motor has NO_EFFORT.
+    """
     drive = joint.drive
     motor = joint.motor
     if drive is None or motor is None:
@@ -150,6 +184,7 @@ def effort_limit(joint: Joint) -> float:
 
 @cache
 def _templates(escape: bool) -> Environment:
+    """Return the templates with the filters that they use."""
     from markupsafe import Markup
 
     return environment(
@@ -165,6 +200,7 @@ def _templates(escape: bool) -> Environment:
 
 
 def _triple(values: Array) -> str:
+    """Format three numbers for an attribute. Rounding errors become 0."""
     return " ".join(_exact(value) for value in np.where(np.abs(values) < 1e-16, 0.0, values))
 
 

@@ -1,7 +1,8 @@
 """Python interface of the structured interior-point solver in C (`native/solver.c`).
 
-The solver is a filter line search with Newton steps on a small positive definite band matrix with a
-border. Without the compiled part (`native.library`) only Ipopt solves programs.
+The solver minimises a sequence of barrier functions by Newton steps with a filter line search. Its
+linear systems are small positive definite band matrices with a border. Without the compiled part
+(`native.library`), only Ipopt solves programs.
 """
 
 from __future__ import annotations
@@ -15,23 +16,32 @@ from ssm_planner.native import library
 from ssm_planner.typing import Array, record
 
 TOLERANCE = 1e-8
+"""Largest residual of the optimality conditions at the solution."""
 LAST_BARRIER = 11.0
-"""Tolerance divided by the last μ."""
+"""Tolerance divided by the last weight μ of the barrier."""
 SUPERLINEAR = 1.5
 """Exponent of μ from one barrier problem to the next."""
 BARRIER = 1e-4
-"""First μ of a cold start."""
+"""First weight μ of the barrier in a cold start."""
 
 
 @record
 class State:
-    """The final state of a solve, from which another solve may start."""
+    """The final state of a solve, from which another solve may start.
+
+    Attributes
+    ----------
+    point : Point
+        The last iterate.
+    equality_multipliers : array
+        Multipliers of the equalities.
+    """
 
     point: Point
     slacks: Array
-    """Slacks of all rows (`Program.sizes`), 1 for rows without a bound."""
+    """Slacks of all rows (`Program.sizes`). The slack of an unlimited row is 1."""
     multipliers: Array
-    """Multipliers of all rows, 0 for rows without a bound."""
+    """Multipliers of all rows. The multiplier of an unlimited row is 0."""
     equality_multipliers: Array
 
 
@@ -39,7 +49,16 @@ class State:
 class Outcome:
     """The result of a solve.
 
-    `converged` is True if the stopping test was met. Otherwise the state is the last iterate.
+    Attributes
+    ----------
+    converged : bool
+        True if the stopping test was met.
+    iterations : int
+        Number of iterations.
+    state : State
+        The solution, or the last iterate.
+    objective : float
+        Value of the objective.
     """
 
     converged: bool
@@ -59,24 +78,24 @@ def solve(
     superlinear: float,
     off_centre: float,
 ) -> Outcome:
-    """Find a local minimum of the program.
+    """Find a local minimum of a program.
 
     Parameters
     ----------
-    program
+    program : Program
         The program.
-    start
+    start : Point
         Initial point of a cold start.
-    warm
-        Final state of a solve of the same dimensions, used instead of `start`.
-    iterations
+    warm : State or None
+        Final state of a solve of the same dimensions, which replaces `start`.
+    iterations : int
         Largest number of iterations.
-    superlinear
-        Largest exponent by which the weight of the barrier falls. A smaller one takes more
+    superlinear : float
+        Largest exponent by which the weight of the barrier decreases. A smaller exponent takes more
         iterations.
-    off_centre
-        Relative deviation of slack times multiplier from the last weight. It is used for
-        multipliers that must follow from slacks and is not a condition of convergence.
+    off_centre : float
+        Relative deviation of slack times multiplier from the last weight of the barrier. The solver
+        uses it for multipliers that it computes from slacks. It is not a condition of convergence.
 
     Returns
     -------
@@ -175,6 +194,7 @@ class _NativeProgram:
     """A program in the layout of C, and all memory to which it points."""
 
     def __init__(self, program: Program) -> None:
+        """Convert a program. The object keeps the memory alive."""
         self._kept: list[object] = []
         groups = (_Group * len(program.groups))(
             *(

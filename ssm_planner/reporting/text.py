@@ -1,4 +1,8 @@
-"""Format plans and sizing results as text and tables for the terminal and for pages."""
+"""Format plans and sizing results as text and tables for the terminal and for pages.
+
+Functions whose names end in `_lines` return lines for the terminal. Functions whose names end in
+`_table` return a `Table`, which the terminal and the pages show.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +37,9 @@ if TYPE_CHECKING:  # `check` prints tables without loading the planner.
     from ssm_planner.simulation.simulate import SimulationResult
 
 SizingObject = Mapping[str, Any]
-"""Object that `size --json` prints and plan.json contains."""
+"""JSON object that `size --json` prints and that plan.json contains."""
 VERDICT_LABELS = {True: "yes", False: "NO", None: "not known"}
+"""Word for each value of an `adequate` entry. None means that data are missing."""
 MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
 """Checks of a motor whose margins appear in tables."""
 KELVIN = 273.15
@@ -42,23 +47,31 @@ KELVIN = 273.15
 FLOORS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
 """Limits below which a quantity must not fall."""
 BINDING = 0.005
-"""Largest margin of a limit that binds, as in the plots of the report."""
+"""Largest margin of a limit that counts as active, as in the plots of the report."""
 CHECK_OF_RATING = {
     "max_torque": "torque",
     "max_speed": "speed",
     "nominal_torque": "continuous_torque",
 }
-"""Name of the check whose limit is this value of the motor file."""
+"""Name of the check whose limit is a value of the motor file, by the key of this value."""
 AGREES_IPOPT = 1e-6
-"""Largest relative difference of durations with which Ipopt confirms a motion (`planning/ocp`)."""
+"""Largest relative difference of durations at which Ipopt confirms a motion."""
 
 
 @frozen
 class Table:
     """A table of text.
 
-    `header` contains the headings of the columns, and each of the `rows` one cell per column.
-    `numbers` contains the indices of right-aligned columns.
+    Attributes
+    ----------
+    header : sequence of str
+        Headings of the columns.
+    rows : sequence of sequences of str
+        Rows with one cell for each column.
+    numbers : sequence of int
+        Indices of right-aligned columns.
+    caption : str
+        Title above the table. It may be empty.
     """
 
     header: Sequence[str]
@@ -76,6 +89,11 @@ class Table:
         ----------
         width : int, optional
             Largest number of characters in a line. The default is the width of the terminal.
+
+        Returns
+        -------
+        list of str
+            Lines without spaces at their ends.
         """
         limit = columns() if width is None else width
         widths = self._widths(limit)
@@ -94,7 +112,7 @@ class Table:
         ]
 
     def _select(self, indices: Sequence[int]) -> Table:
-        """Return a table with the selected columns."""
+        """Return a table that contains only the columns with these indices."""
         rows = [[row[i] for i in indices] for row in self.rows]
         numbers = [k for k, i in enumerate(indices) if i in self.numbers]
         return Table([self.header[i] for i in indices], rows, numbers)
@@ -114,19 +132,23 @@ class Table:
             priorities = [
                 (width > smallest[i], i in self.numbers, width) for i, width in enumerate(widths)
             ]
-            first = max(priorities)
-            if not first[0]:
+            priority = max(priorities)
+            if not priority[0]:
                 break
-            widths[priorities.index(first)] -= 1
+            widths[priorities.index(priority)] -= 1
         return widths
 
     def _align(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
+        """Yield the cells of a row, padded to the widths of their columns."""
         for i, (cell, width) in enumerate(zip(row, widths, strict=True)):
             yield cell.rjust(width) if i in self.numbers else cell.ljust(width)
 
 
 def _wrap_row(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:
-    """Wrap each cell of a row to its column, and yield the row line by line."""
+    """Wrap each cell of a row to the width of its column, and yield the row line by line.
+
+    Cells with fewer lines than others are filled with empty text.
+    """
     cells = [
         wrap(cell, max(width, 1), break_on_hyphens=False) or [""]
         for cell, width in zip(row, widths, strict=True)
@@ -135,9 +157,21 @@ def _wrap_row(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[st
 
 
 def unit_of_limit(limit: LimitCheck | Kept, degree: str = "deg") -> tuple[str, float]:
-    """Return the display unit of a limit, and the factor that converts SI values to this unit.
+    """Return the display unit of a limit.
 
-    `degree` is the symbol of degrees. Motor speeds are in rpm.
+    Parameters
+    ----------
+    limit : LimitCheck or Kept
+        A result in SI units.
+    degree : str
+        Symbol of degrees, "deg" for the terminal and "°" for pages.
+
+    Returns
+    -------
+    unit : str
+        The unit. Motor speeds have the unit rpm.
+    factor : float
+        Factor that converts SI values to this unit.
     """
     return display_unit(READ_IN.get(limit.name, limit.unit), degree)
 
@@ -145,25 +179,35 @@ def unit_of_limit(limit: LimitCheck | Kept, degree: str = "deg") -> tuple[str, f
 def limit_cells(
     limit: LimitCheck, degree: str = "deg", digits: int = 6
 ) -> tuple[str, str, str, str, str, str]:
-    """Format a limit as cells of a table: name, joint, worst value, bound, unit and margin.
+    """Format a limit as cells of a table.
 
-    The bound begins with "≤" or "≥". `degree` is the symbol of degrees. `digits` is the number of
-    significant digits of worst value and bound.
+    Parameters
+    ----------
+    limit : LimitCheck
+    degree : str
+        Symbol of degrees.
+    digits : int
+        Number of significant digits of the worst value and of the bound.
+
+    Returns
+    -------
+    tuple of six str
+        Name, joint, worst value, bound, unit and margin. The bound begins with "≤" or "≥".
     """
     unit, scale = unit_of_limit(limit, degree)
     excess = limit.worst - limit.limit
     is_distinct = abs(excess) > 1e-5 * abs(limit.limit) + 1e-9
     # A permitted value above the limit, or a forbidden value below it, shows a lower limit.
     is_floor = limit.name in FLOORS or (is_distinct and (excess > 0) == limit.passed)
-    worst, bound = (number(scale * value, digits) for value in (limit.worst, limit.limit))
+    worst_text, bound = (number(scale * value, digits) for value in (limit.worst, limit.limit))
     bound = f"{'≥' if is_floor else '≤'} {bound}"
-    return limit.name, limit.joint or "", worst, bound, unit, percent(limit.margin, 4)
+    return limit.name, limit.joint or "", worst_text, bound, unit, percent(limit.margin, 4)
 
 
 def limits_table(limits: Iterable[LimitCheck]) -> Table:
     """Build the table of all limits, smallest margin first.
 
-    Limits on jumps appear only if they are exceeded.
+    A limit on jumps appears only if it is exceeded.
     """
     rows = [
         (*limit_cells(limit), format_fixed(limit.time, 4), "" if limit.passed else "EXCEEDED")
@@ -175,9 +219,10 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
 
 
 def phases_table(plan: Plan) -> Table:
-    """Build the table of the phases: duration, toppra's duration and the lower bounds, in s.
+    """Build the table of the phases with their durations in s.
 
-    The last row is the total.
+    The columns contain the duration, the duration by toppra, the bound along the path, and the
+    lower bound for all paths. The last row is the total.
     """
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
     rows = []
@@ -189,7 +234,11 @@ def phases_table(plan: Plan) -> Table:
 
 
 def candidates_table(plan: Plan) -> Table:
-    """Build the table of the candidate motions of every phase, with the outcome of each."""
+    """Build the table of the candidate motions of every phase.
+
+    The columns contain the lower bound, the estimate and the duration of a candidate in s, and the
+    outcome of the search.
+    """
     names = [phase.name for phase in plan.phases]
     rows = []
     for name, candidates in zip_longest(names, plan.candidates, fillvalue=()):
@@ -204,7 +253,8 @@ def candidates_table(plan: Plan) -> Table:
 def explanation(plan: Plan) -> list[str]:
     """Return the lines that `--explain` prints.
 
-    They list the candidates of every phase, and state how much time further reversals would save.
+    They list the candidates of every phase. They also state how much time a further reversal would
+    save, if the planner knows it.
     """
     savings = [
         f"{phase.name}: a further reversal would save {phase.reversal_multiplier:.1e} of the "
@@ -216,9 +266,10 @@ def explanation(plan: Plan) -> list[str]:
 
 
 def joints_table(plan: Plan) -> Table:
-    """Build the table of the joint positions at the start and the end of the motion.
+    """Build the table of the joint positions at the start and at the end of the motion.
 
-    Several joint configurations reach the same point; the table shows which of them the plan uses.
+    Several sets of joint positions reach the same point. The table shows which of them the plan
+    uses.
     """
     ends = plan.motion.sample(np.array([0.0, plan.motion.duration])).q
     rows = []
@@ -229,7 +280,10 @@ def joints_table(plan: Plan) -> Table:
 
 
 def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
-    """Build the table that compares the requirements on the motors with their ratings."""
+    """Build the table that compares the requirements on the motors with their ratings.
+
+    Each cell contains the required value and the rating, such as "2.1 of 3.5".
+    """
     rows = []
     for requirement in requirements:
         motor = requirement.motor
@@ -259,7 +313,7 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
 def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False) -> list[str]:
     """Return the summary of a plan as lines of text.
 
-    The last lines are those of `answers`.
+    The last lines are those of `answers`. If there is no motion, the lines state the reason.
 
     Parameters
     ----------
@@ -289,7 +343,7 @@ def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False)
     for table in tables:
         lines += ["", *table.lines()] if table.rows else []
     if verbose and plan.notes:
-        lines += ["", "What is not known", *(f"  {note}" for note in plan.notes)]
+        lines += ["", "Not known", *(f"  {note}" for note in plan.notes)]
     lines.append("")
     reason = "" if plan.sizing is None else motors_verdict(plan.sizing.to_dict())[2]
     lines += [f"Motors: {reason}", ""] if reason else []
@@ -297,9 +351,17 @@ def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False)
 
 
 def answers(plan: Plan, folder: Path | None = None) -> list[str]:
-    """Return one line each for the time, the check, the closest limit, the motors and the report.
+    """Return the lines that answer the main questions about a plan.
 
-    The closest limit is the one with the smallest margin among those that do not bind by design.
+    There is one line each for the duration, the check, the closest limit, the motors and the
+    report.
+
+    Parameters
+    ----------
+    plan : Plan
+        A plan with a trajectory.
+    folder : Path, optional
+        Folder of the written results. Without it, the line about the report is left out.
     """
     proven = plan.path_bound or plan.lower_bound
     bound = "–" if proven is None else f"{math.floor(1e4 * proven) / 1e4:.4f} s"
@@ -320,10 +382,10 @@ def answers(plan: Plan, folder: Path | None = None) -> list[str]:
             verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
         lines.append(f"check    {verdict}")
         if (limit := closest_limit(limits)) is not None:
-            name, joint, worst, allowed, unit, _ = limit_cells(limit, digits=4)
+            name, joint, worst_text, allowed, unit, _ = limit_cells(limit, digits=4)
             owner = f" of {joint}" if joint else ""
             margin = percent(limit.margin)
-            value = f"{worst} {unit}".rstrip()
+            value = f"{worst_text} {unit}".rstrip()
             lines.append(f"closest  {name}{owner}: {value} ({allowed}), margin {margin}")
     if plan.sizing is not None:
         outcome = motors_verdict(plan.sizing.to_dict())[1]
@@ -334,17 +396,17 @@ def answers(plan: Plan, folder: Path | None = None) -> list[str]:
 
 
 def closest_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
-    """Return the limit with the smallest margin among those that do not bind by design.
+    """Return the limit with the smallest margin among those that are not active.
 
-    A limit binds by design if the fastest motion reaches it. The result is None if no other limit
-    exists.
+    The fastest motion reaches some limits, which are called active. Active limits and limits on
+    jumps are left out. The result is None if no other limit exists.
     """
     slack = (limit for limit in limits if limit.margin > BINDING and limit.name not in JUMPS)
     return min(slack, key=lambda limit: limit.margin, default=None)
 
 
 def rate_words(rates: Mapping[str, float]) -> str:
-    """Format the rates of task coordinates (rad/s or m/s), for example as "tilt -10 deg/s"."""
+    """Format rates of task coordinates (rad/s, m/s), for example as “tilt -10 deg/s”."""
     units = {name: display_unit("m" if name == "depth" else "rad") for name in rates}
     return ", ".join(
         f"{name} {number(units[name][1] * rate, 4)} {units[name][0]}/s"
@@ -354,7 +416,7 @@ def rate_words(rates: Mapping[str, float]) -> str:
 
 
 def solvers(plan: Plan) -> str:
-    """Name the solver of a plan, and the phases for which only Ipopt converged."""
+    """Name the solver of a plan, and the phases that only Ipopt could solve."""
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
     if not by_ipopt:
         return "structured"
@@ -364,11 +426,15 @@ def solvers(plan: Plan) -> str:
 
 
 def confirmation(plan: Plan) -> tuple[str, str]:
-    """Describe how Ipopt's motions compare with those of the structured solver.
+    """Describe how the motions by Ipopt compare with those of the structured solver.
 
-    Returns a verb ("confirms" or "shortens") and a text about the durations. Both are empty if only
-    one of the solvers was used. Numbers of iterations and exact differences are left out, because
-    they depend on rounding.
+    Numbers of iterations and exact differences are left out, because they depend on rounding.
+
+    Returns
+    -------
+    verb, agreement : str
+        The verb "confirms" or "shortens", and a text about the durations. Both are empty if only
+        one of the solvers was used.
     """
     if plan.confirmation is None:
         return "", ""
@@ -386,10 +452,10 @@ def confirmation(plan: Plan) -> tuple[str, str]:
 
 
 def range_lines(plan: Plan) -> list[str]:
-    """Describe the effect of uncertain friction and payload on a plan, as lines of text.
+    """Describe the effect of uncertain friction and payload on a plan.
 
-    The first line states the ranges and the additional duration. One line per motor states the
-    worst case. There are no lines if the problem has no ranges.
+    The first line states the ranges and the additional duration. One line for each motor states its
+    worst case. The list is empty if the problem does not contain ranges.
     """
     friction, payload = plan.problem.friction, plan.problem.payload
     if friction is None and payload is None:
@@ -411,7 +477,7 @@ def range_lines(plan: Plan) -> list[str]:
 
 
 def path_lines(plan: Plan) -> list[str]:
-    """Describe the rounded corners and the constant tip speeds of a plan's phases, one per line."""
+    """Describe the rounded corners and the constant tip speeds of all phases, one per line."""
     corners = [
         f"corners      {phase.name}: the tip deviates from its lines by up to "
         f"{1e3 * phase.corner_departure:.4g} mm, within "
@@ -431,10 +497,10 @@ def path_lines(plan: Plan) -> list[str]:
 
 
 def conditions(plan: Plan) -> list[str]:
-    """Describe the conditions of a problem in addition to its limits, and all violations.
+    """Describe the conditions that a problem contains in addition to its limits.
 
-    The conditions are corners, constant tip speeds, rates at the start and the end, and ranges of
-    friction and payload.
+    The conditions are corners, constant tip speeds, rates at the start and at the end, and ranges
+    of friction and payload. The lines about toppra and about violated limits follow.
     """
     lines = path_lines(plan)
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
@@ -452,7 +518,10 @@ def conditions(plan: Plan) -> list[str]:
 
 
 def cross_check_lines(plan: Plan) -> list[str]:
-    """Describe the duration by toppra along the same path, or why there is none."""
+    """Describe how the duration compares with toppra's duration and with the proven bound.
+
+    Phases that toppra cannot judge are listed with the reason.
+    """
     lines = []
     if (result := plan.cross_check) is not None:
         comparison = "slower" if result["difference"] > 0 else "faster"
@@ -470,7 +539,7 @@ def cross_check_lines(plan: Plan) -> list[str]:
 
 
 def verdicts(plan: Plan) -> list[str]:
-    """Describe the results that `answers` omits: solvers and conditions."""
+    """Describe the solvers and the conditions of a plan, which `answers` omits."""
     lines = []
     if plan.problem.planner == "fast" and plan.phases:
         lines.append(f"solver       {solvers(plan)}")
@@ -482,7 +551,22 @@ def verdicts(plan: Plan) -> list[str]:
 
 
 def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
-    """Summarise a sizing as a mark ("good", "bad" or "open"), a verdict and a reason."""
+    """Summarise a sizing in words.
+
+    Parameters
+    ----------
+    sizing : SizingObject
+        Object that `size --json` prints.
+
+    Returns
+    -------
+    mark : str
+        "good", "bad" or "open".
+    verdict : str
+        Short text, such as "Motors and gears suffice".
+    reason : str
+        Explanation of the verdict.
+    """
     motors, gears = sizing["motors"], sizing["gears"]
     with_motor = {motor["joint"] for motor in motors}
     missing_motors = ", ".join(sorted({gear["joint"] for gear in gears} - with_motor))
@@ -503,15 +587,15 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
     lacking = f"Not checked or undecided: {', '.join(undecided)}"
     if margin < 0:
         return "open", "Motors suffice: not known", lacking
-    figures = list(stand_ins(sizing))
+    values = list(stand_ins(sizing))
     outcome, reasons = f"Motors suffice with {format_fixed(100 * margin, 1)} % margin", [tightest]
-    if figures:
-        outcome += f" if {len(figures)} stand-in figure{'s hold' if figures[1:] else ' holds'}"
-        reasons.append(f"Stand-in figures: {', '.join(figures)}")
+    if values:
+        outcome += f" if {len(values)} stand-in figure{'s hold' if values[1:] else ' holds'}"
+        reasons.append(f"Stand-in figures: {', '.join(values)}")
     if undecided:
         outcome += f"; {len(undecided)} check{'s' if undecided[1:] else ''} open"
         reasons.append(lacking)
-    if figures or undecided:
+    if values or undecided:
         return "open", outcome, ". ".join(reasons)
     reason = f"with at least {100 * sizing['confidence']:g} % each"
     return "good", "Motors and gears suffice", reason
@@ -520,7 +604,8 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
 def stand_ins(sizing: SizingObject) -> Iterator[str]:
     """Yield the joint and name of each assumed value on which a check depends.
 
-    If the value is a rating, the text also states how much lower the rating may be.
+    A motor file may mark values as placeholders. If such a value is a rating, the text also states
+    how much lower the rating may be.
     """
     for motor in sizing["motors"]:
         margins = motor["margins"]
@@ -538,9 +623,10 @@ def stand_ins(sizing: SizingObject) -> Iterator[str]:
 
 
 def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
-    """Yield the joint, the component, its skipped checks and the data that these checks need.
+    """Yield the checks that were skipped because data are missing.
 
-    A component is a motor or a gear. Components without skipped checks are left out.
+    Each entry contains the joint, the motor or gear, its skipped checks, and the data that these
+    checks need. Motors and gears without skipped checks are left out.
     """
     gear_checks = _gear_checks(sizing)
     for motor in sizing["motors"]:
@@ -555,7 +641,7 @@ def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]
 
 
 def _undecided(sizing: SizingObject) -> list[str]:
-    """Name the checks that are open for at least one joint. All checks of gears count as one."""
+    """Name the checks that are open for at least one joint. All gear checks count as one."""
     gear_checks = _gear_checks(sizing)
     components = *sizing["motors"], *sizing["gears"]
     names = (name for component in components for name in component["not_checked"])
@@ -582,19 +668,31 @@ def _failures(sizing: SizingObject) -> list[str]:
 
 
 def _gear_checks(sizing: SizingObject) -> set[str]:
+    """Return the names of all checks of gears."""
     return {name for gear in sizing["gears"] for name in gear["margins"]}
 
 
 def _missing_data(skipped: Mapping[str, str]) -> tuple[str, str]:
-    """List the skipped checks, and the missing data without repetition, as two texts."""
+    """List skipped checks and their missing data.
+
+    Parameters
+    ----------
+    skipped : mapping of str to str
+        Missing data by name of the check, joined by " and ".
+
+    Returns
+    -------
+    checks, data : str
+        Names of the checks, and the data without repetition.
+    """
     data = dict.fromkeys(item for needs in skipped.values() for item in needs.split(" and "))
     return ", ".join(plain_words(name) for name in skipped), ", ".join(data)
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
-    """Return lines of text that report a sizing, without its verdict (`sizing_verdict`).
+    """Return lines of text that report a sizing without its verdict (`sizing_verdict`).
 
-    They list unknown data, requirements, parts of the peak torque, candidates and gears.
+    They list unknown data, the requirements, the parts of the peak torque, candidates and gears.
     """
     confidence = "at the stated friction"
     if all(joint.band.known for joint in sizing.joints):
@@ -604,7 +702,7 @@ def sizing_lines(sizing: Sizing) -> list[str]:
         for joint, component, checks, data in missing_figures(sizing.to_dict())
     ]
     unknowns += _notes(sizing)
-    lines = ["What is not known", *(f"  {line}" for line in unknowns), ""] if unknowns else []
+    lines = ["Not known", *(f"  {line}" for line in unknowns), ""] if unknowns else []
     lines += ["Required of the motors", *_requirements(sizing).lines(), ""]
     lines.append("Parts of the peak torque, mN·m (+ increases it, − reduces it)")
     lines += [*_split(sizing).lines(), ""]
@@ -613,7 +711,15 @@ def sizing_lines(sizing: Sizing) -> list[str]:
 
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
-    """Describe the largest payload and the shortest duration, one line each."""
+    """Describe the largest payload and the shortest duration, one line each.
+
+    Parameters
+    ----------
+    payload : WhatIf
+        Answer about the payload, kg.
+    duration : WhatIf
+        Answer about the duration, as a multiple of the present one.
+    """
     lines = []
     for question, answer, form in (
         ("largest payload", payload, "{:.4g} kg"),
@@ -630,15 +736,20 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
 
 
 def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
-    """Describe the best pairs of motor and gear for each joint, and why other pairs are excluded.
+    """Describe the best pairs of motor and gear for each joint.
 
-    `selection` is the object `selection` in the output of `size --json`.
+    The lines also count the pairs that a check excludes, by the name of the check.
+
+    Parameters
+    ----------
+    selection : sequence of dict
+        Entry `selection` in the output of `size --json`.
     """
     head = "motor, gear, adequate, binds, margin, g, mm, load/rotor inertia, to bus mJ"
     lines = []
     for joint in selection:
         answers = [answer for row in joint["adequate"] for answer in row]
-        counts = [sum(answer is word for answer in answers) for word in (True, None, False)]
+        counts = [sum(answer is verdict for answer in answers) for verdict in (True, None, False)]
         lines += [
             "",
             f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears: "
@@ -668,6 +779,7 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
 
 
 def _requirements(sizing: Sizing) -> Table:
+    """Build the table of the required torques, speeds and powers of each joint."""
     head = "joint, peak mN·m, RMS mN·m, mean mN·m, peak rpm, peak rad/s², peak W, mean W, Joule W"
     rows = []
     for joint in sizing.joints:
@@ -683,15 +795,20 @@ def _requirements(sizing: Sizing) -> Table:
 
 
 def _split(sizing: Sizing) -> Table:
+    """Build the table of the parts of the peak torque, mN·m.
+
+    A part has a positive sign if it increases the magnitude of the torque.
+    """
     rows = []
     for joint in sizing.joints:
-        parts = joint.requirement.split.at_peak
-        sign = math.copysign(1e3, sum(parts.values()))
-        rows.append((joint.load.joint, *(signed(sign * parts[name], 4) for name in PARTS)))
+        torques = joint.requirement.split.at_peak
+        sign = math.copysign(1e3, sum(torques.values()))
+        rows.append((joint.load.joint, *(signed(sign * torques[name], 4) for name in PARTS)))
     return Table(("joint", *map(plain_words, PARTS)), rows, range(1, len(PARTS) + 1))
 
 
 def _candidates(sizing: Sizing) -> list[str]:
+    """Return the table of all assessed motors with the margins of their checks, as lines."""
     head = (
         "joint",
         "motor",
@@ -725,6 +842,7 @@ def _winding(verdict: MotorVerdict) -> str:
 
 
 def _gears(sizing: Sizing) -> Table:
+    """Build the table of the margins of all gears."""
     rows = []
     for joint in sizing.joints:
         margins = [
@@ -739,6 +857,7 @@ def _gears(sizing: Sizing) -> Table:
 
 
 def _notes(sizing: Sizing) -> list[str]:
+    """Return the notes of all assessed motors, and the times until their windings are too hot."""
     lines = []
     assessed = (*sizing.verdicts, *sizing.alternatives)
     for verdict in assessed:
@@ -750,7 +869,10 @@ def _notes(sizing: Sizing) -> list[str]:
 
 
 def sizing_verdict(sizing: Sizing) -> list[str]:
-    """Return lines that state the verdict for each joint, and for all motors and gears together."""
+    """Return lines that state the verdict for each joint, and for all motors together.
+
+    If the verdict is open, the last lines state the reason.
+    """
     lines = ["", "Verdicts"]
     for joint in sizing.joints:
         verdict = _joint_verdict(joint, sizing.conditions.confidence)
@@ -766,6 +888,14 @@ def sizing_verdict(sizing: Sizing) -> list[str]:
 
 
 def _joint_verdict(joint: JointSizing, confidence: float) -> str:
+    """Describe the verdict on the candidate motors of one joint.
+
+    Parameters
+    ----------
+    joint : JointSizing
+    confidence : float
+        Probability with which the smallest suitable motor suffices.
+    """
     smallest = joint.smallest
     if smallest is not None:
         mark = " (placeholder figures)" if smallest.motor.placeholder else ""
@@ -780,7 +910,13 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
 
 
 def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
-    """Build the tables of a simulated playback: tracking errors by joint, and loads by motor."""
+    """Build the tables of a simulated playback.
+
+    Returns
+    -------
+    errors, motors : Table
+        The tracking error of each driven joint, and the load of each motor.
+    """
     driven = [motor.joint for motor in result.motors]
     errors = [
         (

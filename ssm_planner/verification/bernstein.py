@@ -27,19 +27,40 @@ FEW = 8
 
 
 def from_powers(powers: Array) -> Array:
-    """Return the Bernstein coefficients (m, n + 1, …) of Σ powers[:, k] s^k."""
+    """Return Bernstein coefficients of the polynomials Σ powers[:, k] s^k.
+
+    Parameters
+    ----------
+    powers : (m, n + 1, …) array
+        Coefficients of the powers.
+
+    Returns
+    -------
+    (m, n + 1, …) array
+        b_j = Σ_i C(j, i)/C(n, i) · a_i (Farouki 2012).
+    """
     degree = powers.shape[1] - 1
     scale = np.array([1 / comb(degree, i) for i in range(degree + 1)])
     coefficients = powers * scale.reshape(-1, *(1,) * (powers.ndim - 2))
-    # Σ_i C(j, i) a_i by Pascal's triangle: cheaper than a matrix product, whose threads cost more
-    # than they give
+    # Pascal's triangle gives Σ_i C(j, i) a_i. A matrix product is slower: it starts threads.
     for row in range(1, degree + 1):
         coefficients[:, row:] += coefficients[:, row - 1 : -1].copy(order="K")
     return coefficients
 
 
 def to_powers(coefficients: Array) -> Array:
-    """Return power coefficients (m, n + 1) from Bernstein coefficients."""
+    """Return the power coefficients of polynomials.
+
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+        Bernstein coefficients b_j.
+
+    Returns
+    -------
+    (m, n + 1) array
+        a_i = C(n, i) Δⁱ b_0, with the forward differences Δ (Farouki 2012).
+    """
     degree = coefficients.shape[1] - 1
     powers = coefficients.copy(order="K")
     for row in range(degree, 0, -1):
@@ -49,31 +70,47 @@ def to_powers(coefficients: Array) -> Array:
 
 
 def halves(coefficients: Array) -> tuple[Array, Array]:
-    """Return the coefficients (m, n + 1) on [0, 1/2] and on [1/2, 1] (de Casteljau)."""
+    """Divide polynomials at the middle of the interval by de Casteljau's algorithm.
+
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+        Bernstein coefficients on [0, 1].
+
+    Returns
+    -------
+    left_half, right_half : (m, n + 1) arrays
+        Bernstein coefficients of the same polynomials on [0, 1/2] and on [1/2, 1].
+    """
     row = coefficients.T
-    left = [coefficients[:, 0]]
-    right = [coefficients[:, -1]]
+    left_half = [coefficients[:, 0]]
+    right_half = [coefficients[:, -1]]
     while len(row) > 1:
         row = (row[1:] + row[:-1]) / 2
-        left.append(row[0])
-        right.append(row[-1])
-    return np.stack(left).T, np.stack(right[::-1]).T
+        left_half.append(row[0])
+        right_half.append(row[-1])
+    return np.stack(left_half).T, np.stack(right_half[::-1]).T
 
 
 def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Array, Indices, Array]:
     """Find the largest value on [0, 1] in each of k groups of m polynomials.
 
+    The intervals are halved. An interval is dropped when its Bernstein coefficients show that it
+    contains no larger value.
+
     Parameters
     ----------
-    coefficients : (k, n + 1, m)
-    tolerance : (k,)
+    coefficients : (k, n + 1, m) array
+        Bernstein coefficients.
+    tolerance : (k,) array
         Absolute accuracy of the values.
-    threshold : (k,)
-        Values that are already known. A result that does not exceed it may be inexact.
+    threshold : (k,) array
+        Values that the caller already has. A result that does not exceed its threshold may be
+        inexact.
 
     Returns
     -------
-    value, polynomial, s : (k,)
+    value, polynomial, s : (k,) arrays
         The largest value, the index of its polynomial, and its argument.
     """
     ends = np.maximum(coefficients[:, 0], coefficients[:, -1])
@@ -91,11 +128,13 @@ def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Arr
     for _ in range(DEPTH):
         if not len(polynomial):
             break
-        left, right = halves(pieces)
+        left_half, right_half = halves(pieces)
         width /= 2
-        middle = right[:, 0]
+        middle = right_half[:, 0]
         better = np.flatnonzero(middle > maximum[group])
-        better = better[np.argsort(middle[better], kind="stable")]  # of a group the last counts
+        better = better[
+            np.argsort(middle[better], kind="stable")
+        ]  # the last entry of a group counts
         changed = group[better]
         maximum[changed], index[changed], argument[changed] = (
             middle[better],
@@ -103,7 +142,7 @@ def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Arr
             start[better] + width,
         )
         bar = np.maximum(bar, maximum + tolerance)
-        pieces = np.concatenate([left, right])
+        pieces = np.concatenate([left_half, right_half])
         group = np.tile(group, 2)
         polynomial = np.tile(polynomial, 2)
         start = np.concatenate([start, start + width])
@@ -118,9 +157,20 @@ def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Arr
 def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]:
     """Find every zero inside (0, 1) at which a polynomial changes its sign.
 
-    A zero counts if the polynomial leaves [−tolerance, tolerance] on both sides. A zero that only
-    touches counts as well, unless rounding decides otherwise. coefficients: (m, n + 1). tolerance:
-    (m,). Returns the polynomial index and s of each zero.
+    Only polynomials that leave [−tolerance, tolerance] on both sides are examined. A zero at which
+    such a polynomial only touches 0 counts as well, unless rounding decides otherwise.
+
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+        Bernstein coefficients.
+    tolerance : (m,) array
+        Magnitude that counts as rounding.
+
+    Returns
+    -------
+    polynomial, s : (k,) arrays
+        Index of the polynomial and argument of each zero, in this order.
     """
     crosses = (coefficients.max(axis=1) > tolerance) & (coefficients.min(axis=1) < -tolerance)
     index = np.flatnonzero(crosses)
@@ -131,9 +181,9 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
     for _ in range(DEPTH):
         if not len(index):
             break
-        left, right = halves(pieces)
+        left_half, right_half = halves(pieces)
         width /= 2
-        pieces = np.concatenate([left, right])
+        pieces = np.concatenate([left_half, right_half])
         index = np.tile(index, 2)
         start = np.concatenate([start, start + width])
         keep = (pieces.max(axis=1) >= 0) & (pieces.min(axis=1) <= 0) & np.any(pieces != 0, axis=1)
@@ -158,7 +208,18 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
 
 
 def _changes(coefficients: Array) -> Indices:
-    """Return the number (m,) of sign changes along the coefficients (m, n + 1), zeros left out."""
+    """Return the number of sign changes in each row of coefficients.
+
+    Zeros are skipped, so (1, 0, −1) has one change.
+
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+
+    Returns
+    -------
+    (m,) array of int
+    """
     signs = np.sign(coefficients.T)
     for k in range(1, len(signs)):
         signs[k] = np.where(signs[k] == 0, signs[k - 1], signs[k])
@@ -166,7 +227,18 @@ def _changes(coefficients: Array) -> Indices:
 
 
 def _bisect(coefficients: Array) -> Array:
-    """Return the single zero (m,) of each polynomial (m, n + 1) whose ends have opposite signs."""
+    """Find the single zero of each polynomial in [0, 1] by bisection.
+
+    Parameters
+    ----------
+    coefficients : (m, n + 1) array
+        Bernstein coefficients. The first and the last of each polynomial have opposite signs.
+
+    Returns
+    -------
+    (m,) array
+        Arguments of the zeros.
+    """
     powers = to_powers(coefficients)
     if len(powers) <= FEW:
         return np.array(
@@ -187,7 +259,7 @@ def _bisect(coefficients: Array) -> Array:
 
 
 def _bisected(powers: list[float], falling: bool) -> float:
-    """Return the zero of one polynomial like `_bisect`."""
+    """Return the zero of one polynomial, with its power coefficients, like `_bisect`."""
     low = 0.0
     high = 1.0
     leading, *lower = powers[::-1]

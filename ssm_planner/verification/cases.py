@@ -1,10 +1,11 @@
 """Worst cases within a range of friction and payload.
 
-The candidates are the outermost sets of friction parameters (`FrictionSpread.within`), each with an
-empty tip, the smallest and the largest payload. They are evaluated at both ends of every piece and
-at evenly spaced instants. The check then evaluates the candidates with the largest motor torque in
-either direction, or with the largest mean square, as closely as the nominal robot. The planner's
-choice of cases is not used.
+The candidates are the outermost sets of friction parameters (`FrictionSpread.within`), each with
+an empty tip, the smallest and the largest payload. The module evaluates their motor torques at
+both ends of every piece and at evenly spaced instants. It selects the candidates with the largest
+torque in either direction, and those with the largest mean square torque. The check then
+evaluates these candidates as closely as the nominal robot. It does not use the cases that the
+planner selects.
 """
 
 from __future__ import annotations
@@ -34,17 +35,34 @@ INSTANTS = 250
 As many instants with the largest nominal torque are added.
 """
 RATE = 1e6
-"""Rate of the instants in short pieces, Hz."""
+"""Largest sampling rate, Hz. It limits the number of instants in short pieces."""
 SHARES = np.array([[0.0], [0.5], [1.0]])
-"""Instants in every interval in which no joint reverses."""
+"""Instants in every interval in which no joint reverses, as fractions of its width."""
 BLOCK = 400_000
 """Number of torques that are evaluated together."""
 
 
 def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> list[Quantity]:
-    """Return the motor torques of the worst cases. The list is empty if no range is required.
+    """Return the motor torques of the worst cases.
 
-    Raises ProblemError if a range of friction is required and a drive states no uncertainty.
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    robot : Robot
+        The nominal robot. Its drives state the uncertainty of their friction.
+    limits : TaskLimits
+        The ranges of friction and payload that the motion must be valid for.
+
+    Returns
+    -------
+    list of Quantity
+        Quantities with their case. The list is empty if the limits require no range.
+
+    Raises
+    ------
+    ProblemError
+        If a range of friction is required and a drive does not state its uncertainty.
     """
     if limits.friction is None and limits.payload is None:
         return []
@@ -87,14 +105,17 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
 
 
 def _case_text(name: str, value: float) -> str:
+    """Describe the value of a friction parameter, such as “mu 0.12”."""
     return f"{name} {LAWS[int(value)]}" if name == LAW else f"{name} {value:.4g}"
 
 
 def _outermost(sets: Arrays) -> Arrays:
-    """Return the parameter sets (sets,) that are not dominated.
+    """Return the parameter sets (sets,) that no other set dominates.
 
-    The torque in the direction of motion grows with every parameter. A set is therefore kept if no
-    other set is larger in all parameters, or if none is smaller in all.
+    The torque in the direction of motion grows with every parameter. A set can therefore have the
+    largest torque only if no other set is larger in every parameter, and the smallest torque only
+    if no other set is smaller in every parameter. Both kinds of sets are kept. Sets with different
+    friction laws are not compared.
     """
     values = np.unique(np.column_stack(list(sets.values())), axis=0)
     dominates = np.ones((len(values), len(values)), dtype=bool)
@@ -106,38 +127,82 @@ def _outermost(sets: Arrays) -> Arrays:
 
 
 class _Motion:
-    """A motion at instants that include the ends of every piece."""
+    """A motion at instants that include both ends of every piece.
+
+    Attributes
+    ----------
+    qd, qdd : (n, 4) arrays
+        Joint velocities and accelerations at the n instants.
+    direction : (n, 4) array
+        Direction of each joint: −1, 0 or 1.
+    start : (n, 4) array of bool
+        True if the joint starts from rest at the instant, where its friction is static.
+    tau : list of (n, 4) arrays
+        Joint torques without friction for each payload.
+    """
 
     def __init__(self, trajectory: Trajectory, robot: Robot, masses: list[float]) -> None:
-        most = max(INSTANTS // (len(trajectory.breaks) - 1), 1)
-        parts = []
+        """Sample a motion, and compute the joint torques for each payload in `masses`, kg."""
+        max_intervals = max(INSTANTS // (len(trajectory.breaks) - 1), 1)
+        blocks = []
         for pieces in pieces_of(trajectory):
             intervals = Intervals.of_segments(
-                pieces, robot, *pieces.segments(robot), rate=RATE, max_intervals=most
+                pieces, robot, *pieces.segments(robot), rate=RATE, max_intervals=max_intervals
             )
             s = intervals.begin + SHARES * intervals.width
             starting = intervals.starting * (SHARES[:, :, None] == 0)
-            way = np.broadcast_to(intervals.direction, starting.shape)
-            parts.append(
-                np.stack([*pieces.evaluate(intervals.piece, s), way, starting]).reshape(5, -1, 4)
+            direction = np.broadcast_to(intervals.direction, starting.shape)
+            blocks.append(
+                np.stack([*pieces.evaluate(intervals.piece, s), direction, starting]).reshape(
+                    5, -1, 4
+                )
             )
-        q, self.qd, self.qdd, self.way, start = np.concatenate(parts, axis=1)
+        q, self.qd, self.qdd, self.direction, start = np.concatenate(blocks, axis=1)
         self.start = start > 0
         bodies = (RigidBody.from_robot(with_payload(robot, mass)) for mass in masses)
         self.tau = [body.inverse_dynamics(q, self.qd, self.qdd) for body in bodies]
 
     def torque(self, i: int, drive: Drive, load: int, instants: Indices) -> Array:
-        """Return the torque (sets, instants) of joint i for a drive with columns (sets, 1)."""
+        """Return the motor torque (sets, instants) of a joint.
+
+        Parameters
+        ----------
+        i : int
+            Index of the joint.
+        drive : Drive
+            Its drive. Its friction parameters may be columns (sets, 1).
+        load : int
+            Index of the payload.
+        instants : (instants,) array
+            Indices of the instants.
+        """
         motion = (
             self.tau[load][instants, i],
             self.qd[instants, i],
             self.qdd[instants, i],
-            self.way[instants, i],
+            self.direction[instants, i],
         )
         return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[instants, i])[0])
 
     def extreme_sets(self, i: int, drive: Drive, sets: Arrays, load: int) -> set[tuple[int, int]]:
-        """Return (set, load) with the largest, the smallest, and the largest mean square torque."""
+        """Return the cases with extreme motor torques of one joint.
+
+        A case is a pair (index of the set, index of the payload). The result contains the cases
+        with the largest torque, the smallest torque and the largest mean square torque for this
+        payload. The sets are evaluated at INSTANTS evenly spaced instants, at those with the
+        largest nominal torque, and at all starts from rest.
+
+        Parameters
+        ----------
+        i : int
+            Index of the joint.
+        drive : Drive
+            Its drive with nominal friction.
+        sets : dict of (sets,) arrays
+            Friction parameters by name.
+        load : int
+            Index of the payload.
+        """
         everywhere = np.arange(len(self.qd))
         nominal = np.abs(self.torque(i, drive, load, everywhere)[0])
         step = max(len(everywhere) // INSTANTS, 1)

@@ -1,7 +1,8 @@
 """The certificate of a motion and its seal.
 
-A certificate contains the worst value of every named limit with its margin, joint and time. The
-seal is the SHA-256 of the checked motion and the result, so a change of either is detected.
+A certificate contains the worst value of every limit with its margin, joint and time. The seal is
+the SHA-256 hash of the checked motion, the robot, the limits and the result. It detects a later
+change of any of them.
 """
 
 from __future__ import annotations
@@ -40,8 +41,25 @@ KEPT, VIOLATED, NOT_JUDGED = "kept", "violated", "not judged"
 class LimitCheck(ShortRepr):
     """The result of checking one limit over a whole motion, in SI units.
 
-    The margin is (limit − worst)/limit. For a range it is the distance to the nearer end divided by
-    half the width. A negative margin means that the limit is violated.
+    The margin is (limit − worst)/limit. For a range, it is the distance to the nearer end divided
+    by half the width. A negative margin means that the limit is violated.
+
+    Attributes
+    ----------
+    name : str
+        Name of the limit, such as "velocity" or "motor torque".
+    joint : str or None
+        Name of the joint. None for a limit of the tool or of the task.
+    worst : float
+        Value that is closest to the limit or exceeds it the most.
+    limit : float
+        The limit. For a range, the end that is nearer to the worst value.
+    margin : float
+        Margin as defined above, without unit.
+    time : float
+        Time of the worst value, s.
+    unit : str
+        Unit of `worst` and `limit`.
 
     Examples
     --------
@@ -61,12 +79,27 @@ class LimitCheck(ShortRepr):
     case: str | None = None
     """Friction and payload of the worst case if a range was checked.
 
-    For a path promise, it names the phase.
+    For a promise about the path, it names the phase.
     """
 
     @classmethod
     def from_extreme(cls, limit: Limit, worst: float, time: float) -> LimitCheck:
-        """Build the result for a limit on a magnitude from the largest value and its time."""
+        """Build the result of a limit on a magnitude.
+
+        Parameters
+        ----------
+        limit : Limit
+            The limit, whose upper bound counts.
+        worst : float
+            Largest magnitude, in the unit of the limit.
+        time : float
+            Time of the largest magnitude, s.
+
+        Returns
+        -------
+        LimitCheck
+            The result with the margin (bound − worst)/bound.
+        """
         bound = limit.high
         margin = (bound - worst) / bound
         return cls(
@@ -81,7 +114,7 @@ class LimitCheck(ShortRepr):
 
     @property
     def passed(self) -> bool:
-        """True if the limit is kept, up to rounding."""
+        """True if the limit is kept. A relative excess of TOLERANCE counts as rounding."""
         return self.margin >= -TOLERANCE
 
     def to_dict(self) -> JsonObject:
@@ -90,7 +123,10 @@ class LimitCheck(ShortRepr):
 
     @classmethod
     def from_dict(cls, data: JsonObject) -> LimitCheck:
-        """Build a result from the output of `to_dict`. Raises TrajectoryError."""
+        """Build a result from the output of `to_dict`.
+
+        Raises TrajectoryError if a key is missing or if a value has the wrong type.
+        """
         try:
             numbers = {key: float(data[key]) for key in ("worst", "limit", "margin", "time")}
             joint = None if data["joint"] is None else str(data["joint"])
@@ -104,7 +140,16 @@ class LimitCheck(ShortRepr):
 
 @frozen
 class Unjudged(ShortRepr):
-    """A limit that the motion may violate, although no violation was found.
+    """A limit that the motion may violate, although the check found no violation.
+
+    Attributes
+    ----------
+    name : str
+        Name of the limit.
+    joint : str or None
+        Name of the joint. None for a limit of the tool or of the task.
+    reason : str
+        Reason why the limit could not be judged.
 
     Examples
     --------
@@ -122,8 +167,17 @@ class Unjudged(ShortRepr):
 class Certificate(ShortRepr):
     """The result of checking one trajectory.
 
-    `unchecked` lists quantities that this motion does not limit, and limits that the caller
-    allowed to remain unjudged, with reasons.
+    Attributes
+    ----------
+    limits : tuple of LimitCheck
+        The results.
+    interpolation : str
+        Description of the motion between the points of the trajectory.
+    instants : int
+        Number of sampled instants.
+    unchecked : tuple of str
+        Quantities that this motion does not limit, and limits that the caller allowed to remain
+        unjudged, with reasons.
 
     Examples
     --------
@@ -138,17 +192,18 @@ class Certificate(ShortRepr):
     instants: int
     unchecked: tuple[str, ...] = ()
     sha256: str | None = None
-    """Seal of the check (see `sealed`). None if no seal was requested."""
+    """Seal of the check (see `sealed`). None if the caller requested no seal."""
     unjudged: tuple[Unjudged, ...] = ()
     """Limits that count but could not be judged, with reasons.
 
-    A limit may also have an entry in `limits`, which then covers the part that could be judged.
+    A limit may have an entry here and in `limits`. The entry in `limits` then covers the part that
+    could be judged.
     """
 
     def __getitem__(self, key: tuple[str, str]) -> LimitCheck:
         """Return the check of a limit by its name and joint, such as ("velocity", "tilt").
 
-        Raises KeyError if the certificate has none.
+        Raises KeyError if the certificate does not contain it.
         """
         for limit in self.limits:
             if (limit.name, limit.joint) == key:
@@ -156,19 +211,21 @@ class Certificate(ShortRepr):
         raise KeyError(key)
 
     def with_more(self, checks: tuple[LimitCheck, ...]) -> Certificate:
-        """Return the certificate with further limits, which are judged then.
+        """Return the certificate with further results.
 
-        They replace results for the same limits unless these are violated.
+        A new result replaces the earlier result for the same limit and joint, unless the earlier
+        one is violated. A limit with a new result counts as judged.
         """
-        judged = {(limit.name, limit.joint) for limit in checks}
-        limits = [c for c in self.limits if not c.passed or (c.name, c.joint) not in judged]
-        unjudged = tuple(u for u in self.unjudged if (u.name, u.joint) not in judged)
+        judged_limits = {(limit.name, limit.joint) for limit in checks}
+        limits = [c for c in self.limits if not c.passed or (c.name, c.joint) not in judged_limits]
+        unjudged = tuple(u for u in self.unjudged if (u.name, u.joint) not in judged_limits)
         return replace(self, limits=(*limits, *checks), unjudged=unjudged)
 
     def allowing(self, *names: str) -> Certificate:
         """Return the certificate in which limits with these names may remain unjudged.
 
-        A last word such as "torque" stands for all names that end with it.
+        Such limits move from `unjudged` to `unchecked`. A last word such as "torque" stands for all
+        names that end with it.
         """
         allowed = [u for u in self.unjudged if any(f" {u.name}".endswith(f" {n}") for n in names)]
         return replace(
@@ -184,16 +241,19 @@ class Certificate(ShortRepr):
     def verdict(self) -> str:
         """One of "kept", "violated" and "not judged".
 
-        It is "violated" if a limit is violated, and "kept" if there are limits and each of them
-        was judged and is kept.
+        It is "violated" if a limit is violated. It is "kept" if the certificate contains limits, if
+        each of them is kept, and if every limit that counts could be judged.
         """
-        unjudged = self.unjudged or not self.limits
-        return VIOLATED if self.violations else NOT_JUDGED if unjudged else KEPT
+        if self.violations:
+            return VIOLATED
+        return NOT_JUDGED if self.unjudged or not self.limits else KEPT
 
     def verdict_of(self, limit: LimitCheck) -> str:
-        """Return the verdict on one limit."""
+        """Return the verdict on one limit: "kept", "violated" or "not judged"."""
+        if not limit.passed:
+            return VIOLATED
         unjudged = [u for u in self.unjudged if (u.name, u.joint) == (limit.name, limit.joint)]
-        return VIOLATED if not limit.passed else NOT_JUDGED if unjudged else KEPT
+        return NOT_JUDGED if unjudged else KEPT
 
     @property
     def passed(self) -> bool:
@@ -208,11 +268,12 @@ class Certificate(ShortRepr):
     def to_dataframe(self) -> Any:
         """Return a pandas DataFrame with a row for each limit, in SI units.
 
-        Raises SsmPlannerError without pandas.
+        Raises SsmPlannerError if pandas is not installed.
         """
         return data_frame([limit.to_dict() for limit in self.limits])
 
     def _repr_html_(self) -> str:
+        """Return the table of all limits for a notebook."""
         return html_table([limit.to_dict() for limit in self.limits])
 
     @property
@@ -237,13 +298,21 @@ class Certificate(ShortRepr):
 
     @classmethod
     def from_dict(cls, data: JsonObject) -> Certificate:
-        """Build a certificate from the output of `to_dict`. Raises TrajectoryError."""
+        """Build a certificate from the output of `to_dict`.
+
+        The result loses its seal if the entry `passed` contradicts the limits.
+
+        Raises
+        ------
+        TrajectoryError
+            If a key is missing or if a value has the wrong type.
+        """
         try:
             limits = tuple(LimitCheck.from_dict(limit) for limit in data["limits"])
             unchecked = tuple(str(text) for text in data["unchecked"])
             instants = data["instants"]
             if type(instants) is not int:
-                raise TypeError(f"instants = {instants!r} is no whole number")
+                raise TypeError(f"instants = {instants!r} is not a whole number")
             unjudged = tuple(
                 Unjudged(str(u["name"]), u["joint"] and str(u["joint"]), str(u["reason"]))
                 for u in data.get("unjudged", ())
@@ -251,7 +320,7 @@ class Certificate(ShortRepr):
             certificate = cls(
                 limits, str(data["interpolation"]), instants, unchecked, unjudged=unjudged
             )
-            # one that contradicts itself has no seal
+            # A certificate that contradicts itself loses its seal.
             seal = (
                 str(data["sha256"])
                 if data.get("sha256") and data.get("passed") is certificate.passed
@@ -263,7 +332,10 @@ class Certificate(ShortRepr):
 
 
 def worst_of_each(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
-    """Return one result for each limit and joint: the worst of all cases."""
+    """Return the result with the smallest margin for each pair of limit and joint.
+
+    The results keep the order in which the pairs first occur.
+    """
     tightest: dict[tuple[str, str | None], LimitCheck] = {}
     for check_ in checks:
         key = check_.name, check_.joint
@@ -273,13 +345,24 @@ def worst_of_each(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
 
 
 def subjects(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
-    """Return pairs (limit with its joints, reason) in words, one for each name and reason."""
+    """Describe unjudged limits in words, and join those that share a reason.
+
+    Parameters
+    ----------
+    unjudged : iterable of Unjudged
+
+    Returns
+    -------
+    list of (str, str)
+        Pairs (limit with its joints, reason), such as ("motor torque of roll, tilt", "…"). Each
+        pair of name and reason occurs once.
+    """
     joints: dict[tuple[str, str], list[str]] = {}
     for u in unjudged:
         joints.setdefault((u.name, u.reason), []).extend([u.joint] if u.joint else [])
     return [
-        (f"{name} of {', '.join(of)}" if of else name, reason)
-        for (name, reason), of in joints.items()
+        (f"{name} of {', '.join(owners)}" if owners else name, reason)
+        for (name, reason), owners in joints.items()
     ]
 
 
@@ -303,14 +386,14 @@ They are immutable, so the seal stays valid.
 def broken_seal(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str | None:
-    """Return why a certificate does not apply to its input, or None if it does."""
+    """Return the reason why a certificate does not apply to its input, or None if it does.
+
+    A certificate applies if it contains limits and if its seal equals the hash of this input.
+    """
     if not certificate.limits:
         return "its certificate names no limits"
     if certificate.sha256 is None:
-        return (
-            "its certificate has no seal (of an earlier version, or removed): it says nothing "
-            "of this trajectory"
-        )
+        return "its certificate has no seal: an earlier version wrote it, or the seal was removed"
     sealed_for = tuple(reference() for reference in _recent_seal)
     if sealed_for and all(map(is_, sealed_for, (certificate, trajectory, robot, limits))):
         return None
@@ -322,6 +405,11 @@ def broken_seal(
 def _digest(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str:
+    """Return the SHA-256 hash of a certificate and its input, as hexadecimal digits.
+
+    The hash covers the results, the limits of the task, the robot, and the polynomials of the
+    trajectory as little-endian 64-bit floats.
+    """
     rates: JsonObject = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
     if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
         rates["duty"] = limits.duty
@@ -330,13 +418,13 @@ def _digest(
             _promise(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))
         ]
     content = {**certificate.to_dict(), "sha256": None}
-    # verdicts follow from the rest; earlier versions wrote none
+    # Verdicts follow from the other values, and earlier versions did not write them.
     del content["verdict"]
     content["limits"] = [limit.to_dict() for limit in certificate.limits]
     if not certificate.unjudged:
         del content["unjudged"]
     text = json.dumps({"found": content, "limits": {**plain(limits), **rates}}, sort_keys=True)
-    # one object with its keys in order; the robot's text is known from plan to plan
+    # The text of the robot is cached, so it is appended as the last key of the JSON object.
     digest = hashlib.sha256(f'{text[:-1]}, "robot": {robot_text(robot)}}}'.encode())
     digest.update(trajectory.breaks.astype("<f8").tobytes())
     for block in blocks(len(trajectory.breaks) - 1, BLOCK):
@@ -345,7 +433,7 @@ def _digest(
 
 
 def _promise(entry: Straight | Follow) -> JsonObject:
-    """Return what a motion promises about the path of the tip."""
+    """Return the keys of a motion that constrain the path of the tip."""
     return {
         key: value for key, value in plain(entry).items() if key not in ("duration", "line", "file")
     }

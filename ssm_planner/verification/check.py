@@ -1,11 +1,16 @@
 """Independent check of a trajectory against every limit, with the exact friction law.
 
-The check knows nothing about the planner. Its input are polynomials in time. For quantities that
-are polynomials themselves (position, velocity, acceleration, jerk, motor speed), it computes the
-exact
-extremes. It samples the other quantities densely, on both sides of every break and every reversal,
-and refines the intervals in which a larger value may hide. Starts and reversals use static
-friction. RMS motor torques are compared with the continuous torque of the motors.
+The check knows nothing about the planner. It receives polynomials in time, a robot and the limits
+of a task. Three methods find the worst value of a quantity:
+
+- The extremes of polynomials (position, velocity, acceleration, jerk, motor speed) are computed
+  exactly from their Bernstein coefficients (`bernstein`).
+- The other quantities are sampled densely, on both sides of every break and of every reversal.
+  Intervals that may contain a larger value are divided (`sampled_extremes`).
+- The RMS torque of a motor is an integral over the motion. It is compared with the continuous
+  torque of the motor.
+
+Joints that start from rest or reverse have static friction at that instant.
 """
 
 from __future__ import annotations
@@ -38,6 +43,7 @@ from ssm_planner.verification.torque_bands import torque_bands
 
 RATE = 10_000.0
 RATE_OF_STOPS = 1000.0
+"""Sampling rates in Hz, of a motion and of the stops of a motion."""
 CLOSER = 21
 """Number of instants around the farthest stop that are evaluated again."""
 INSTANTS = 3_000_000
@@ -46,7 +52,9 @@ INSTANTS = 3_000_000
 Longer trajectories are sampled at a lower rate first.
 """
 UNDEFINED = "not defined on straight pieces (linear interpolation)"
+"""Reason why a limit of a table without velocities is not judged."""
 NONE = TaskLimits()
+"""A task that limits nothing, which is the default."""
 
 
 def check(
@@ -63,7 +71,9 @@ def check(
     Parameters
     ----------
     trajectory : Trajectory
+        The motion as polynomials in time.
     robot : Robot
+        The robot with its limits, drives and motors.
     limits : TaskLimits
         Limits of the task. The motion must rest at both ends unless these declare end rates.
     rate : float
@@ -71,20 +81,27 @@ def check(
         four instants in every piece.
     interpolation : str
         Description of the pieces for the certificate.
-    resolution : (4,), optional
-        Largest rounding error of the points of a piecewise linear trajectory (rad, m). Such a
-        trajectory has no acceleration. None means that the pieces are smooth.
+    resolution : (4,) array, optional
+        Largest rounding error of the points of a piecewise linear trajectory (rad, m). The
+        acceleration of such a trajectory is undefined. None means that the pieces are smooth.
     seal : bool
         Add a hash of the input, which plans need.
 
     Returns
     -------
     Certificate
+        The worst value of every limit with its joint, time and margin, and the limits that could
+        not be judged.
+
+    Raises
+    ------
+    ProblemError
+        If the limits require a range of friction and a drive does not state its uncertainty.
     """
     straight = resolution is not None
     jumps = Jumps(robot)
     rate = min(rate, INSTANTS / trajectory.duration)
-    # on straight pieces what depends on the acceleration is not defined
+    # The acceleration of linear pieces is undefined, and so are quantities that depend on it.
     checked = [item for item in quantities(robot, limits) if not straight or item.limit.order < 2]
     checked += [] if straight else worst_cases(trajectory, robot, limits)
     checks, sampled = _worst_values(trajectory, robot, limits, checked, rate, jumps=jumps)
@@ -95,10 +112,7 @@ def check(
         if joint.drive is None or joint.motor is None
     ]
     if limits.duty is None:
-        unchecked.append(
-            "continuous torque: the motion is done once, and what motors may do for all time is no "
-            "limit then"
-        )
+        unchecked.append("continuous torque: it does not limit a motion that is performed once")
     else:
         checks += sampled.rms.checks(robot, trajectory, limits.duty)
     if resolution is not None:
@@ -138,7 +152,27 @@ def _worst_values(
     rate: float,
     jumps: Jumps | None = None,
 ) -> tuple[list[LimitCheck], SampledExtremes]:
-    """Return the check of each quantity, and the search that sampled the trajectory."""
+    """Find the worst value of each quantity.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    robot : Robot
+    limits : TaskLimits
+    checked : list of Quantity
+        The quantities to evaluate.
+    rate : float
+        Sampling rate of the second pass, Hz.
+    jumps : Jumps, optional
+        Collects the jumps at the breaks in the same pass.
+
+    Returns
+    -------
+    checks : list of LimitCheck
+        One result for each quantity, in the same order.
+    sampled : SampledExtremes
+        The search, which contains the number of instants and the RMS torques.
+    """
     extremes = [Worst(quantity) for quantity in checked]
     sampled = SampledExtremes(trajectory, robot, extremes, rate=rate, eye=limits.eye)
     for pieces in pieces_of(trajectory):
@@ -152,22 +186,31 @@ def _worst_values(
 def _dynamics_of_table(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, *, rate: float
 ) -> tuple[list[LimitCheck], list[Unjudged]]:
-    """Judge what depends on the acceleration in a table of points, as far as it is defined.
+    """Judge the limits of a table of points that depend on the acceleration.
 
-    Smooth pieces between the points define it. Positions alone leave bands of the motor torques.
+    Pieces that are not linear define an acceleration, so they are checked as usual. If all pieces
+    are linear, the points still bound the motor torques (`torque_bands`). All other limits of this
+    kind are not judged.
+
+    Returns
+    -------
+    checks : list of LimitCheck
+        The limits that could be judged.
+    unjudged : list of Unjudged
+        The limits that the points leave open, with reasons.
     """
-    every = blocks(len(trajectory.breaks) - 1, BLOCK)
-    curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in every]
+    index_blocks = blocks(len(trajectory.breaks) - 1, BLOCK)
+    curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in index_blocks]
     smooth = np.flatnonzero(np.concatenate(curved))
     bands: list[LimitCheck] = []
     unjudged: list[Unjudged] = []
     if not len(smooth):
         bands, unjudged = torque_bands(trajectory, robot, limits, resolution, UNDEFINED)
-    judged = {(band.name, band.joint) for band in bands}
-    judged |= {(item.name, item.joint) for item in unjudged}
+    judged_limits = {(band.name, band.joint) for band in bands}
+    judged_limits |= {(item.name, item.joint) for item in unjudged}
     for limit in (limit for owner in (*robot.joints, limits) for limit in owner.limits):
-        is_asked = limits.duty is not None or type(limit) is not ContinuousTorque
-        if limit.order > 1 and is_asked and (limit.name, limit.joint) not in judged:
+        is_limited = limits.duty is not None or type(limit) is not ContinuousTorque
+        if limit.order > 1 and is_limited and (limit.name, limit.joint) not in judged_limits:
             unjudged.append(Unjudged(limit.name, limit.joint, UNDEFINED))
     if len(smooth):
         bands = _dynamics_of_smooth_pieces(trajectory, smooth, robot, limits, rate=rate)
@@ -177,36 +220,51 @@ def _dynamics_of_table(
 def _dynamics_of_smooth_pieces(
     trajectory: Trajectory, index: Indices, robot: Robot, limits: TaskLimits, *, rate: float
 ) -> list[LimitCheck]:
-    """Check accelerations, jerks and torques on the pieces with index (n,), which are not linear.
+    """Check accelerations, jerks and torques on the pieces that are not linear.
 
-    These pieces are joined without the linear ones, because each quantity depends on one piece.
+    index (n,) contains the numbers of these pieces. They are joined without the linear pieces,
+    which is possible because each quantity depends on one piece only. The times of the results
+    refer to the original trajectory.
     """
     breaks = np.append(0.0, np.cumsum(np.diff(trajectory.breaks)[index]))
-    part = Trajectory(breaks, trajectory.pieces(index), ())
+    smooth_motion = Trajectory(breaks, trajectory.pieces(index), ())
     checked = [item for item in quantities(robot, limits) if item.limit.order >= 2]
-    checked += worst_cases(part, robot, limits)
-    checks, _ = _worst_values(part, robot, limits, checked, rate)
+    checked += worst_cases(smooth_motion, robot, limits)
+    checks, _ = _worst_values(smooth_motion, robot, limits, checked, rate)
     times = np.array([item.time for item in checks])
-    piece = part.piece_of(times)
-    times += trajectory.breaks[index[piece]] - breaks[piece]
+    piece_index = smooth_motion.piece_of(times)
+    times += trajectory.breaks[index[piece_index]] - breaks[piece_index]
     return [replace(item, time=float(t)) for item, t in zip(checks, times, strict=True)]
 
 
 def _lacking(joint: Joint) -> str:
-    """Return why the motor of a joint is not checked."""
+    """Return the reason why the motor of a joint is not checked."""
     if joint.drive is not None:
         return "the robot file names no motor for it"
     if joint.motor is None:
         return "the robot file names no drive and no motor for it"
-    return (
-        f"the robot file names no drive for it, so its motor {joint.motor.name} counts for nothing"
-    )
+    return f"the robot file names no drive for it, so its motor {joint.motor.name} is ignored"
 
 
 def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
-    """Check φ_f > λ at the lowest plausible friction for every drive that must hold by itself.
+    """Check that every drive which must hold by itself is self-locking.
 
-    share: fraction of the friction range, if there is one.
+    A drive is self-locking if the friction angle φ_f exceeds the lead angle λ. The margin is the
+    difference between the friction coefficient and the smallest coefficient that locks, divided by
+    the latter.
+
+    Parameters
+    ----------
+    robot : Robot
+    share : float or None
+        Fraction of the friction range that the motion must be valid for. The check uses the
+        smallest friction coefficient in it. None means the smallest plausible coefficient of the
+        drive.
+
+    Returns
+    -------
+    list of LimitCheck
+        One result for each drive with such a limit.
     """
     checks = []
     for joint in robot.joints:
@@ -219,11 +277,18 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
         if share is not None:
             minimum = float(spread_of(drive).within(share).get("mu", np.array([lowest])).min())
             lowest, case = (minimum, f"mu {minimum:.4g}") if minimum < lowest else (lowest, None)
-        in_mu = float(self_locking_margin(drive, lowest)[0])
-        needed = lowest - in_mu
-        margin = in_mu / needed
+        mu_margin = float(self_locking_margin(drive, lowest)[0])
+        locking_mu = lowest - mu_margin
+        margin = mu_margin / locking_mu
         result = LimitCheck(
-            limit.name, limit.joint, lowest, needed, margin, time=0.0, unit=limit.unit, case=case
+            limit.name,
+            limit.joint,
+            lowest,
+            locking_mu,
+            margin,
+            time=0.0,
+            unit=limit.unit,
+            case=case,
         )
         checks.append(result)
     return checks
@@ -232,26 +297,54 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
 def check_stops(
     stops: StopMotions, motion: Trajectory, robot: Robot, limits: TaskLimits
 ) -> Certificate:
-    """Check all controlled stops together.
+    """Check all controlled stops of a motion together.
 
-    The stops follow one another in one trajectory. Limits on a motion as a whole, and the
-    transitions between two stops, are left out.
+    The stops follow one another in one trajectory. This trajectory jumps from the end of a stop to
+    the start of the next one, so jumps, end velocities and RMS torques are left out. Limits that
+    concern the motion as a whole are left out as well.
+
+    Parameters
+    ----------
+    stops : StopMotions
+        The stops.
+    motion : Trajectory
+        The motion from which the stops start. It is checked in their place if it always rests.
+    robot : Robot
+    limits : TaskLimits
+        Limits of the task. Its motions and its limit on the stop travel do not apply to stops.
+
+    Returns
+    -------
+    Certificate
+        The worst values over all stops. Times count from the start of the first stop.
     """
     joined = stops.joined
     remaining = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
     limits = replace(limits, limits=remaining, motion=())
     certificate = check(motion if joined is None else joined, robot, limits, rate=RATE_OF_STOPS)
     excluded = (*JUMPS, ContinuousTorque.name, *ENDS)
-    of_stops = tuple(
+    stop_checks = tuple(
         limit_check for limit_check in certificate.limits if limit_check.name not in excluded
     )
-    return replace(certificate, limits=of_stops)
+    return replace(certificate, limits=stop_checks)
 
 
 def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:
-    """Check the tip travel of the farthest controlled stop.
+    """Check how far the tip travels in the farthest controlled stop.
 
-    Each stop keeps the other limits. The result is empty if the stop travel is not limited.
+    A stop counts only if it keeps the other limits, and if it ends at rest. Otherwise, the margin
+    is at most that of the violated limit, or at most −1.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    robot : Robot
+    limits : TaskLimits
+
+    Returns
+    -------
+    list of LimitCheck
+        One result, or none if the task does not limit the stop travel.
     """
     limit = limits.stop_travel
     if limit is None:
@@ -272,7 +365,7 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
     reason = (
         f"a stop exceeds {tightest.name} of {tightest.joint or 'the tool'}"
         if stops.ends
-        else "the motion ends moving"
+        else "the motion does not end at rest"
     )
     return [
         replace(

@@ -20,13 +20,22 @@ from ssm_planner.verification.pieces import Pieces
 
 _jump = lru_cache(maxsize=256)(Jump)
 _end_velocity = lru_cache(maxsize=256)(EndVelocity)
-"""The same ones are asked for in every check of a robot."""
+"""Limits with the same values occur in every check of a robot, so they are built once."""
 
 
 class Jumps:
-    """Collect the worst jumps of position, velocity and acceleration of the four joints."""
+    """Collects the worst jumps of position, velocity and acceleration of the four joints.
+
+    Attributes
+    ----------
+    worst : (3, 4) array
+        Largest jumps of position, velocity and acceleration (rows) of the joints.
+    time : (3, 4) array
+        Their times, s.
+    """
 
     def __init__(self, robot: Robot) -> None:
+        """Start without jumps. The tolerances follow from the limits of the joints."""
         self.robot = robot
         self.worst = np.zeros((3, 4))
         self.time = np.zeros((3, 4))
@@ -36,21 +45,22 @@ class Jumps:
             for name in ("velocity", "acceleration", "jerk")
         )
         self._tolerance = JUMP * np.array([np.ones(4), v, a])
-        # Without a jerk limit, time excuses any sum of jumps of the acceleration.
+        # Without a jerk limit, jumps of the acceleration may add up to any value.
         self._excused = JUMP_RATE * np.array([v, a, np.nan_to_num(jerk, nan=1e100)])
         self._level = np.zeros((3, 4))
         self._level_time = 0.0
 
     def look(self, pieces: Pieces) -> None:
+        """Update the worst jumps with the next pieces of the motion."""
         starts, ends = pieces.ends
-        # nothing is before the first piece of all
+        # The first piece of the motion is compared with itself.
         previous = np.concatenate(
             [(starts[0] if self._last is None else self._last)[None], ends[:-1]]
         )
         self._last = ends[-1]
         jump = np.abs(starts - previous)
         level = self._accumulated(jump, pieces.start)
-        # A jump that alone exceeds its tolerance is reported as it is.
+        # If a single jump exceeds its tolerance, the result is this jump and not the sum.
         added_up = (level > self._tolerance) & (jump <= self._tolerance)
         jump = np.where(added_up, level, jump)
         magnitude = jump.max(axis=0)
@@ -59,11 +69,24 @@ class Jumps:
         self.worst = np.maximum(magnitude, self.worst)
 
     def _accumulated(self, jump: Array, time: Array) -> Array:
-        """Return the largest sum of jumps up to each one, less what the time between excuses.
+        """Return the largest sum of jumps that ends at each jump, reduced by the tolerated drift.
 
-        jump: (m, 3, 4); time: (m,). Every jump is within its tolerance in a motion that teleports
-        by many small ones. A sum is thus excused only by the small share JUMP_RATE of the next
-        limit: Σ jumps ≤ tolerance + JUMP_RATE · limit · time, for every interval of time.
+        In a motion that teleports by many small jumps, each of them is within its tolerance. Their
+        sum is therefore limited as well. For every interval of time,
+
+            Σ jumps ≤ tolerance + JUMP_RATE · (limit of the next derivative) · time.
+
+        Parameters
+        ----------
+        jump : (m, 3, 4) array
+            Jumps of position, velocity and acceleration at the starts of m pieces.
+        time : (m,) array
+            Their times, s.
+
+        Returns
+        -------
+        (m, 3, 4) array
+            The sums minus the last term of the inequality.
         """
         rise = np.cumsum(jump, axis=0) - self._excused * (time - self._level_time)[:, None, None]
         lowest = np.minimum.accumulate(np.concatenate([-self._level[None], rise - jump]))[1:]
@@ -73,9 +96,15 @@ class Jumps:
         return level
 
     def checks(self, straight: bool = False) -> list[LimitCheck]:
-        """Return the results for each joint.
+        """Return the results of each joint.
 
-        Acceleration jumps count only if the jerk is limited. straight: judge position jumps alone.
+        Jumps of the acceleration count only if the jerk is limited.
+
+        Parameters
+        ----------
+        straight : bool
+            True for a table. Only jumps of the position count, because linear pieces jump in
+            velocity.
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):
@@ -95,7 +124,7 @@ class Jumps:
 
 
 def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return q̇ (4,) at the start and at the end of a trajectory."""
+    """Return q̇ (4,) in rad/s and m/s at the start and at the end of a trajectory."""
     start, end = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
     length = trajectory.breaks[-1] - trajectory.breaks[-2]
     orders = np.arange(1, len(end))
@@ -105,9 +134,9 @@ def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
 def declared_velocities(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> tuple[Array, Array]:
-    """Return the declared q̇ (4,) at both ends.
+    """Return the q̇ (4,) that a task declares at the start and at the end of a motion.
 
-    At an end where no rate is declared, this is the velocity of the trajectory itself.
+    If a task declares no rate at an end, the result there is the velocity of the trajectory itself.
     """
     velocities = []
     actual = end_velocities(trajectory)
@@ -121,18 +150,31 @@ def declared_velocities(
 def end_checks(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, straight: bool
 ) -> list[LimitCheck]:
-    """Check the velocity of each joint at both ends.
+    """Check that each joint has the declared velocity at both ends.
 
-    straight: skip an end with a linear piece, which does not determine the velocity.
+    Parameters
+    ----------
+    trajectory : Trajectory
+    robot : Robot
+    limits : TaskLimits
+        The declared rates at both ends. A task without them requires rest.
+    straight : bool
+        True for a table. An end with a linear piece is skipped, because it does not determine the
+        velocity.
+
+    Returns
+    -------
+    list of LimitCheck
+        The deviation from the declared velocity for each joint and end.
     """
     checks = []
     declared = declared_velocities(trajectory, robot, limits)
     outer = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
-    bent = [bool(coefficients[2:].any()) for coefficients in outer]
+    is_curved = [bool(coefficients[2:].any()) for coefficients in outer]
     for end, (velocity, declared_velocity) in enumerate(
         zip(end_velocities(trajectory), declared, strict=True)
     ):
-        if straight and not bent[end]:
+        if straight and not is_curved[end]:
             continue
         for i, joint in enumerate(robot.joints):
             limit = _end_velocity(joint.name, JUMP * joint.velocity, joint.slides, at_end=bool(end))
@@ -144,6 +186,7 @@ def end_checks(
 def _joint_velocity(
     trajectory: Trajectory, robot: Robot, rate: Mapping[str, float], t: float
 ) -> Array:
+    """Return the q̇ (4,) at time t for the rates of task coordinates. Missing rates are 0."""
     q = trajectory.sample(np.array([t]), "left" if t == trajectory.breaks[-1] else "right").q[0]
     return joint_rates(
         Mechanism.from_robot(robot), q, np.array([rate.get(name, 0.0) for name in TASK])

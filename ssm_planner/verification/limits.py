@@ -1,4 +1,8 @@
-"""Quantities that a check evaluates, and the worst value of each."""
+"""The quantities that a check evaluates, and the worst value of each.
+
+A `Quantity` pairs a limit with a rule that computes the limited value from the joint motion. A
+`Worst` collects the worst value of one quantity while the check goes through the motion.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +37,10 @@ JUMP = 1e-6
 Jumps of velocity and acceleration are relative to their limits.
 """
 DYNAMIC = tuple(
-    str(kind.name)
-    for kind in (JointAcceleration, JointJerk, MotorTorque, ContinuousTorque, NutContact)
+    str(limit_type.name)
+    for limit_type in (JointAcceleration, JointJerk, MotorTorque, ContinuousTorque, NutContact)
 )
-"""Names of the limits that straight pieces leave undefined."""
+"""Names of the limits that depend on the acceleration. Linear pieces leave them undefined."""
 JUMP_RATE = 1e-3
 """Share of a limit by which jumps of the quantity below it may add up.
 
@@ -46,7 +50,17 @@ Positions may jump by this share of the velocity limit per second, for example.
 
 @frozen
 class Case:
-    """A drive and a mass at the tip (kg) within the range that a motion must be valid for."""
+    """A drive and a payload within the range that a motion must be valid for.
+
+    Attributes
+    ----------
+    drive : Drive
+        The drive with the friction parameters of the case.
+    payload : float
+        Mass at the tip, kg.
+    words : str
+        Description of friction and payload for the result.
+    """
 
     drive: Drive
     payload: float
@@ -55,17 +69,19 @@ class Case:
 
 @frozen
 class Quantity:
-    """A limited quantity and how it follows from the joint motion."""
+    """A limited quantity and the rule that computes it from the joint motion.
+
+    The value is `scale` · d^order q[index]/dt^order if `order` is given. `sampled_extremes`
+    computes all other quantities.
+    """
 
     limit: Limit
     index: int = -1
     """Index of the joint or of the task coordinate."""
     order: int | None = None
-    """The quantity is `scale` times this derivative of q[index].
-
-    It is None if the quantity is no polynomial in time.
-    """
+    """Derivative of q[index] by time. None if the quantity is not a polynomial in time."""
     scale: float = 1.0
+    """Factor on the derivative, such as the gear ratio for a motor speed."""
     case: Case | None = None
     """Friction and payload of a motor torque if they differ from the robot's."""
 
@@ -75,9 +91,10 @@ class Quantity:
         return isinstance(self.limit, (MotorTorque, RetinaClearance))
 
     def excess(self, lowest: Array, highest: Array) -> Array:
-        """Return the negative margin of values between `lowest` and `highest`.
+        """Return the excess over the nearer bound, divided by the half width of the limit.
 
-        It is the excess over the nearer bound divided by the half width.
+        It is the negative margin of a quantity whose values lie between `lowest` and `highest`.
+        Both arrays and the result have the same shape.
         """
         limit = self.limit
         return np.maximum(highest - limit.high, limit.low - lowest) / limit.half_width
@@ -85,7 +102,18 @@ class Quantity:
 
 @dataclass
 class Worst:
-    """The worst value of one quantity."""
+    """The worst value of one quantity.
+
+    Attributes
+    ----------
+    quantity : Quantity
+    excess : float
+        Relative excess of the value over its bound, which is the negative margin.
+    value : float
+        The value, in SI units.
+    time : float
+        Its time, s.
+    """
 
     quantity: Quantity
     excess: float = -np.inf
@@ -93,14 +121,19 @@ class Worst:
     time: float = 0.0
 
     def offer(self, excess: float, value: float, time: float) -> None:
-        """Store a value if it is worse than the stored one."""
+        """Store a value with its excess and time if it is worse than the stored value."""
         if excess > self.excess:
             self.excess = excess
             self.value = value
             self.time = time
 
     def as_check(self) -> LimitCheck:
-        limit, value = self.quantity.limit, self.value + 0.0  # not −0
+        """Return the result of the limit.
+
+        A limit with symmetric bounds reports the magnitude. Other limits report the value and the
+        bound that is nearer to it.
+        """
+        limit, value = self.quantity.limit, self.value + 0.0  # turns −0 into 0
         bound = limit.high if limit.high - value <= value - limit.low else limit.low
         if limit.low == -limit.high:
             value = abs(value)
@@ -118,7 +151,22 @@ class Worst:
 
 
 def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
-    """Return every quantity that is limited at each instant: by joints, motors, task and eye."""
+    """Yield every quantity that is limited at each instant.
+
+    The limits come from the joints, the motors, the task and the eye. Continuous torque and
+    self-locking are left out, because they do not concern a single instant.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot with the limits of its joints and motors.
+    limits : TaskLimits
+        Limits of task coordinates, their rates, the speeds of the tool and the eye.
+
+    Yields
+    ------
+    Quantity
+    """
     for i, joint in enumerate(robot.joints):
         for limit in joint.limits:
             if isinstance(limit, (MotorTorque, NutContact)):
@@ -127,15 +175,17 @@ def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
                 yield Quantity(limit, i, 1, 1.0 if joint.drive is None else joint.drive.ratio)
             elif not isinstance(limit, (ContinuousTorque, SelfLocking)):
                 yield Quantity(limit, i, limit.order)
-    for kind in (TaskRange, TaskRate):
+    for limit_type in (TaskRange, TaskRate):
         by_coordinate = {
-            limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)
+            limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
         }
         for k, name in enumerate(TASK):
-            of_task = by_coordinate.get(name)
-            if of_task is not None and name == "depth":
-                yield Quantity(of_task, 3, of_task.order, float(robot.geometry.insertion_sign))
-            elif of_task is not None:
-                yield Quantity(of_task, k)
+            task_limit = by_coordinate.get(name)
+            if task_limit is not None and name == "depth":
+                yield Quantity(
+                    task_limit, 3, task_limit.order, float(robot.geometry.insertion_sign)
+                )
+            elif task_limit is not None:
+                yield Quantity(task_limit, k)
     yield from map(Quantity, limits.speeds)
     yield from map(Quantity, () if limits.eye is None else limits.eye.limits)

@@ -61,11 +61,11 @@ DERIVATIVES = (
 )
 """Matrix from the values of a quartic at the points to its derivatives there, times the length."""
 NEAR = 0.1
-"""A row, or the speed, may bind if it is at most this share below its limit."""
+"""Share of a limit below which a row, or the speed, may bind."""
 PENALTIES = ((0.02, 0.1), (0.3, None))
 """Pieces (rate, length) of the cost of δ = |2p y₀³ + κ y₀² − 1|.
 
-The bound loses about δ² / (6 y₀).
+The bound loses about δ²/(6 y₀).
 """
 CONTINUOUS = 1e-6
 """A jump of a coefficient between intervals is rounding up to this share of its largest value."""
@@ -103,47 +103,57 @@ def path_bound(
     Returns
     -------
     float or None
-        Bound in s, or None if the linear program has no solution.
+        Bound in s, or None if the linear program is infeasible.
     """
     path = PathRows.from_trajectory(trajectory, robot, span, SHARES)
-    fastest = np.where(path.moves, 1 / path.speed_use(limits), 1.0)
+    max_speed = np.where(path.moves, 1 / path.speed_use(limits), 1.0)
     squares = np.ones(len(path.width) + 1) if squares is None else squares
-    program = _Program.from_rows(path, fastest, squares)
+    program = _Program.from_rows(path, max_speed, squares)
     multipliers = program.multipliers()
     return None if multipliers is None else program.bound(multipliers)
 
 
 @record
 class _Program:
-    """The linear program for one path.
+    """The linear program for one path with n intervals.
 
     Each matrix maps the unknown multipliers to the values of a quantity at the 5n points.
     """
 
     y: Array
-    """Timing y₀, (5n,)."""
-    fastest: Array
-    """Speed limit F, (5n,)."""
+    """Speeds of the timing y₀, (5n,)."""
+    max_speed: Array
+    """Speed limits F, (5n,)."""
     weights: Array
-    """Weights of both integrals over s, (2, 5n)."""
+    """Weights of the coarse and the fine rule for integrals over s, (2, 5n)."""
     p: Any
     kappa: Any
     mu: Any
-    """p, κ and μ."""
+    """Matrices of p, κ and μ, (5n, unknowns) each."""
     excess: Any
-    """Σ λ_r (c_r − 1)."""
+    """Matrix of Σ λ_r (c_r − 1), (5n, unknowns)."""
     slack: Any
-    """Σ λ_r (1 − row_r) for the timing."""
+    """Matrix of Σ λ_r (1 − row_r) for the timing y₀, (5n, unknowns)."""
     jump: Any
-    """Jumps of μ at the n − 1 inner grid points."""
+    """Matrix of the jumps of μ at the inner grid points, (n − 1, unknowns)."""
     at_limit: Mask
-    """True at the inner grid points where the speed limit may bind and λ may jump."""
-    fastest_squared: Array
+    """True at inner grid points where the speed limit may bind and λ may jump, (n − 1,)."""
+    max_speed_squared: Array
     """F² at the inner grid points, (n − 1,)."""
 
     @classmethod
-    def from_rows(cls, path: PathRows, fastest: Array, squares: Array) -> _Program:
-        """Return the program of a path for the timing with ṡ² = squares (n + 1,)."""
+    def from_rows(cls, path: PathRows, max_speed: Array, squares: Array) -> _Program:
+        """Build the program of a path.
+
+        Parameters
+        ----------
+        path : PathRows
+            The rows at five points of n intervals.
+        max_speed : (5n,) array
+            Speed limits F.
+        squares : (n + 1,) array
+            ṡ² of the timing y₀ at the grid points.
+        """
         count = len(path.width)
         gained = np.diff(squares)
         speed_squared = np.concatenate([squares[:-1] + share * gained for share in SHARES])
@@ -153,22 +163,22 @@ class _Program:
         slack = 1 - (a * acceleration + b * speed_squared[:, None] + c + k * y[:, None])
         slope = np.tensordot(DERIVATIVES, a.reshape(len(SHARES), count, -1), 1)
         slope = (slope / path.width[:, None]).reshape(a.shape)
-        fastest_squared = np.minimum(fastest[1:count], fastest[-count:-1]) ** 2
-        at_limit = squares[1:-1] >= (1 - NEAR) ** 2 * fastest_squared
+        max_speed_squared = np.minimum(max_speed[1:count], max_speed[-count:-1]) ** 2
+        at_limit = squares[1:-1] >= (1 - NEAR) ** 2 * max_speed_squared
         unknowns = _unknowns(a, slack, at_limit)
         shares = np.array(SHARES)[:, None]
         value = np.stack([1 - shares, shares])
         change = np.stack([-1 / path.width, 1 / path.width])[:, None]
 
-        def linear(factors: Array, of: Array = value) -> Any:
-            """Return the matrix of Σ factor · λ at all points, or of λ' with `of=change`."""
+        def linear(factors: Array, basis: Array = value) -> Any:
+            """Return the matrix of Σ factor · λ at all points, or of λ' with `basis=change`."""
             factors = factors.reshape(len(SHARES), count, -1)
-            return _matrix(factors, np.broadcast_to(of, (2, len(SHARES), count)), unknowns)
+            return _matrix(factors, np.broadcast_to(basis, (2, len(SHARES), count)), unknowns)
 
         mu = linear(a / 2)
         return cls(
             y=y,
-            fastest=fastest,
+            max_speed=max_speed,
             weights=np.multiply.outer(WEIGHTS, path.width).reshape(2, -1),
             p=linear(b - slope / 2) - linear(a / 2, change),
             kappa=linear(k),
@@ -177,65 +187,85 @@ class _Program:
             slack=linear(slack),
             jump=mu[1:count] - mu[-count:-1],
             at_limit=at_limit,
-            fastest_squared=fastest_squared,
+            max_speed_squared=max_speed_squared,
         )
 
     def multipliers(self) -> Array | None:
-        """Return the unknowns that nearly satisfy the conditions of an optimum, or None."""
+        """Solve the program.
+
+        Returns
+        -------
+        (unknowns,) array or None
+            Multipliers that nearly satisfy the conditions of an optimum. None if the
+            program is infeasible.
+        """
         from scipy.optimize import linprog
         from scipy.sparse import bmat, csr_matrix, diags, eye, hstack
 
         used = np.flatnonzero((self.weights[0] > 0) & (self.p.getnnz(axis=1) > 0))
         if not len(used):
             return np.zeros(self.p.shape[1])
-        y, fastest, weights = self.y[used], self.fastest[used], self.weights[0, used]
+        y, max_speed, weights = self.y[used], self.max_speed[used], self.weights[0, used]
         p, kappa = self.p[used], self.kappa[used]
-        reached = self.y[1 : len(self.at_limit) + 1][self.at_limit] ** 2
-        size, jumps = len(used), len(reached)
+        limit_squares = self.y[1 : len(self.at_limit) + 1][self.at_limit] ** 2
+        size, jumps = len(used), len(limit_squares)
         identity: Any = eye(size)
         step: Any = eye(jumps)
         # δ is the sum of several variables, each with a sign, a cost and a largest value. The first
         # is the multiplier of the speed limit.
-        limit_cost = np.clip((fastest - y) / y**2, 0.0, 1 / y)
-        parts: list[tuple[int, Array, float | None]] = [(1, limit_cost, None)]
-        parts += [(sign, rate / y, end) for rate, end in PENALTIES for sign in (1, -1)]
+        limit_cost = np.clip((max_speed - y) / y**2, 0.0, 1 / y)
+        terms: list[tuple[int, Array, float | None]] = [(1, limit_cost, None)]
+        terms += [(sign, rate / y, end) for rate, end in PENALTIES for sign in (1, -1)]
         bounds: list[tuple[int, float | None]] = [(0, None)] * (p.shape[1] + 2 * jumps)
-        bounds += [(0, end) for _, _, end in parts for _ in range(size)]
-        costs = [weights * cost for _, cost, _ in parts]
-        signed = [sign * identity for sign, _, _ in parts]
+        bounds += [(0, end) for _, _, end in terms for _ in range(size)]
+        costs = [weights * cost for _, cost, _ in terms]
+        signed = [sign * identity for sign, _, _ in terms]
         optimality = diags(2 * y**3) @ p + diags(y**2) @ kappa
         # The value at F is at least that at y₀ if p + κ / (y₀ + F) is at least this threshold. A
         # positive δ lowers the threshold.
-        threshold = 1 / (y * fastest * (y + fastest))
-        lowered = [diags(-threshold) if sign > 0 else 0 * identity for sign, _, _ in parts]
-        at_fastest = p + diags(1 / (y + fastest)) @ kappa
-        jump_cost = self.fastest_squared[self.at_limit] - reached
+        threshold = 1 / (y * max_speed * (y + max_speed))
+        lowered = [diags(-threshold) if sign > 0 else 0 * identity for sign, _, _ in terms]
+        at_max_speed = p + diags(1 / (y + max_speed)) @ kappa
+        jump_cost = self.max_speed_squared[self.at_limit] - limit_squares
         result = linprog(
-            np.concatenate([self.slack[used].T @ weights, jump_cost, reached, *costs]),
+            np.concatenate([self.slack[used].T @ weights, jump_cost, limit_squares, *costs]),
             A_eq=bmat(
                 [
                     [optimality, None, None, *signed],
-                    [self.jump[self.at_limit], -step, step, *[None] * len(parts)],
+                    [self.jump[self.at_limit], -step, step, *[None] * len(terms)],
                 ]
             ),
             b_eq=np.append(np.ones(size), np.zeros(jumps)),
-            A_ub=hstack([-at_fastest, csr_matrix((size, 2 * jumps)), *lowered]),
+            A_ub=hstack([-at_max_speed, csr_matrix((size, 2 * jumps)), *lowered]),
             b_ub=-threshold,
             bounds=bounds,
         )
         return None if result.x is None else np.maximum(result.x[: p.shape[1]], 0.0)
 
     def bound(self, multipliers: Array) -> float:
-        """Return the bound for given unknowns, s."""
-        least = _smallest_values(self.p @ multipliers, self.kappa @ multipliers, self.fastest)
-        rough, fine = self.weights @ (least + self.excess @ multipliers)
+        """Return the lower bound on the duration for given multipliers, s.
+
+        It is the last line of the equation in the module, minus the estimated error of Simpson's
+        rule.
+
+        Parameters
+        ----------
+        multipliers : (unknowns,) array
+            Any values that are at least 0.
+        """
+        minima = _smallest_values(self.p @ multipliers, self.kappa @ multipliers, self.max_speed)
+        rough, fine = self.weights @ (minima + self.excess @ multipliers)
         mu, jump = self.mu @ multipliers, self.jump @ multipliers
-        jump_loss = self.fastest_squared @ np.where(jump > NO_JUMP, jump, 0.0)
+        jump_loss = self.max_speed_squared @ np.where(jump > NO_JUMP, jump, 0.0)
         return float(fine - abs(fine - rough) + mu[-1] - mu[0] - jump_loss)
 
 
 def _rows(path: PathRows) -> list[Array]:
-    """Return the values of all acceleration and torque rows at the PROBES, (4, points) each."""
+    """Return all acceleration and torque rows that are part of the bound.
+
+    Each row contains its values at the PROBES, (4, points). Torque rows use the smallest friction
+    coefficient. They are 0 in an interval in which the joint reverses.
+    """
     rows = path.accelerations()
     for i, drive, motor in motorised(path.robot.joints):
         speeds = 0.0, drive.ratio * path.robot.joints[i].velocity
@@ -249,22 +279,36 @@ def _rows(path: PathRows) -> list[Array]:
 
 
 def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Array:
-    """Return the numbers of the unknowns λ at the starts and ends of the n intervals.
+    """Number the unknown multipliers.
 
-    The result has shape (2, n, rows). It is −1 where λ is 0, which holds where the row is far from
-    its limit, or where its coefficient a (5n, rows) jumps. The end of an interval and the start of
-    the next share one unknown. They have two unknowns where the speed limit may bind.
+    The end of an interval and the start of the next one share an unknown. They have two unknowns
+    where the speed limit may bind. Where a row is far from its limit,
+    or where its coefficient jumps, its multiplier is 0 and not an unknown.
+
+    Parameters
+    ----------
+    a : (5n, rows) array
+        Coefficients of s̈.
+    slack : (5n, rows) array
+        Distances of the rows from their limits.
+    at_limit : (n − 1,) array of bool
+        True at inner grid points where the speed limit may bind.
+
+    Returns
+    -------
+    (2, n, rows) array
+        Numbers of the unknowns at the starts and at the ends of the intervals, or −1.
     """
     count = len(at_limit) + 1
-    nearest = np.full((2, count + 1, a.shape[1]), np.inf)
-    nearest[0, :-1], nearest[1, 1:] = slack[:count], slack[-count:]
-    near = nearest < NEAR
+    end_slack = np.full((2, count + 1, a.shape[1]), np.inf)
+    end_slack[0, :-1], end_slack[1, 1:] = slack[:count], slack[-count:]
+    may_bind = end_slack < NEAR
     may_jump = np.concatenate([[True], at_limit, [True]])[:, None]
-    jumps = np.zeros_like(near[0])
+    jumps = np.zeros_like(may_bind[0])
     jumps[1:-1] = np.abs(a[1:count] - a[-count:-1]) > CONTINUOUS * np.abs(a).max(axis=0)
-    shared = near.any(axis=0) & ~may_jump & ~jumps
-    single = near & may_jump
-    numbers = np.full(near.shape, -1)
+    shared = may_bind.any(axis=0) & ~may_jump & ~jumps
+    single = may_bind & may_jump
+    numbers = np.full(may_bind.shape, -1)
     numbers[:, shared] = np.arange(shared.sum())
     numbers[single] = shared.sum() + np.arange(single.sum())
     return np.stack([numbers[0, :-1], numbers[1, 1:]])
@@ -273,8 +317,14 @@ def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Array:
 def _matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
     """Return the matrix from the unknowns to Σ factor · λ at all points, (5n, unknowns).
 
-    λ is the sum of the weights (2, 5, n) times the unknowns at the start and the end of an
-    interval. The factors have shape (5, n, rows).
+    Parameters
+    ----------
+    factors : (5, n, rows) array
+        Factors of the multipliers.
+    weights : (2, 5, n) array
+        Weights with which the unknowns at the start and at the end of an interval contribute to λ.
+    unknowns : (2, n, rows) array
+        Numbers of the unknowns, see `_unknowns`.
     """
     from scipy.sparse import csr_matrix
 
@@ -287,16 +337,19 @@ def _matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
     return csr_matrix((values.ravel(), entries), shape)
 
 
-def _smallest_values(p: Array, kappa: Array, fastest: Array) -> Array:
-    """Return the smallest values of 1/y + p y² + κ y for 0 < y ≤ fastest, (points,) each.
+def _smallest_values(p: Array, kappa: Array, max_speed: Array) -> Array:
+    """Return the smallest values of 1/y + p y² + κ y for 0 < y ≤ max_speed.
 
-    The function is convex up to y³ = −1/p, or everywhere if p ≥ 0, and concave beyond.
+    The function is convex for y³ ≤ −1/p, or everywhere if p ≥ 0, and concave beyond. Its minimum is
+    therefore in the convex part, where bisection finds it, or at y = max_speed.
+
+    All arrays have the shape (points,).
     """
-    end_of_convex_part = np.minimum(fastest, np.cbrt(1 / np.maximum(-p, TINY)))
-    low, high = np.zeros_like(p), np.where(p < 0, end_of_convex_part, fastest)
+    end_of_convex_part = np.minimum(max_speed, np.cbrt(1 / np.maximum(-p, TINY)))
+    low, high = np.zeros_like(p), np.where(p < 0, end_of_convex_part, max_speed)
     for _ in range(BISECTIONS):
         y = (low + high) / 2
         rises = 2 * p * y**3 + kappa * y**2 > 1
         low, high = np.where(rises, low, y), np.where(rises, y, high)
-    values = [1 / y + p * y**2 + kappa * y for y in (high, fastest)]
+    values = [1 / y + p * y**2 + kappa * y for y in (high, max_speed)]
     return np.asarray(np.minimum(*values))

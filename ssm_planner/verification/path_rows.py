@@ -2,7 +2,7 @@
 
 The planner does not use this module. The path parameter s is the time of the motion, so q' and q''
 are its velocities and accelerations, and the motion itself has ṡ = 1. Another timing of the path
-has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every row is divided by its limit.
+has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every row is a limited quantity divided by its limit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,17 @@ PROBES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 
 
 def coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
-    """Return a, b, c and k of a s̈ + b ṡ² + c + k ṡ from its values (4, ...) at the PROBES."""
+    """Return the coefficients of a s̈ + b ṡ² + c + k ṡ.
+
+    Parameters
+    ----------
+    values : (4, ...) array
+        Values of the expression at the PROBES.
+
+    Returns
+    -------
+    a, b, c, k : (...) arrays
+    """
     at_rest, pushed, forwards, backwards = values
     return (
         pushed - at_rest,
@@ -50,11 +60,11 @@ class PathRows:
     q: Array
     """Joint positions, (m n, 4)."""
     direction: Array
-    """Direction of every joint, (m n, 4). It is 0 if the joint ends the interval where it began."""
+    """Direction of every joint, (m n, 4). It is 0 if both ends have the same position."""
     speed: Array
     acceleration: Array
     effort: Array
-    """q̇, q̈ and joint efforts at the PROBES, (4, m n, 4)."""
+    """q̇, q̈ and joint efforts at the PROBES, (4, m n, 4) each."""
 
     @classmethod
     def from_trajectory(
@@ -80,29 +90,29 @@ class PathRows:
         refinement : int
             Factor on the number of intervals.
         """
-        first = int(trajectory.piece_of(np.array(span[:1]))[0])
-        last = int(trajectory.piece_of(np.array(span[1:]), "left")[0])
-        lengths = np.diff(trajectory.breaks[first : last + 2])
+        first_piece = int(trajectory.piece_of(np.array(span[:1]))[0])
+        last_piece = int(trajectory.piece_of(np.array(span[1:]), "left")[0])
+        lengths = np.diff(trajectory.breaks[first_piece : last_piece + 2])
         counts = np.maximum(np.rint(INTERVALS * lengths / lengths.sum()), 1).astype(int)
         counts *= refinement
-        piece, k = parts_of(counts)
-        width = (lengths / counts)[piece]
+        piece_index, k = parts_of(counts)
+        width = (lengths / counts)[piece_index]
         times = np.concatenate([(k + share) * width for share in shares])
-        samples = trajectory.sample_pieces(np.tile(first + piece, len(shares)), times)
+        samples = trajectory.sample_pieces(np.tile(first_piece + piece_index, len(shares)), times)
         q = samples.q.reshape(len(shares), -1, 4)
-        moved = q[-1] - q[0]
-        slowest = STILL * robot.velocities
-        advances = np.abs(moved) > slowest * width[:, None]
+        travel = q[-1] - q[0]
+        rest_speed = STILL * robot.velocities
+        advances = np.abs(travel) > rest_speed * width[:, None]
         powers = lengths[:, None] ** np.arange(1, DEGREE + 1)
-        rates = np.abs(trajectory.pieces(slice(first, last + 1))[:, 1:])
+        rates = np.abs(trajectory.pieces(slice(first_piece, last_piece + 1))[:, 1:])
         travelled = np.einsum("np,npj->nj", powers, rates)
-        moves = (travelled > slowest * lengths[:, None]).any(axis=1)[piece]
+        moves = (travelled > rest_speed * lengths[:, None]).any(axis=1)[piece_index]
         speed = np.stack([rate * samples.qd for _, rate in PROBES])
         acceleration = np.stack([u * samples.qd + rate**2 * samples.qdd for u, rate in PROBES])
         body = RigidBody.from_robot(robot)
         motions = zip(speed, acceleration, strict=True)
         effort = np.stack([body.inverse_dynamics(samples.q, *motion) for motion in motions])
-        direction = np.tile(np.sign(moved) * advances, (len(shares), 1))
+        direction = np.tile(np.sign(travel) * advances, (len(shares), 1))
         return cls(
             robot,
             width,
@@ -115,17 +125,34 @@ class PathRows:
         )
 
     def accelerations(self) -> list[Array]:
-        """Return the rows of the acceleration limits at the PROBES, (4, m n) each."""
+        """Return the rows of the acceleration limits.
+
+        Each joint has one row for either direction, with its values at the PROBES, (4, m n).
+        """
         rows = []
         for joint, values in zip(self.robot.joints, self.acceleration.T, strict=True):
             rows += [values.T / joint.acceleration, -values.T / joint.acceleration]
         return rows
 
     def torques(self, i: int, drive: Drive, motor: Motor, mu: Array) -> list[Array]:
-        """Return the values of two rows at the PROBES, (4, m n) each.
+        """Return the two rows of a torque limit.
 
-        The motor torque of joint i in the direction of motion, as a share of its limit, is the
-        larger of the two. mu (m n,) are the friction coefficients.
+        The motor torque in the direction of motion, as a share of its limit, is the larger of the
+        two.
+
+        Parameters
+        ----------
+        i : int
+            Index of the joint.
+        drive : Drive
+        motor : Motor
+        mu : (m n,) array
+            Friction coefficients.
+
+        Returns
+        -------
+        list of two (4, m n) arrays
+            Values of the rows at the PROBES.
         """
         speed, acceleration = self.speed[..., i], self.acceleration[..., i]
         direction = self.direction[:, i]
@@ -138,7 +165,11 @@ class PathRows:
         ]
 
     def speed_use(self, limits: TaskLimits) -> Array:
-        """Return the largest speed at ṡ = 1 as a share of its limit, (m n,)."""
+        """Return how much of its speed limit the motion uses at ṡ = 1.
+
+        The result (m n,) is the largest ratio of a speed of joints, motors, tool or task to its
+        limit. A timing keeps all speed limits if ṡ is at most the inverse of this ratio.
+        """
         mechanism, qd = Mechanism.from_robot(self.robot), self.speed[2]
         uses = [np.full(len(qd), STANDING)]
         for joint, speed in zip(self.robot.joints, np.abs(qd.T), strict=True):

@@ -1,7 +1,7 @@
 """Blocks of consecutive polynomial pieces, each on s ∈ [0, 1], and extremes of polynomials.
 
-The first axis of every array counts pieces. Arrays are in Fortran order, so operations run along
-values that are adjacent in memory.
+The first axis of every array counts pieces. Arrays are in Fortran order, because the operations run
+along values that are then adjacent in memory.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from ssm_planner.verification import bernstein
 from ssm_planner.verification.limits import Worst
 
 State = tuple[Array, Array, Array]
-"""q, qd and qdd, each (…, 4)."""
+"""Joint positions q, velocities qd and accelerations qdd, each (…, 4)."""
 
 BLOCK = 8192
-"""Number of pieces that are evaluated together, which bounds the memory in use."""
+"""Number of pieces that are evaluated together, which bounds the memory."""
 EXACT = 1e-10
-"""Accuracy of the extreme of a polynomial relative to its limit."""
+"""Accuracy of the extreme of a polynomial, relative to its limit."""
 
 
 @record
 class Pieces:
-    """Consecutive pieces as polynomials of s = (t − start)/length."""
+    """m consecutive pieces as polynomials of s = (t − start)/length."""
 
     start: Array
     """Start times (m,), s."""
@@ -46,7 +46,7 @@ class Pieces:
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """(q, qd, qdd) at the start and at the end of every piece, each (m, 3, 4)."""
+        """q, qd and qdd at the start and at the end of every piece, (m, 3, 4) each."""
         starts, ends = (
             np.stack([b[:, k].T for b in self.bernstein[:3]]).transpose(2, 0, 1) for k in (0, -1)
         )
@@ -61,9 +61,20 @@ class Pieces:
     def evaluate(
         self, index: Indices | slice, s: Array, results: Sequence[Array] | Array = ()
     ) -> State:
-        """Return q, qd, qdd, each (…, n, 4), at s (…, n) of the pieces with index (n,).
+        """Evaluate q, qd and qdd of n pieces.
 
-        out: arrays for the results, (4, … n).
+        Parameters
+        ----------
+        index : (n,) array or slice
+            Indices of the pieces.
+        s : (…, n) array
+            Fractions of the pieces.
+        results : three (4, … n) arrays, optional
+            Arrays that receive the results.
+
+        Returns
+        -------
+        tuple of three (…, n, 4) arrays
         """
         q, qd, qdd = (
             _horner(powers.T[..., index], s, values)
@@ -72,10 +83,11 @@ class Pieces:
         return q, qd, qdd
 
     def speeds(self, index: Indices, s: Array) -> Array:
-        """Return qd (…, n, 4) like `at`."""
+        """Return qd (…, n, 4) at the fractions s (…, n) of the pieces with index (n,)."""
         return _horner(self.powers[1].T[..., index], s)
 
     def time(self, index: Indices, s: Array) -> Array:
+        """Return the times (…, n) in s at the fractions s (…, n) of the pieces with index (n,)."""
         return self.start[index] + s * self.length[index]
 
     def moving(self, robot: Robot) -> Mask:
@@ -86,12 +98,19 @@ class Pieces:
         return np.abs(self.bernstein[1]).max(axis=1) > still(robot)
 
     def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
-        """Return (piece, from, to) of the pieces, cut where a joint reverses.
+        """Cut the pieces where a joint reverses.
 
         Every joint keeps its direction within a segment.
+
+        Returns
+        -------
+        piece : (k,) array
+            Index of the piece that contains the segment.
+        start, end : (k,) arrays
+            Ends of the segment as fractions of the piece.
         """
         indices = np.arange(len(self.start))
-        # the joints one below the other
+        # One row for each pair of joint and piece, all pieces of a joint after each other.
         speeds = self.bernstein[1].T.swapaxes(0, 1).reshape(DEGREE, -1).T
         cuts, s = bernstein.sign_changes(speeds, np.repeat(still(robot), len(indices)))
         owner = np.concatenate([indices, cuts % len(indices)])
@@ -105,14 +124,18 @@ class Pieces:
 
 
 def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
-    """Yield the pieces of a trajectory in blocks."""
+    """Yield the pieces of a trajectory in blocks of BLOCK."""
     for block in blocks(len(trajectory.breaks) - 1, BLOCK):
         lengths = np.diff(trajectory.breaks[block.start : block.stop + 1])
         yield _pieces(trajectory.breaks[block], lengths, trajectory.pieces(block))
 
 
 def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
-    # the values of one coefficient of one joint lie together: what follows runs along them
+    """Build pieces from their start times (m,), lengths (m,) and coefficients (m, 6, 4).
+
+    The coefficients are those of powers of the time since the start of the piece.
+    """
+    # In Fortran order, the values of one coefficient of one joint are adjacent in memory.
     powers = [
         np.asfortranarray(coefficients) * (length ** np.arange(DEGREE + 1)[:, None]).T[:, :, None]
     ]
@@ -124,14 +147,21 @@ def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
 
 
 def still(robot: Robot) -> Array:
-    """Return the speeds (4,) up to which the joints count as standing."""
+    """Return the speeds (4,) in rad/s and m/s up to which the joints count as standing."""
     return robot.velocities * STILL
 
 
 def _horner(powers: Array, s: Array, result: Array | None = None) -> Array:
-    """Return Σ powers[:, k] s^k (…, n, 4) for powers (4, degree + 1, n) and s (…, n).
+    """Evaluate polynomials by Horner's rule, and return Σ powers[:, k] s^k (…, n, 4).
 
-    The values of each joint are adjacent in memory. out: array for the result, (4, … n).
+    Parameters
+    ----------
+    powers : (4, degree + 1, n) array
+        Coefficients of the powers. The values of each joint are adjacent in memory.
+    s : (…, n) array
+        Arguments.
+    result : (4, … n) array, optional
+        Array that receives the result.
     """
     shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
     leading, *lower = (coefficient.reshape(shape) for coefficient in powers.swapaxes(0, 1)[::-1])
@@ -144,7 +174,17 @@ def _horner(powers: Array, s: Array, result: Array | None = None) -> Array:
 
 
 def find_extremes(pieces: Pieces, extremes: Sequence[Worst]) -> None:
-    """Update the worst values of the polynomial quantities with these pieces."""
+    """Update the worst values of the polynomial quantities with these pieces.
+
+    The Bernstein coefficients bound each quantity. Only the quantities whose bounds exceed their
+    worst value so far are examined exactly.
+
+    Parameters
+    ----------
+    pieces : Pieces
+    extremes : sequence of Worst
+        Worst values of all quantities. Those without `order` are skipped.
+    """
     lowest, highest = pieces.bounds
     for order, bernstein_of in enumerate(pieces.bernstein):
         open_: list[tuple[Worst, float, float, float]] = []

@@ -1,11 +1,10 @@
 """Speed and acceleration of a trajectory that consists of linear pieces between points.
 
-Its velocity jumps at every point, so acceleration and torque are undefined. However, every smooth
-motion through three points has at some instant at least a certain acceleration: the jump of the
-mean velocity divided by the mean length of both intervals (mean value theorem). At the ends of the
-motion, which rests there or has a declared speed, the outer interval has no length. A jump that
-exceeds the
-acceleration limit is therefore a violation for every way to join the points.
+The velocity jumps at every point, so acceleration and torque are undefined. However, every smooth
+motion through three points has at some instant at least a certain acceleration. It is the jump of
+the mean velocity divided by the mean length of both intervals (mean value theorem). At an end of
+the motion, which rests there or has a declared speed, the length of the outer interval is 0. If a
+jump exceeds the acceleration limit, every motion through the points violates this limit.
 """
 
 from __future__ import annotations
@@ -25,9 +24,9 @@ from ssm_planner.verification.limits import Quantity
 from ssm_planner.verification.pieces import BLOCK
 
 FINEST = 1e-12
-"""Best accuracy of positions that is ever assumed, rad or m."""
+"""Smallest rounding error of positions that the check assumes, rad or m."""
 EXCUSED = 1e-3
-"""Relative excess of a speed that the rounding of the points excuses."""
+"""Relative excess of a speed that counts as kept if rounding of the points can explain it."""
 
 
 def linear_limits(
@@ -37,18 +36,36 @@ def linear_limits(
     resolution: Array,
     checks: Mapping[Quantity, LimitCheck],
 ) -> tuple[list[LimitCheck], list[str], list[Unjudged]]:
-    """Return the limits of a trajectory that consists of linear pieces.
+    """Check the limits of a trajectory that consists of linear pieces.
 
-    Velocity jumps that the rounding of the points can explain do not count. A speed that exceeds
-    its limit although rounding can explain the excess is not judged (third result). The second
-    result has notes. resolution (4,): largest rounding error of a point, rad or m.
+    A jump of the velocity does not count if rounding of the points can explain it. A speed above
+    its limit is not judged if rounding can explain the excess.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    robot : Robot
+    limits : TaskLimits
+    resolution : (4,) array
+        Largest rounding error of a point, rad or m.
+    checks : mapping of Quantity to LimitCheck
+        Results for the linear pieces themselves.
+
+    Returns
+    -------
+    checks : list of LimitCheck
+        The results without the effect of rounding, and the jumps of the velocity.
+    notes : list of str
+        Assumptions of these results.
+    unjudged : list of Unjudged
+        Speeds that rounding may or may not explain.
     """
     resolution = np.maximum(resolution, FINEST)
-    first, last = declared_velocities(trajectory, robot, limits)
-    speeds = _Speeds(robot, resolution, first)
+    start_velocity, end_velocity = declared_velocities(trajectory, robot, limits)
+    speeds = _Speeds(robot, resolution, start_velocity)
     for block in blocks(len(trajectory.breaks) - 1, BLOCK):
         speeds.look(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
-    speeds.end(last)
+    speeds.end(end_velocity)
     results, unjudged = [], []
     for quantity, limit in checks.items():
         result = _within_rounding(quantity, limit, trajectory, robot, speeds)
@@ -57,36 +74,58 @@ def linear_limits(
             unjudged.append(Unjudged(limit.name, limit.joint, reason))
         results.append(result)
     results += speeds.checks()
-    note = "velocity may jump by as much as the acceleration limit allows within one interval"
+    note = "the velocity may jump by as much as the acceleration limit allows within one interval"
     if resolution.max() > FINEST:
-        note += ", less what the rounding of the positions can explain"
+        note += ", and jumps that rounding of the positions can explain do not count"
     return results, [note], unjudged
 
 
 class _Speeds:
-    """Collect joint speeds on linear pieces and jumps between them, less the possible rounding."""
+    """Collects joint speeds on linear pieces and the jumps between them.
+
+    Each speed and each jump is reduced by the part that rounding of the points can explain.
+
+    Attributes
+    ----------
+    fastest, fastest_time : (4,) arrays
+        Largest speed of each joint, and its time in s.
+    """
 
     def __init__(self, robot: Robot, resolution: Array, start: Array) -> None:
+        """Prepare the collection.
+
+        Parameters
+        ----------
+        robot : Robot
+        resolution : (4,) array
+            Largest rounding error of a point, rad or m.
+        start : (4,) array
+            Declared velocity at the start of the motion.
+        """
         self.robot = robot
         self.resolution = resolution
         self.allowed = robot.accelerations
         self.fastest = np.zeros(4)
         self.fastest_time = np.zeros(4)
         self.share = np.full(4, -np.inf)
-        """Worst jump over what is allowed there; (worst, allowed, time) of it."""
+        """Worst ratio of a jump to the allowed jump, (4,). Below: jump, allowed jump and time."""
         self.worst = np.zeros((3, 4))
         self._before = start
         self._length = 0.0
         self._time = 0.0
 
     def look(self, breaks: Array, coefficients: Array) -> None:
-        """Update the fastest speeds and the worst jumps with the next pieces of the motion.
+        """Update the largest speeds and the worst jumps with the next pieces of the motion.
 
-        Rounding moves each end of a piece by at most the resolution, so it explains a speed of two
-        resolutions over the length of the piece.
+        Rounding moves each end of a piece by at most the resolution. It therefore explains a speed
+        of two resolutions divided by the duration of the piece.
 
-        breaks: start of each piece and end of the last one (m + 1,), s. coefficients: powers of the
-        time since the start of the piece, for each joint (m, 6, 4).
+        Parameters
+        ----------
+        breaks : (m + 1,) array
+            Start of each piece and end of the last one, s.
+        coefficients : (m, 6, 4) array
+            Coefficients of powers of the time since the start of the piece.
         """
         length = np.diff(breaks)
         speed = np.maximum(np.abs(coefficients[:, 1]) - 2 * self.resolution / length[:, None], 0.0)
@@ -107,14 +146,21 @@ class _Speeds:
         self._time = float(breaks[-1])
 
     def end(self, velocity: Array) -> None:
-        """Add the end of the motion with the velocity q̇ (4,)."""
+        """Add the jump from the last piece to the velocity q̇ (4,) at the end of the motion."""
         time, length = np.array([[self._time], [self._length]])
         self._jumps(time, length, np.zeros(1), (velocity - self._before)[None])
 
     def _jumps(self, time: Array, length_before: Array, length_after: Array, jump: Array) -> None:
-        """Add jumps (n, 4) at times (n,) between intervals of the given lengths.
+        """Add jumps of the velocity at n instants.
 
-        A length is 0 outside the motion.
+        Parameters
+        ----------
+        time : (n,) array
+            Instants, s.
+        length_before, length_after : (n,) arrays
+            Lengths of the adjacent intervals, s. A length outside the motion is 0.
+        jump : (n, 4) array
+            Jumps of the joint velocities.
         """
         inverse_before, inverse_after = (
             np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
@@ -133,7 +179,7 @@ class _Speeds:
         self.share = np.where(worse, share[k, joints], self.share)
 
     def checks(self) -> list[LimitCheck]:
-        """Return the velocity jumps of each joint."""
+        """Return the worst jump of the velocity of each joint."""
         checks = []
         for i, joint in enumerate(self.robot.joints):
             worst, allowed, time = self.worst[:, i].tolist()
@@ -145,60 +191,99 @@ class _Speeds:
 def _within_rounding(
     quantity: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: _Speeds
 ) -> LimitCheck:
-    """Judge speed limits without the part of the speed that rounding of the points can explain."""
+    """Return the result of a speed limit without the speed that rounding can explain.
+
+    Other limits, and speeds at points that state velocities, remain unchanged.
+    """
     if quantity.limit.order != 1:
         return limit
     if quantity.order is None:
         return _of_tool(quantity, limit, trajectory, robot, speeds.resolution)
     if trajectory.pieces(_meeting_at(trajectory, limit.time))[:, 2:].any():
-        return limit  # of points with velocities: nothing is explained by rounding
+        return limit  # points that state velocities, so rounding explains nothing
     scale = abs(quantity.scale)
     i = quantity.index
-    fastest = float(speeds.fastest[i]), float(speeds.fastest_time[i])
+    speed = float(speeds.fastest[i]), float(speeds.fastest_time[i])
     if not limit.passed:
         bound = limit.limit / scale
-        fastest = max(fastest, _longer_windows(trajectory, i, bound, float(speeds.resolution[i])))
-    return _replaced(limit, scale * fastest[0], fastest[1])
+        speed = max(speed, _longer_windows(trajectory, i, bound, float(speeds.resolution[i])))
+    return _replaced(limit, scale * speed[0], speed[1])
 
 
 def _longer_windows(
     trajectory: Trajectory, i: int, bound: float, resolution: float
 ) -> tuple[float, float]:
-    """Return the mean speed of joint i, less rounding, over a window, and the start of the window.
+    """Return the mean speed of a joint over the worst window of points.
 
     A motion with |q̇| ≤ bound passes all points within their rounding if and only if
-    |q(t) − q(s)| ≤ bound (t − s) + 2 resolution for all points s < t (McShane's extension). The
-    window exceeds this by most, so its mean speed is above the bound if and only if such a motion
-    does not exist. It ends where q(t) − bound t is farthest above its lowest earlier value.
+
+        |q(t) − q(s)| ≤ bound (t − s) + 2 resolution   for all points s < t
+
+    (McShane's extension). The result belongs to the window that exceeds this inequality by most, so
+    the speed exceeds the bound if and only if such a motion does not exist. This window ends where
+    q(t) − bound t is farthest above its lowest earlier value.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    i : int
+        Index of the joint.
+    bound : float
+        Limit of the speed, rad/s or m/s.
+    resolution : float
+        Largest rounding error of a point, rad or m.
+
+    Returns
+    -------
+    speed, start : float
+        Mean speed without the effect of rounding, and start of the window in s.
     """
     t = trajectory.breaks
     q = np.concatenate([trajectory.positions(t[block])[:, i] for block in blocks(len(t), BLOCK)])
-    best = (0.0, 0.0, 0.0)
+    worst_window = (0.0, 0.0, 0.0)
     for direction in (1.0, -1.0):
-        ahead = direction * q - bound * (t - t[0])
-        rise = ahead - np.minimum.accumulate(ahead)
-        last = int(rise.argmax())
-        first = int(ahead[: last + 1].argmin())
-        if rise[last] > best[0]:
-            speed = (abs(q[last] - q[first]) - 2 * resolution) / (t[last] - t[first])
-            best = float(rise[last]), float(speed), float(t[first])
-    return best[1:]
+        advance = direction * q - bound * (t - t[0])
+        rise = advance - np.minimum.accumulate(advance)
+        end_index = int(rise.argmax())
+        start_index = int(advance[: end_index + 1].argmin())
+        if rise[end_index] > worst_window[0]:
+            speed = (abs(q[end_index] - q[start_index]) - 2 * resolution) / (
+                t[end_index] - t[start_index]
+            )
+            worst_window = float(rise[end_index]), float(speed), float(t[start_index])
+    return worst_window[1:]
 
 
 def _of_tool(
     quantity: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
 ) -> LimitCheck:
-    """Judge a tool speed at the start of every piece and at the worst sampled instant."""
+    """Return the result of a tool speed without the speed that rounding can explain.
+
+    The speed is evaluated at the start of every piece and at the worst sampled instant.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        The tool speed, or the rate of a task coordinate.
+    limit : LimitCheck
+        Result for the linear pieces themselves.
+    trajectory : Trajectory
+    robot : Robot
+    resolution : (4,) array
+        Largest rounding error of a point, rad or m.
+    """
     if limit.passed:
         return limit
     mechanism = Mechanism.from_robot(robot)
 
     def values(q: Array, qd: Array) -> Array:
+        """Return the tool speeds (n,) of joint positions and velocities (n, 4)."""
         if isinstance(quantity.limit, SpeedLimit):
             return tool_speed(type(quantity.limit), mechanism, q, qd)
         return np.abs(task_rates(mechanism, q, qd)[:, quantity.index])
 
     def unexplained(q: Array, speeds: Array, index: Indices) -> Array:
+        """Return the tool speeds (n,) without the largest effect of rounding."""
         wrong = 2 * resolution / (trajectory.breaks[index + 1] - trajectory.breaks[index])[:, None]
         rounding = sum(values(q, np.eye(4)[i] * wrong) for i in range(4))
         return np.maximum(values(q, speeds) - rounding, 0.0)
@@ -212,7 +297,7 @@ def _of_tool(
         coefficients = trajectory.pieces(block)
         q = coefficients[:, 0]
         speeds = coefficients[:, 1]
-        # what does not count without the rounding needs no second look
+        # A speed that is lower even with the effect of rounding is not the largest.
         faster = values(q, speeds) > highest
         if not faster.any():
             continue
@@ -231,5 +316,6 @@ def _meeting_at(trajectory: Trajectory, time: float) -> Indices:
 
 
 def _replaced(limit: LimitCheck, value: float, time: float) -> LimitCheck:
+    """Return the result with another worst value and its time in s."""
     margin = (limit.limit - value) / limit.limit
     return dataclasses.replace(limit, worst=value, margin=margin, time=time)

@@ -1,7 +1,7 @@
 """Promises about the path of the tip: lines, corners, constant speed, distance from the retina.
 
-The lines follow from the problem and from the position of the tip where the phase begins, by
-kinematics alone.
+A problem prescribes the lines of some motions. They follow from the problem and from the position
+of the tip where the phase begins, by kinematics alone. The check compares the tip with them.
 """
 
 from __future__ import annotations
@@ -45,27 +45,25 @@ from ssm_planner.verification.certificate import LimitCheck, Unjudged
 OFF = 1e-7
 """Distance from its lines, m, beyond which the tip has left them."""
 ON = 1e-6
+"""Largest distance from the lines, and largest error of the distance to the retina, m."""
 CONSTANT = 1e-6
-"""Tolerances without corners: distance from a line or from a constant distance to the retina, m.
-
-The second value is the largest relative error of a constant speed.
-"""
+"""Largest relative error of a constant speed."""
 SLACK = 1e-9
 """Extra distance, m, from a corner at which the tip may leave its lines."""
 LOOKS = 8
+"""Number of instants in every piece of a motion at constant speed."""
 FEW = 3
-"""Number of instants in every piece of a motion at constant speed, and of other motions."""
+"""Number of instants in every piece of other motions."""
 ABOUT = 1.5
+"""Radius around a corner with more instants, as a multiple of its allowed distance."""
 INSTANTS = 301
-"""Radius around a corner, in allowed distances, with more instants, and the number of these."""
+"""Number of these instants."""
 COARSE = 65
+"""Number of points of a line from which the search of the nearest point starts."""
 STEPS = 3
+"""Number of its Newton steps."""
 STEP = 1e-7
-"""Search of the point of a line that is nearest to the tip.
-
-The values are the number of points to start from, the number of Newton steps, and the step of
-differences.
-"""
+"""Step of its difference quotients, as a fraction of the line."""
 SOME = 4096
 """Number of instants that are evaluated together."""
 
@@ -75,7 +73,13 @@ Curve = Callable[[Array], Array]
 
 @frozen
 class Way:
-    """The promises about one phase of a motion."""
+    """The promises about one phase of a motion.
+
+    Attributes
+    ----------
+    span : Span
+        Name, start and end of the phase.
+    """
 
     span: Span
     lines: tuple[Curve, ...]
@@ -95,22 +99,31 @@ class Way:
 
 @frozen
 class WayKept:
-    """How well a phase keeps its promises, in SI units."""
+    """The result of checking the promises of one phase, in SI units.
+
+    Attributes
+    ----------
+    way : Way
+        The promises.
+    checks : tuple of LimitCheck
+        One result for each promise.
+    """
 
     way: Way
     checks: tuple[LimitCheck, ...]
     departure: float
-    """Largest distance of the tip from its lines."""
+    """Largest distance of the tip from its lines, m."""
     stretch: tuple[float, float, float] | None = None
-    """Start and end of a constant speed in s from the start of the phase, and its relative
-    error.
+    """Start and end of the constant speed in s from the start of the phase, and its relative error.
+
+    None if the phase promises no constant speed.
     """
 
     @property
     def reach(self) -> float | None:
-        """Largest distance from a corner at which the tip is off its lines.
+        """Largest distance from a corner at which the tip is off its lines, m.
 
-        It is None without corners.
+        None without corners.
         """
         return next(
             (check.worst for check in self.checks if check.name == CornerRounding.name), None
@@ -118,7 +131,22 @@ class WayKept:
 
 
 def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[WayKept]:
-    """Return how every phase with promises keeps them."""
+    """Check every phase whose motion promises something about the path of the tip.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        A trajectory with phases.
+    mechanism : Mechanism
+        The kinematics of the robot.
+    limits : TaskLimits
+        The limits with the motions of the problem and the eye.
+
+    Returns
+    -------
+    list of WayKept
+        One result for each such phase, in their order.
+    """
     return [
         _compare(motion, mechanism, promise)
         for promise in _path_promises(motion, mechanism, limits)
@@ -140,7 +168,9 @@ def lines_kept(
     motion : Trajectory
         The table.
     mechanism : Mechanism
+        The kinematics of the robot.
     limits : TaskLimits
+        The limits with the eye.
     chain : list of Motion
         Motions joined by rounded corners, or one motion.
     span : Span
@@ -151,29 +181,30 @@ def lines_kept(
     Returns
     -------
     checks : list of LimitCheck
-        The largest distance from the lines. Empty if the motions have no lines.
+        The largest distance from the lines. Empty if the motions do not have lines.
     unjudged : list of Unjudged
         Promises that the points of a table cannot show.
     """
     if not _has_lines(chain[0]):
         return [], []
-    way = replace(_path_promise(motion, mechanism, limits, chain, span), speed=None)
-    names = [CornerRounding.name] * bool(way.distances)
+    promise = replace(_path_promise(motion, mechanism, limits, chain, span), speed=None)
+    names = [CornerRounding.name] * bool(promise.distances)
     checks = []
-    if way.over is None:
-        departure = _compare(motion, mechanism, way).checks[0]
-        checks.append(_check(PathDeparture(allowed), way, departure.worst, departure.time))
+    if promise.over is None:
+        departure = _compare(motion, mechanism, promise).checks[0]
+        checks.append(_check(PathDeparture(allowed), promise, departure.worst, departure.time))
     else:
         names.append(PathDeparture.name)
     names += [ConstantSpeed.name] * bool(getattr(chain[0], "constant_speed", None))
-    reason = f"the points of a table do not show it for {span.name}"
+    reason = f"the points of a table do not show whether {span.name} keeps it"
     return checks, [Unjudged(name, None, reason) for name in names]
 
 
 def unchecked_lines(limits: TaskLimits) -> str:
-    """Return a remark that the lines of the motions were not checked."""
+    """Return a remark which states that the check did not examine the lines of the motions."""
     return (
-        f"that the tip keeps to the path of {limits.promising}: a table does not say when it begins"
+        f"whether the tip follows the path of {limits.promising}: a table does not contain the "
+        "times of phases"
     )
 
 
@@ -183,9 +214,11 @@ def _has_lines(entry: Motion) -> bool:
 
 
 def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Iterator[Way]:
-    """Return the promises of the motions of a problem with their phases.
+    """Yield the promises of each motion that prescribes lines.
 
-    Phases have the names of the motions and their order.
+    The phases of a trajectory have the names and the order of the motions. A scan, and a curve
+    through samples, have an unknown number of phases, so the next motion is searched by its name. A
+    motion whose phase is missing gets an empty phase, which fails the check.
     """
     index = 0
     counts_unknown = False
@@ -194,7 +227,7 @@ def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits)
         head = chain[0]
         name = " + ".join(dict.fromkeys(entry.name for entry in chain))
         if isinstance(head, Scan) or (isinstance(head, Follow) and head.curve == "samples"):
-            counts_unknown = True  # of as many phases as the planner needs
+            counts_unknown = True  # The planner chooses the number of phases.
             continue
         if isinstance(head, Follow) and head.curve == "retina" and not counts_unknown:
             index += index < len(spans) and spans[index].name == f"{name}, approach"
@@ -216,7 +249,10 @@ def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits)
 
 
 def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
-    """Return the motions of a problem. Motions joined by rounded corners form one chain."""
+    """Yield the motions of a problem in chains.
+
+    Motions joined by rounded corners form one chain. Every other motion is a chain by itself.
+    """
     chain: list[Motion] = []
     for entry in entries:
         chain.append(entry)
@@ -228,21 +264,22 @@ def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
 def _path_promise(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: list[Motion], span: Span
 ) -> Way:
-    """Return the lines of motions that form one phase.
+    """Return the lines of the motions that form one phase.
 
-    They begin at the position of the tip at the begin of the phase.
+    The first line starts where the tip is when the phase begins. Each further line starts at the
+    end of the line before it.
     """
     task, branch = _initial_task(motion, mechanism, chain, span)
     lines: list[Curve] = []
-    over: tuple[Array, float, float] | None = None
+    retina: tuple[Array, float, float] | None = None
     for entry in chain:
         assert isinstance(entry, (Straight, Follow))
         tasks = [task]
         for point in (*(entry.through if isinstance(entry, Follow) else ()), entry.to):
             tasks.append(task_at(mechanism, point, tasks[-1], branch))
         if isinstance(entry, Follow) and entry.distance is not None and limits.eye is not None:
-            over = limits.eye.centre, limits.eye.radius, entry.distance
-            tasks[-1][3] = _depth_in(mechanism, tasks[-1], over[0], over[1] - over[2])
+            retina = limits.eye.centre, limits.eye.radius, entry.distance
+            tasks[-1][3] = _depth_in(mechanism, tasks[-1], retina[0], retina[1] - retina[2])
         tips = tip_from_task(mechanism, np.array(tasks))
         if isinstance(entry, Straight):
             lines.append(partial(_in_task, mechanism, tasks[0], tasks[-1]))
@@ -250,7 +287,9 @@ def _path_promise(
             lines.append(partial(_line, tips[0], tips[-1]))
         else:
             lines.append(
-                _circle(tips, _middle(tips) if over is None else over[0], shorter=over is not None)
+                _circle(
+                    tips, _middle(tips) if retina is None else retina[0], shorter=retina is not None
+                )
             )
         task = tasks[-1]
     distances = tuple(
@@ -261,16 +300,17 @@ def _path_promise(
         tuple(lines),
         distances,
         chain[0].constant_speed if isinstance(chain[0], Follow) else None,
-        over,
+        retina,
     )
 
 
 def _initial_task(
     motion: Trajectory, mechanism: Mechanism, chain: list[Motion], span: Span
 ) -> tuple[Array, int]:
-    """Return the task coordinates (4,) and the branch at the begin of a phase.
+    """Return the task coordinates (4,) and the branch where a phase begins.
 
-    The roll is counted in whole turns like that of the motions.
+    The roll angle is unique only up to whole turns. If the motions give a roll, the result counts
+    turns so that the phase ends near the last roll that they give.
     """
     rolls_given = [
         entry.to.roll
@@ -291,9 +331,23 @@ def _initial_task(
 
 
 def task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> Array:
-    """Return the task coordinates (4,) of a point.
+    """Return the task coordinates of a point.
 
-    Coordinates that the point leaves out are those of `default` (4,).
+    Parameters
+    ----------
+    mechanism : Mechanism
+        The kinematics of the robot.
+    point : Point
+        Task coordinates, joint positions, or a position of the tip with a spin.
+    default : (4,) array
+        Values of the coordinates that the point does not state. Angles are chosen near them.
+    branch : int
+        Solution of the inverse kinematics for a tip position: positive for the first one.
+
+    Returns
+    -------
+    (4,) array
+        Roll, tilt and spin in rad, and depth in m.
     """
     if isinstance(point, Task):
         return np.array(
@@ -309,9 +363,17 @@ def task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> 
 
 
 def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
-    """Return the depth of a tool whose tip is on a sphere.
+    """Return the depth in m at which the tip is on a sphere.
 
-    The tool has the direction of the task coordinates (4,). centre: (3,).
+    Parameters
+    ----------
+    mechanism : Mechanism
+    task : (4,) array
+        Task coordinates, whose angles give the direction of the tool.
+    centre : (3,) array
+        Centre of the sphere, m.
+    radius : float
+        Radius of the sphere, m.
     """
     direction = tip_from_task(mechanism, np.array([[*task[:3], 1.0]]))[0]
     return float(
@@ -321,11 +383,21 @@ def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -
 
 
 def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
-    """Return points on a straight line in task coordinates between two points (4,)."""
+    """Return tip positions (n, 3) on a straight line between two points in task coordinates.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    start, end : (4,) arrays
+        Task coordinates of both points.
+    s : (n,) array
+        Fractions of the line.
+    """
     return tip_from_task(mechanism, start + s[:, None] * (end - start))
 
 
 def _line(start: Array, end: Array, s: Array) -> Array:
+    """Return points (n, 3) at the fractions s (n,) of a straight line between two tips (3,)."""
     return start + s[:, None] * (end - start)
 
 
@@ -343,9 +415,16 @@ def _middle(tips: Array) -> Array:
 
 
 def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
-    """Return the arc about a centre from the first tip to the last.
+    """Return an arc of a circle from the first tip to the last.
 
-    It is the shorter arc, or the arc through the tip between them.
+    Parameters
+    ----------
+    tips : (k, 3) array
+        Tip positions on the circle, m.
+    centre : (3,) array
+        Centre of the circle, m.
+    shorter : bool
+        Select the shorter arc. Otherwise, the arc passes the second tip.
     """
     radius = tips[0] - centre
     end = tips[-1] - centre
@@ -359,7 +438,10 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
 
 
 def _off(line: Curve, tips: Array) -> Array:
-    """Return the distances (n,) of tips (n, 3) from the nearest points of a line."""
+    """Return the distances (n,) of tips (n, 3) from the nearest points of a line.
+
+    The search starts at the nearest of COARSE points and continues with Newton steps.
+    """
     shares = np.linspace(0.0, 1.0, COARSE)
     positions = line(shares)
     s = shares[np.argmin((positions**2).sum(axis=1) - 2 * tips @ positions.T, axis=1)]
@@ -374,19 +456,19 @@ def _off(line: Curve, tips: Array) -> Array:
 def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
     """Check that the tip follows the lines of one phase and keeps its height and its speed.
 
-    Returns the checks and the largest distance of the tip from its lines, m. If the phase promises
-    a constant speed, the result also has the times between which the tip has it, s, and its
-    largest relative error.
+    The result contains the checks and the largest distance of the tip from its lines. For a
+    constant speed, it also contains the times between which the tip has this speed, and the largest
+    relative error.
     """
     t = _instants(motion, mechanism, promise)
     instants = [t[block] for block in blocks(len(t), SOME)]
     block_tips = [tip_position(mechanism, motion.positions(block)) for block in instants]
-    off = np.concatenate(
+    distances = np.concatenate(
         [np.min([_off(line, tips) for line in promise.lines], axis=0) for tips in block_tips]
     )
     tips = np.vstack(block_tips)
-    missed = float(np.linalg.norm(tips[-1] - promise.lines[-1](np.ones(1))[0]))
-    checks = _leaving(promise, t, tips, np.append(off[:-1], max(off[-1], missed)))
+    end_error = float(np.linalg.norm(tips[-1] - promise.lines[-1](np.ones(1))[0]))
+    checks = _leaving(promise, t, tips, np.append(distances[:-1], max(distances[-1], end_error)))
     if promise.over is not None:
         centre, radius, distance = promise.over
         heights = radius - np.linalg.norm(tips - centre, axis=1)
@@ -399,27 +481,27 @@ def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
         )
         check, stretch = _at_speed(promise, promise.speed, t, speeds)
         checks.append(check)
-    return WayKept(promise, tuple(checks), float(off.max()), stretch)
+    return WayKept(promise, tuple(checks), float(distances.max()), stretch)
 
 
 def _instants(motion: Trajectory, mechanism: Mechanism, promise: Way) -> Array:
-    """Return the instants (n,) in every piece of a phase, with more of them near its corners."""
+    """Return instants (n,) in every piece of a phase, with more of them near its corners."""
     start = promise.span.start
     end = promise.span.end
     breaks = np.concatenate(
         [[start], motion.breaks[(motion.breaks > start) & (motion.breaks < end)], [end]]
     )
-    looks = LOOKS if promise.speed else FEW
+    count = LOOKS if promise.speed else FEW
     t = np.append(
-        (breaks[:-1, None] + np.arange(looks) / looks * np.diff(breaks)[:, None]).ravel(), end
+        (breaks[:-1, None] + np.arange(count) / count * np.diff(breaks)[:, None]).ravel(), end
     )
     if not promise.distances:
         return t
-    away = np.linalg.norm(
+    distances = np.linalg.norm(
         tip_position(mechanism, motion.positions(t))[:, None] - promise.corners, axis=2
     )
     instants = [t]
-    for is_near in (away < ABOUT * np.array(promise.distances)).T:
+    for is_near in (distances < ABOUT * np.array(promise.distances)).T:
         if is_near.any():
             start_index, end_index = np.flatnonzero(is_near)[[0, -1]]
             instants.append(
@@ -428,36 +510,70 @@ def _instants(motion: Trajectory, mechanism: Mechanism, promise: Way) -> Array:
     return np.unique(np.concatenate(instants))
 
 
-def _leaving(promise: Way, t: Array, tips: Array, off: Array) -> list[LimitCheck]:
-    """Return how far the tips (n, 3) leave the lines.
+def _leaving(promise: Way, t: Array, tips: Array, distances: Array) -> list[LimitCheck]:
+    """Check how far the tips leave the lines.
 
-    The first result is the largest distance from the lines away from corners. The second tells
-    where the tips leave the lines near corners. off: distances (n,) from the lines.
+    Parameters
+    ----------
+    promise : Way
+    t : (n,) array
+        Instants, s.
+    tips : (n, 3) array
+        Positions of the tip, m.
+    off : (n,) array
+        Distances from the lines, m.
+
+    Returns
+    -------
+    list of LimitCheck
+        The largest distance from the lines away from corners. If there are corners, also the
+        largest distance from a corner at which the tip is off the lines.
     """
     shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(promise.distances)
     outside = np.all(shares * promise.distances > np.array(promise.distances) + SLACK, axis=1)
-    away = np.where(outside, off, 0.0)
-    k = int(np.argmax(away))
-    checks = [_check(PathDeparture(ON), promise, float(away[k]), float(t[k]))]
+    distances_away = np.where(outside, distances, 0.0)
+    k = int(np.argmax(distances_away))
+    checks = [_check(PathDeparture(ON), promise, float(distances_away[k]), float(t[k]))]
     if promise.distances:
         nearest_corner = np.argmin(shares, axis=1)
-        k = int(np.argmax(np.where(off > OFF, shares.min(axis=1), 0.0)))
+        k = int(np.argmax(np.where(distances > OFF, shares.min(axis=1), 0.0)))
         allowed = promise.distances[int(nearest_corner[k])]
-        reach = allowed * float(shares[k].min()) if off[k] > OFF else 0.0
+        reach = allowed * float(shares[k].min()) if distances[k] > OFF else 0.0
         checks.append(_check(CornerRounding(allowed), promise, reach, float(t[k])))
     return checks
 
 
 def _check(limit: OfPath, promise: Way, value: float, time: float) -> LimitCheck:
+    """Return the result of a limit on the path. Its case is the name of the phase."""
     return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
 
-def _farthest_off(limit: OfPath, by: float, promise: Way, t: Array, values: Array) -> LimitCheck:
-    """Judge values (n,) that must equal one value up to a tolerance."""
+def _farthest_off(
+    limit: OfPath, tolerance: float, promise: Way, t: Array, values: Array
+) -> LimitCheck:
+    """Check values that must equal `limit.largest` up to a tolerance.
+
+    Parameters
+    ----------
+    limit : OfPath
+        The limit with the required value.
+    tolerance : float
+        Largest deviation from this value, in its unit.
+    promise : Way
+        The phase.
+    t, values : (n,) arrays
+        Instants in s, and the values at these instants.
+
+    Returns
+    -------
+    LimitCheck
+        The value with the largest deviation. Its limit is the end of the tolerance on the same
+        side.
+    """
     error = values - limit.largest
     k = int(np.argmax(np.abs(error)))
-    bound = limit.largest + by * float(np.sign(error[k]) or 1.0)
-    margin = 1 - float(abs(error[k])) / by
+    bound = limit.largest + tolerance * float(np.sign(error[k]) or 1.0)
+    margin = 1 - float(abs(error[k])) / tolerance
     result = LimitCheck(
         limit.name,
         None,
@@ -473,10 +589,18 @@ def _farthest_off(limit: OfPath, by: float, promise: Way, t: Array, values: Arra
 def _at_speed(
     promise: Way, speed: float, t: Array, speeds: Array
 ) -> tuple[LimitCheck, tuple[float, float, float]]:
-    """Judge the tip speeds (n,).
+    """Check the tip speeds (n,) of a phase that promises a constant speed.
 
-    The speed must be constant between the first and the last instant at which it has the required
-    value, and must never exceed it.
+    The speed must be constant between the first and the last instant at which it has the promised
+    value. It must never exceed this value.
+
+    Returns
+    -------
+    check : LimitCheck
+        The speed with the largest error.
+    stretch : tuple of three floats
+        Start and end of the constant speed in s from the start of the phase, and the largest
+        relative error.
     """
     at_speed = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT)
     ends = (0.0, 0.0)

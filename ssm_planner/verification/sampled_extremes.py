@@ -1,20 +1,21 @@
-"""Extremes of quantities that are no polynomials: motor torque, nut contact, task coordinates, eye.
+"""Extremes of quantities that are not polynomials in time.
+
+These are the motor torques, the contact of nuts, the task coordinates and the distances in an eye.
 
 Sampling: Every piece is cut where a joint reverses, and then into intervals. Each interval has four
 instants at s = 0, 1/3, 2/3 and 1. Directions are constant within an interval, so every quantity is
 smooth there.
 
-Bracketing: The cubic through the four values lies between its Bernstein coefficients. A quantity is
-assumed to overshoot the four values by at most CAUTION times as much as this cubic. A quantity with
-kinks (`kinked`) may also continue with the slope between two of the instants.
+Bracketing: The cubic through the four values lies between its Bernstein coefficients. The search
+assumes that a quantity overshoots the four values by at most CAUTION times as much as this cubic.
+A quantity with kinks (`kinked`) may also continue with the slope between two of the instants.
 
 Refinement: The intervals of the first pass are PARTS times as wide as the rate requires. An
-interval is cut into PARTS if its bracket exceeds the worst known value, if it is next to a start, a
-stop or
-a reversal, where friction changes quickly, or if a torque has a kink in it. Intervals whose
-brackets
-exceed the worst value are then halved until none is left, or until the bracket is within the
-fraction CLOSE of the limit. No other interval can contain a worse value according to its bracket.
+interval is cut into PARTS parts if its bracket exceeds the worst value so far, if it is next to a
+start, a stop or a reversal, where friction changes quickly, or if a torque has a kink in it.
+Intervals whose brackets exceed the worst value are then halved until none is left, or until the
+bracket is within the fraction CLOSE of the limit. According to the brackets, no other interval
+contains a worse value.
 
 `RmsTorques` integrates the torques at these instants.
 """
@@ -73,13 +74,15 @@ PARTS = 5
 UNEVEN = 1e-8
 """Relative contribution to a mean square torque above which an interval is refined."""
 HALVINGS = 10
+"""Largest number of divisions of an interval after the first pass."""
 INTERVALS = 40_000
-PIECE = (64, 512)
-"""Largest number of intervals of a trajectory and of a piece in the first pass.
+"""Approximate largest number of intervals of a trajectory in the first pass.
 
 A slow quintic is as smooth as a fast one, so the cost grows with the number of pieces and not with
 the duration.
 """
+PIECE = (64, 512)
+"""Smallest and largest bound on the number of intervals of a piece."""
 MOST = 2048
 """Largest number of intervals that are halved together.
 
@@ -98,8 +101,17 @@ WITHOUT_FIRST = np.array([0.0, 3.0, 0.0, 1.0]) / 4
 class SampledExtremes:
     """Searches the worst values of the sampled quantities of a robot, block by block.
 
-    The first axis counts samples: values (n, k) of k quantities at n instants, or (4, n, k) at the
-    four instants of n intervals.
+    The first axis of an array counts samples: values (n, k) of k quantities at n instants, or
+    (4, n, k) at the four instants of n intervals.
+
+    Attributes
+    ----------
+    worst : list of Worst
+        The worst values of the sampled quantities, which the search updates.
+    rms : RmsTorques
+        The mean square torques.
+    instants : int
+        Number of instants that were sampled.
     """
 
     def __init__(
@@ -113,8 +125,16 @@ class SampledExtremes:
     ) -> None:
         """Prepare the search.
 
-        worst: worst values of all quantities, which the search updates. rate: sampling rate of the
-        second pass, Hz.
+        Parameters
+        ----------
+        trajectory : Trajectory
+        robot : Robot
+        extremes : sequence of Worst
+            Worst values of all quantities. The search updates those that are not polynomials.
+        rate : float
+            Sampling rate of the second pass, Hz.
+        eye : Eye or None
+            The eye, whose distances are limited.
         """
         self.robot = robot
         self.rate = rate
@@ -132,7 +152,7 @@ class SampledExtremes:
         self.most = int(np.clip(INTERVALS // count, *PIECE))
 
     def search(self, pieces: Pieces) -> None:
-        """Update the worst values with these pieces."""
+        """Update the worst values and the mean square torques with these pieces."""
         if not self.quantities:
             return
         piece_index, start, end = pieces.segments(self.robot)
@@ -151,18 +171,30 @@ class SampledExtremes:
                 open_ = np.flatnonzero(
                     (gain > 0) | intervals.slow | self.rms.uneven(values, duration)
                 )
-                duration[open_] = 0.0  # these add their parts to the means
+                duration[open_] = 0.0  # their parts are integrated instead
             else:
                 open_ = np.flatnonzero(gain > 0)
                 open_ = open_[np.argsort(gain[open_])[-MOST:]] if len(open_) > MOST else open_
-            if look < 2:  # later intervals are parts of those of the second look
+            if look < 2:  # later intervals are parts of integrated ones
                 self.rms.add_intervals(values, intervals.starting, duration)
             intervals = intervals.split(open_, 2 if look else PARTS)
 
     def evaluate(self, state: State, direction: Array, breakaway: Array) -> Array:
-        """Return the quantities (n, k) for n states.
+        """Return the quantities at n states.
 
-        state: q, qd and qdd. direction, breakaway: see `directions`. All are (n, 4).
+        Parameters
+        ----------
+        state : tuple of three (n, 4) arrays
+            q, qd and qdd.
+        direction : (n, 4) array
+            Direction of each joint: −1, 0 or 1.
+        breakaway : (n, 4) array
+            1 where the joint starts from rest, so that its friction is static. 0 elsewhere.
+
+        Returns
+        -------
+        (n, k) array
+            Values in SI units, in the order of the quantities.
         """
         assert self._law is not None
         values = self._law(*state, direction, breakaway)[0]
@@ -209,8 +241,17 @@ class SampledExtremes:
         values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
     def _gain(self, lowest: Array, highest: Array) -> Array:
-        """Return by how much a quantity within these bounds (n, k) may exceed the worst
-        one, (n,).
+        """Return by how much the quantities may exceed their worst values.
+
+        Parameters
+        ----------
+        lowest, highest : (n, k) arrays
+            Bounds of the k quantities within n intervals.
+
+        Returns
+        -------
+        (n,) array
+            Largest gain of the relative excess. An interval with a positive gain must be divided.
         """
         bounds = zip(self.worst, lowest.T, highest.T, strict=True)
         return np.max(
@@ -219,10 +260,25 @@ class SampledExtremes:
 
 
 def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
-    """Return lower and upper bounds (n, k) of the quantities within intervals.
+    """Return lower and upper bounds of quantities within intervals.
 
-    values: (4, n, k) at the INSTANTS. kinked: (k,). The inner Bernstein coefficients of the cubic
-    through v0 … v3 are (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6 and (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
+    The cubic through the values v0 … v3 has the inner Bernstein coefficients
+
+        (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6   and   (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
+
+    A bound exceeds the four values by CAUTION times the excess of these coefficients. For a kinked
+    quantity, it also exceeds them by the largest difference of neighbouring values.
+
+    Parameters
+    ----------
+    values : (4, n, k) array
+        Values of k quantities at the INSTANTS of n intervals.
+    kinked : (k,) array of bool
+        True for quantities that may have a kink within an interval.
+
+    Returns
+    -------
+    lowest, highest : (n, k) arrays
     """
     v0, v1, v2, v3 = values
     near_start = (-5 * v0 + 18 * v1 - 9 * v2 + 2 * v3) / 6
@@ -237,20 +293,20 @@ def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
 
 @record
 class Intervals:
-    """n intervals of pieces. No joint reverses within an interval."""
+    """n intervals of pieces. Each joint keeps its direction within an interval."""
 
     piece: Indices
-    """Index of the piece, (n,)."""
+    """Index of the piece that contains the interval, (n,)."""
     begin: Array
-    """Start s in the piece, (n,)."""
+    """Start of the interval as a fraction s of the piece, (n,)."""
     width: Array
-    """Width in s, (n,)."""
+    """Width of the interval as a fraction of the piece, (n,)."""
     direction: Array
     """Direction of each joint, (n, 4). A joint at rest has 0."""
     starting: Mask
-    """True if each joint starts from rest at the begin of the interval, (n, 4).
+    """True if the joint starts from rest where the interval begins, (n, 4).
 
-    Its friction is static there.
+    Its friction is static at this instant.
     """
     joined: Mask
     """True if the interval ends where the next one begins, with the same values, (n,)."""
@@ -269,19 +325,29 @@ class Intervals:
         rate: float,
         max_intervals: int,
     ) -> Intervals:
-        """Cut segments (m,) into intervals.
+        """Cut m segments of pieces into intervals.
 
-        The four instants of each interval give the sampling rate (Hz). Each segment has at most
-        `max_intervals` intervals.
+        Parameters
+        ----------
+        pieces : Pieces
+        robot : Robot
+        piece : (m,) array
+            Index of the piece of each segment.
+        start, end : (m,) arrays
+            Ends of each segment as fractions of its piece.
+        rate : float
+            Sampling rate in Hz that the four instants of an interval give.
+        max_intervals : int
+            Largest number of intervals in a segment.
         """
-        # within a segment no joint turns back, so that its direction is that at the middle
+        # No joint reverses within a segment, so its direction is that of its speed in the middle.
         at_begin, middle, at_end = pieces.speeds(piece, np.stack([start, (start + end) / 2, end]))
         direction = np.sign(middle) * pieces.moving(robot)[piece]
-        # a velocity may jump by JUMP, so a joint may start with such a speed
-        before = np.vstack([np.zeros(4), direction[:-1]])
-        slowest = np.where(direction == before, 1.0, JUMP / STILL) * still(robot)
+        # The velocity may jump by JUMP, so a joint may start with such a speed.
+        previous_direction = np.vstack([np.zeros(4), direction[:-1]])
+        start_speed = np.where(direction == previous_direction, 1.0, JUMP / STILL) * still(robot)
         starting, stopping = (
-            (np.abs(qd) <= slowest) & (direction != 0) for qd in (at_begin, at_end)
+            (np.abs(qd) <= start_speed) & (direction != 0) for qd in (at_begin, at_end)
         )
         counts = np.maximum(
             np.ceil((end - start) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
@@ -305,13 +371,13 @@ class Intervals:
         )
 
     def subset(self, selection: slice) -> Intervals:
-        """Return a slice of the intervals."""
+        """Return the intervals of a slice. The last of them counts as not joined."""
         columns = {name: values[selection] for name, values in vars(self).items()}
         columns["joined"] = np.append(columns["joined"][:-1], False)
         return Intervals(**columns)
 
     def split(self, indices: Indices, count: int) -> Intervals:
-        """Cut each of the chosen intervals into `count` equal parts."""
+        """Cut each interval with one of the `indices` (n,) into `count` equal parts."""
         parent = np.repeat(indices, count)
         offset = np.tile(np.arange(count), len(indices))
         width = self.width[parent] / count
@@ -328,13 +394,23 @@ class Intervals:
 
 
 class RmsTorques:
-    """Integrates τ² of every motor torque, which determines the heat of the motor.
+    """Integrates the square of every motor torque, which determines the heat in the motor.
 
-    A start from rest is an instant without duration. Its static friction counts as a peak, not as
-    heat.
+    A start from rest is an instant without duration. Its static friction counts as a peak torque,
+    but it does not contribute to the heat.
+
+    Attributes
+    ----------
+    columns : list of int
+        Indices of the motor torques among the quantities.
+    joints : list of int
+        Indices of their joints.
+    integrals : array
+        ∫ τ² dt of each motor torque so far, N²·m²·s.
     """
 
     def __init__(self, quantities: Sequence[Quantity]) -> None:
+        """Select the motor torques among the quantities."""
         self.columns = [
             k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)
         ]
@@ -343,18 +419,34 @@ class RmsTorques:
         self.integrals = np.zeros(len(self.columns))
 
     def uneven(self, values: Array, duration: Array) -> Mask:
-        """Return the intervals (n,) in which the square of a torque is not a parabola.
+        """Return True for the intervals in which the square of a torque is not a parabola.
 
-        The tolerance is UNEVEN times the contribution of all these intervals to the mean square.
+        The third difference of the squares times the duration of the interval is compared with the
+        fraction UNEVEN of the integral over all intervals.
+
+        Parameters
+        ----------
+        values : (4, n, k) array
+            Values of all quantities at the instants of n intervals.
+        duration : (n,) array
+            Durations of the intervals, s.
         """
         squares = values[:, :, self.columns] ** 2
         third = np.abs(squares[0] - squares[3] + 3 * (squares[2] - squares[1])) * duration[:, None]
         return np.any(third > UNEVEN * (duration @ squares[1]), axis=1)
 
     def add_intervals(self, values: Array, starting: Mask, duration: Array) -> None:
-        """Add n intervals with values (4, n, k) at four instants and durations (n,).
+        """Add the integrals of n intervals.
 
-        starting (n, 4): the joint starts there, so its torque at the first instant is static.
+        Parameters
+        ----------
+        values : (4, n, k) array
+            Values of all quantities at the instants of the intervals.
+        starting : (n, 4) array of bool
+            True if the joint starts from rest there. Its torque at the first instant does not
+            count.
+        duration : (n,) array
+            Durations of the intervals, s. Intervals with 0 add nothing.
         """
         for i, (column, joint) in enumerate(zip(self.columns, self.joints, strict=True)):
             square = values[:, :, column] ** 2
@@ -362,9 +454,19 @@ class RmsTorques:
             self.integrals[i] += (mean * duration).sum()
 
     def checks(self, robot: Robot, trajectory: Trajectory, pause: float) -> list[LimitCheck]:
-        """Compare the RMS torque of each motor over the whole motion with its continuous torque.
+        """Compare the RMS torque of each motor over the motion with its continuous torque.
 
-        pause: time before the motion repeats, s. The time of the result is the end of the motion.
+        Parameters
+        ----------
+        robot : Robot
+        trajectory : Trajectory
+        pause : float
+            Time before the motion repeats, s. It counts as time without torque.
+
+        Returns
+        -------
+        list of LimitCheck
+            One result for each motor and case. Its time is the end of the motion.
         """
         checks = []
         for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):
@@ -381,9 +483,10 @@ class RmsTorques:
 
 
 def _without_limits(robot: Robot) -> Robot:
-    """Return the parts of a robot on which the quantities depend.
+    """Return the robot without its limits and motors.
 
-    Robots that differ only in limits and motors share one function.
+    The quantities do not depend on them. Robots that differ only in limits and motors therefore
+    share one compiled function.
     """
     joint_1, joint_2, joint_3, joint_4 = (
         unchecked(
@@ -404,9 +507,15 @@ def _without_limits(robot: Robot) -> Robot:
 def _law(
     robot: Robot, eye: Eye | None, keys: tuple[tuple[type[Limit], str, int, Case | None], ...]
 ) -> Vectorised:
-    """Return the quantities as a function of (q, qd, qdd, direction, breakaway).
+    """Return the quantities as a function of (q, qd, qdd, direction, breakaway), (n, 4) each.
 
-    wanted: kind of limit, its name, index and case. For a nut contact, the result is the effort.
+    Parameters
+    ----------
+    robot : Robot
+    eye : Eye or None
+    keys : tuple
+        Type of limit, its name, index of the joint or coordinate, and case of each quantity. For a
+        nut contact, the function returns the effort of the drive.
     """
     q, qd, qdd, direction, breakaway = (
         ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")

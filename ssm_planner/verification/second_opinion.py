@@ -1,16 +1,16 @@
 """A second opinion on durations: the package toppra times the path of a motion.
 
-The planner shares only the adapter to toppra. With u = s̈ and x = ṡ², every limit of `path_rows` is
-a row a u + b x + c ≤ 1. It holds at both ends of every grid interval, and u is constant in between.
-A motion that keeps its limits is therefore among the timings that toppra compares, so toppra's
-duration on n intervals is not longer.
+The planner and this module share only the adapter to toppra. With u = s̈ and x = ṡ², every limit of
+`path_rows` is a row a u + b x + c ≤ 1. The row holds at both ends of every grid interval, and u is
+constant in between. The timings that toppra compares therefore include every motion that keeps its
+limits, up to the error of the grid.
 
 Friction depends on the speed, and viscous friction on √x. In every pass, the friction coefficients
-and the tangents of √x are taken at the speeds of the previous pass, and at first at those of the
-motion.
+and the tangents of √x are taken at the speeds of the previous pass. The first pass takes them at
+the speeds of the motion.
 
-The error of a duration T is proportional to the length of the grid intervals. The result is the
-limit 2 T(2n) − T(n) of the durations on n and 2n intervals.
+The error of a duration T is proportional to the length of the grid intervals. The result is
+therefore the extrapolation 2 T(2n) − T(n) of the durations on n and 2n intervals.
 
 Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018.
@@ -31,29 +31,32 @@ from ssm_planner.verification.path_bound import path_bound
 from ssm_planner.verification.path_rows import PathRows, coefficients
 
 ENDS = (0.0, 1.0)
-"""The rows hold at both ends of every grid interval."""
+"""Positions in a grid interval at which the rows hold, as fractions."""
 REFINEMENTS = (1, 2, 4, 8)
 """Factors on the number of intervals."""
 GRID_ERROR = 5e-5
-"""The refinement ends when T(n) and T(2n) differ by at most this share.
+"""Largest relative difference of T(n) and T(2n) at which the refinement ends.
 
 The error of the result is then about 1e-5.
 """
 SAVED_ERROR = 0.05
-"""For motions that are much too slow, the same as a share of the time that toppra saves."""
+"""The same difference as a share of the time that toppra saves.
+
+It ends the refinement for motions that are much slower than necessary.
+"""
 PASSES = 12
 """Largest number of passes."""
 CONVERGED = 2e-6
 """Relative change of the duration at which the passes have converged."""
 FASTEST = 10.0
-"""Largest ṡ. No limit bounds it where nothing moves."""
+"""Largest ṡ where nothing moves, so that no limit bounds it."""
 TINY = 1e-9
 """Smallest ṡ² at which a tangent is taken."""
 
 
 @record
 class Opinion:
-    """Result of the cross-check of one phase: two durations in s, or a reason for none.
+    """Result of the cross-check of one phase: two durations in s, or a reason for their absence.
 
     Examples
     --------
@@ -63,14 +66,15 @@ class Opinion:
     """
 
     duration: float | None = None
-    """Shortest duration along the path by toppra."""
+    """Shortest duration along the path according to toppra, s."""
     bound: float | None = None
-    """Lower bound on the duration of every motion along the path."""
+    """Lower bound on the duration of every motion along the path, s."""
     not_judged: str | None = None
+    """Reason why toppra does not give a duration."""
 
 
 def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, ...]:
-    """Return opinions on the duration of every phase.
+    """Compute the shortest duration of every phase along its path.
 
     Parameters
     ----------
@@ -82,7 +86,8 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
     Returns
     -------
     tuple of Opinion
-        One for each phase. A phase that takes no time has the duration 0.
+        One for each phase. The duration of an empty phase is 0. The duration is None if toppra
+        ignores a requirement on the phase, such as a limit on the jerk.
     """
     reason = _not_judged(problem)
     spans = trajectory.phases
@@ -104,7 +109,7 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
 def judge_path(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, span: tuple[float, float]
 ) -> Opinion:
-    """Return the shortest duration along the path of a motion between two times, and its bound.
+    """Compute the shortest duration along the path of a motion between two times, and its bound.
 
     Parameters
     ----------
@@ -122,7 +127,7 @@ def judge_path(
     Opinion
         The duration is None if toppra finds no motion or does not converge.
     """
-    part = trajectory, robot, limits, span
+    path_arguments = trajectory, robot, limits, span
     coarse, timing = np.inf, None
     for refinement in REFINEMENTS:
         path = PathRows.from_trajectory(trajectory, robot, span, ENDS, refinement)
@@ -133,9 +138,9 @@ def judge_path(
         duration = _duration(path, squares)
         saved = path.width.sum() - duration
         if abs(coarse - duration) <= max(GRID_ERROR * duration, SAVED_ERROR * saved):
-            return Opinion(2 * duration - coarse, path_bound(*part, timing))
+            return Opinion(2 * duration - coarse, path_bound(*path_arguments, timing))
         coarse = duration
-    return Opinion(bound=path_bound(*part, timing), not_judged="toppra does not converge")
+    return Opinion(bound=path_bound(*path_arguments, timing), not_judged="toppra does not converge")
 
 
 def _not_judged(problem: Problem) -> str:
@@ -158,23 +163,33 @@ def _request(entry: Any) -> str:
 
 
 def _timing(path: PathRows, use: Array) -> Array | None:
-    """Return ṡ² (n + 1,) at the grid points, or None if the passes do not converge.
+    """Compute the fastest timing with toppra.
 
-    `use` (2n,) is the largest speed at ṡ = 1 as a share of its limit.
+    Parameters
+    ----------
+    path : PathRows
+        The path at both ends of n intervals.
+    use : (2n,) array
+        Largest ratio of a speed to its limit at ṡ = 1.
+
+    Returns
+    -------
+    (n + 1,) array or None
+        ṡ² at the grid points. None if toppra finds no timing or the passes do not converge.
     """
-    fastest = np.where(path.moves, FASTEST, 1.0)
-    begin, end = np.split(np.minimum(1 / use, fastest) ** 2, 2)
-    ceiling = np.minimum(np.append(begin, np.inf), np.append(np.inf, end))
+    max_speed = np.where(path.moves, FASTEST, 1.0)
+    start_ceiling, end_ceiling = np.split(np.minimum(1 / use, max_speed) ** 2, 2)
+    ceiling = np.minimum(np.append(start_ceiling, np.inf), np.append(np.inf, end_ceiling))
     # An end at rest rests for every ṡ. At a moving end ṡ ≤ 1 is allowed, because the motion itself
     # may exceed a limit by rounding.
-    start, last = np.where(use[[0, -1]] <= STILL, FASTEST, 1.0)
+    start_speed, end_speed = np.where(use[[0, -1]] <= STILL, FASTEST, 1.0)
     squares, grid = np.ones(len(path.width) + 1), np.append(0.0, np.cumsum(path.width))
     duration = path.width.sum()
     for _ in range(PASSES):
         previous, rows = duration, _rows(path, squares)
-        first, second = zip(*(np.split(values, 2) for values in rows), strict=True)
+        start_rows, end_rows = zip(*(np.split(values, 2) for values in rows), strict=True)
         result = largest_speeds(
-            grid, first, second, ceiling, speeds=(start, last), exact_ends=False
+            grid, start_rows, end_rows, ceiling, speeds=(start_speed, end_speed), exact_ends=False
         )
         if result is None or result.min() <= 0:
             return None
@@ -185,13 +200,28 @@ def _timing(path: PathRows, use: Array) -> Array | None:
 
 
 def _duration(path: PathRows, squares: Array) -> float:
-    """Return the duration with ṡ² (n + 1,) at the grid points, s."""
+    """Return the duration in s of the timing with ṡ² = squares (n + 1,) at the grid points."""
     root = np.sqrt(squares)
     return float((2 * path.width / (root[1:] + root[:-1])).sum())
 
 
 def _rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
-    """Return a, b, c (2n, rows) of the rows, with friction at given ṡ² (n + 1,)."""
+    """Return the coefficients of all rows a s̈ + b ṡ² + c ≤ 1 for given speeds.
+
+    With x = ṡ², the tangent √x ≤ √x₀/2 + x/(2 √x₀) at x₀ replaces √x in the terms of viscous
+    friction.
+
+    Parameters
+    ----------
+    path : PathRows
+        The path at both ends of n intervals.
+    squares : (n + 1,) array
+        x₀ at the grid points. The friction coefficients are those at these speeds.
+
+    Returns
+    -------
+    a, b, c : (2n, rows) arrays
+    """
     u = np.tile(np.diff(squares) / (2 * path.width), 2)
     x = np.concatenate([squares[:-1], squares[1:]])
     root = np.sqrt(np.maximum(x, TINY))
@@ -199,12 +229,12 @@ def _rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
     for i, drive, motor in motorised(path.robot.joints):
         mu = friction_coefficient(friction_of(drive), drive.ratio * path.speed[2, :, i] * root)
         sides = path.torques(i, drive, motor, mu)
-        used = []
+        shares = []
         for side in sides:
             a, b, c, k = coefficients(side)
-            used.append(a * u + b * x + c + k * root)
+            shares.append(a * u + b * x + c + k * root)
         # The larger side is the torque, and the torque is at least −1.
-        rows += [*sides, -np.where(used[0] > used[1], *sides)]
+        rows += [*sides, -np.where(shares[0] > shares[1], *sides)]
     a, b, c, k = coefficients(np.stack(rows, axis=2))
     root = root[:, None]
     return a, b + k / (2 * root), c + k * root / 2

@@ -1,8 +1,9 @@
 """Checks of a motion that is played at a fraction of its speed.
 
 At a fraction k of the speed, velocity, acceleration and jerk scale with k, k² and k³, and positions
-do not change. Their limits hold if the motion keeps them. Motor torque does not scale like this:
-friction may grow towards low speed (Stribeck), and inertia no longer carries part of the load.
+do not change. If the motion keeps their limits, the slower motion keeps them as well. Motor torques
+do not scale like this. Friction may grow towards low speed (Stribeck effect), and the inertia of
+the arm carries less of the load.
 """
 
 from __future__ import annotations
@@ -19,13 +20,15 @@ from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import RATE, check
 
 SLOWEST = 0.01
+"""Lowest speed that a check of all speeds includes by default."""
 FACTORS = 48
 """Number of speeds in geometric progression of the first pass."""
 INSTANTS = 1500
 """Number of instants for the torque at every speed, in addition to both sides of every break."""
 REFINED = 3
+"""Number of refinements around the worst speed. Each is about ten times finer than the last."""
 JUDGED = (MotorTorque.name, ContinuousTorque.name)
-"""Number of refinements around the worst speed. Each is ten times narrower than the one before."""
+"""Names of the limits that a slower motion may violate although the motion keeps them."""
 
 
 @frozen
@@ -41,7 +44,9 @@ class WorstSpeed(ShortRepr):
     """
 
     speed: float
+    """Fraction of the speed of the motion."""
     found: LimitCheck
+    """Result of the check at this speed."""
 
 
 @record
@@ -56,10 +61,14 @@ class SpeedRange(ShortRepr):
     """
 
     slowest: float
+    """Lowest fraction of the speed."""
     worst: tuple[WorstSpeed, ...]
     """Worst speed for motor torque and continuous torque of every joint with a motor."""
     certificates: tuple[tuple[float, Certificate], ...]
-    """Certificates at these speeds, at the slowest speed and at full speed."""
+    """Pairs of a speed and its certificate.
+
+    They include the worst speed of every limit, the slowest speed and the full speed.
+    """
 
     @property
     def passed(self) -> bool:
@@ -67,7 +76,7 @@ class SpeedRange(ShortRepr):
         return all(certificate.passed for _, certificate in self.certificates)
 
     def to_dict(self) -> JsonObject:
-        """Return `speeds` in the output of `check --json`, in SI units."""
+        """Return the entry `speeds` in the output of `check --json`, in SI units."""
         checks = [{"speed": item.speed, **item.found.to_dict()} for item in self.worst]
         return {"slowest": self.slowest, "passed": self.passed, "worst": checks}
 
@@ -79,10 +88,32 @@ def check_slower(
     speed: float,
     interpolation: str = "quintic polynomial pieces",
 ) -> Certificate:
-    """Check a motion that is played at a fraction of its speed in (0, 1]. Raises ProblemError."""
+    """Check a motion that is played at a fraction of its speed.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    robot : Robot
+    limits : TaskLimits
+        Limits of the motion at full speed.
+    speed : float
+        Fraction of the speed, above 0 and at most 1.
+    interpolation : str
+        Description of the pieces for the certificate.
+
+    Returns
+    -------
+    Certificate
+        The result for the slower motion. Its times count in this motion.
+
+    Raises
+    ------
+    ProblemError
+        If the speed is out of range.
+    """
     if not 0 < speed <= 1:
         raise ProblemError(
-            "no playback", key="speed", value=speed, allowed="above 0 and up to 1 (100 %)"
+            "invalid speed", key="speed", value=speed, allowed="above 0 and up to 1 (100 %)"
         )
     slow = motion.slower(speed)
     return check(
@@ -93,13 +124,32 @@ def check_slower(
 def check_speeds(
     motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: float = SLOWEST
 ) -> SpeedRange:
-    """Find the worst speed from `slowest` to 1 for each motor.
+    """Check a motion at its worst speeds between `slowest` and full speed.
 
-    The motion is then checked at these speeds.
+    The worst speed of each motor is the speed with the largest peak or RMS torque.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    robot : Robot
+    limits : TaskLimits
+        Limits of the motion at full speed.
+    slowest : float
+        Lowest fraction of the speed, above 0 and below 1.
+
+    Returns
+    -------
+    SpeedRange
+        The worst speeds and the certificates at these speeds.
+
+    Raises
+    ------
+    ProblemError
+        If `slowest` is out of range.
     """
     if not 0 < slowest < 1:
         raise ProblemError(
-            "no range of speeds", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
+            "invalid speed", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
         )
     driven = [i for i, *_ in motorised(robot.joints)]
     columns = [(row, i) for row in range(len(JUDGED)) for i in driven]
@@ -131,9 +181,22 @@ def _worst_speed(
     column: tuple[int, int],
     pause: float,
 ) -> float:
-    """Return the factor with the largest value.
+    """Return the speed with the largest torque.
 
-    The search starts on a grid (m,) and refines around the best factor.
+    The search starts on a grid and refines it around the best speed.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    robot : Robot
+    factors : (m,) array
+        Speeds of the grid, as fractions.
+    values : (m,) array
+        Torques at these speeds.
+    column : (int, int)
+        0 for the peak or 1 for the RMS torque, and index of the joint.
+    pause : float
+        Time before the motion repeats, s.
     """
     for _ in range(REFINED):
         k = int(np.argmax(values))
@@ -145,9 +208,16 @@ def _worst_speed(
 
 
 def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> tuple[Array, Array]:
-    """Return the largest |motor torque| and its RMS over motion and pause, each (m, 4).
+    """Return the peak and the RMS of the motor torques at m speeds, (m, 4) each.
 
-    factors: (m,).
+    Parameters
+    ----------
+    motion : Trajectory
+    robot : Robot
+    factors : (m,) array
+        Speeds as fractions.
+    pause : float
+        Time before the motion repeats, s. It counts as time without torque.
     """
     ends = np.linspace(motion.breaks[0], motion.breaks[-1], INSTANTS + 1)
     samples_by_side = [

@@ -1,11 +1,13 @@
 """Quickest controlled stops along the path of a motion.
 
-The path is q(s) with the time s of the motion, so the motion itself has ṡ = 1. A stop reduces ṡ to
-0 with q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit of an acceleration or a motor torque bounds s̈
-from below at (s, ṡ), and the stop takes the largest of these bounds. Standing still and the motion
-itself keep all limits. The limits are convex in ṡ², so every slower motion between both keeps them
-as well. The largest bound therefore always leads to a state from which a stop exists, and no stop
-along the path is shorter.
+The path is q(s), and its parameter s is the time of the motion, so the motion itself has ṡ = 1. A
+stop reduces ṡ to 0 on the same path, with q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit of an
+acceleration or a motor torque bounds s̈ from below at (s, ṡ). The stop takes the largest of these
+bounds.
+
+This choice is optimal. Standing still and the motion itself keep all limits, and the limits are
+convex in ṡ². Every slower motion between both therefore keeps them as well, so the largest bound
+always leads to a state from which a stop exists. No stop along the path is shorter.
 """
 
 from __future__ import annotations
@@ -33,21 +35,20 @@ from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.pieces import still
 
 INSTANTS = 1000
+"""Default number of instants from which stops are computed."""
 STEP = 2e-3
+"""Largest interval of the path with constant s̈, in s of the motion."""
 MOST_STEPS = 8
-"""Largest interval of the path with constant s̈, in s of the motion.
-
-The second value is the largest number of intervals of a piece.
-"""
+"""Largest number of these intervals in a piece."""
 BACKOFF = 1e-3
 """Relative reduction of the limits of a stop.
 
 It covers the jumps of s̈ between intervals and the deviation of the polynomials.
 """
 NEAR = 2e-4
-"""An instant that is closer to a break of the motion, in s, is moved to the break.
+"""Distance in s below which an instant is moved to a break of the motion.
 
-Rounding would otherwise spoil the acceleration of very short pieces.
+A very short piece between them would have inaccurate accelerations.
 """
 LEG = 1500
 """Smallest number of pieces between two rests of the motion that are searched together.
@@ -58,7 +59,10 @@ It bounds the memory of long motions.
 
 @record
 class StopMotions:
-    """The quickest stops from n instants of a motion."""
+    """The quickest stops from n instants of a motion.
+
+    A stop without pieces starts at rest.
+    """
 
     time: Array
     """Instants (n,) in s from the start of the motion."""
@@ -69,13 +73,13 @@ class StopMotions:
     pieces: tuple[Array, Array]
     """Lengths (m,) in s and coefficients (m, 6, 4) of all stops, one after the other."""
     edges: Indices
-    """Indices (n + 1,) of the first piece of each stop. A stop without pieces starts at rest."""
+    """Indices (n + 1,) of the first piece of each stop, and the number of pieces."""
     ends: bool
-    """True if the motion ends at rest. If not, a stop may reach its end while it still moves."""
+    """True if the motion ends at rest. If not, a stop may still move where the path ends."""
 
     @cached_property
     def motions(self) -> tuple[Trajectory | None, ...]:
-        """One trajectory for each instant. None if all joints already rest."""
+        """One trajectory for each instant. None if all joints rest at the instant."""
         lengths, coefficients = self.pieces
         return tuple(
             None if start == end else _motion(lengths[start:end], coefficients[start:end].copy())
@@ -84,12 +88,23 @@ class StopMotions:
 
     @property
     def joined(self) -> Trajectory | None:
-        """All stops as one trajectory that jumps between stops. None if all joints always rest."""
+        """All stops as one trajectory, which jumps between stops.
+
+        None if all joints rest at every instant.
+        """
         return _motion(*self.pieces) if len(self.pieces[0]) else None
 
 
 def _motion(lengths: Array, coefficients: Array) -> Trajectory:
-    """Return a trajectory that starts at time 0."""
+    """Return a trajectory that starts at time 0.
+
+    Parameters
+    ----------
+    lengths : (m,) array
+        Durations of the pieces, s.
+    coefficients : (m, 6, 4) array
+        Coefficients of powers of the time since the start of the piece.
+    """
     return Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
 
 
@@ -97,21 +112,28 @@ def _motion(lengths: Array, coefficients: Array) -> Trajectory:
 class _Path:
     """The path at both ends of its m intervals.
 
-    Arrays are (2, m, 4). The first entry is the limit just after the start of the interval.
+    The arrays q, dq, ddq and those in `load` have shape (2, m, 4). The first entry is the limit
+    just after the start of the interval, and the second is the limit just before its end.
     """
 
     s: Array
-    """Nodes, (m + 1,)."""
+    """Nodes, (m + 1,), in s from the start of the motion."""
     q: Array
     dq: Array
     ddq: Array
+    """Joint positions q and their derivatives q' and q'' by s."""
     load: tuple[Array, Array, Array]
-    """Coefficients of the efforts a s̈ + b ṡ² + c."""
+    """Coefficients a, b and c of the joint efforts a s̈ + b ṡ² + c."""
     rests: Mask
-    """True if all joints rest in the motion, (m + 1,)."""
+    """True if all joints rest in the motion at the node, (m + 1,)."""
 
     @classmethod
     def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> _Path:
+        """Sample the path of a motion.
+
+        The nodes include all breaks and the instants (n,), s. Each distance between them is divided
+        into intervals of at most STEP, and into at most MOST_STEPS intervals.
+        """
         breaks = motion.breaks - motion.breaks[0]
         behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
         is_near = (
@@ -141,10 +163,25 @@ class _Path:
 def quickest_stops(
     motion: Trajectory, robot: Robot, instants: int | Array = INSTANTS
 ) -> StopMotions:
-    """Return the quickest stops from n instants, or from given times (n,) in s from the start.
+    """Compute the quickest stops from instants of a motion.
 
-    The stops are in the order of time. No stop passes a rest of the motion, so long motions are
-    searched in parts.
+    A stop never passes a rest of the motion. Long motions are therefore searched in parts between
+    rests, which bounds the memory.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        The motion.
+    robot : Robot
+        The robot, whose limits of accelerations and motor torques the stops keep.
+    instants : int or (n,) array
+        Number of evenly spaced instants, or the instants in s from the start of the motion.
+
+    Returns
+    -------
+    StopMotions
+        The stops in the order of time. Their instants may differ from the requested instants by
+        less than NEAR.
     """
     times = (
         np.linspace(0.0, motion.duration, instants)
@@ -153,57 +190,71 @@ def quickest_stops(
     )
     slow = still(robot)
     rests = np.flatnonzero((np.abs(motion.sample(motion.breaks).qd) <= slow).all(axis=1))
-    firsts = [0]
-    for rest in rests:
-        if rest - firsts[-1] >= LEG and len(motion.breaks) - rest > LEG:
-            firsts.append(int(rest))
-    starts = motion.breaks[firsts] - motion.breaks[0]
+    first_pieces = [0]
+    for break_index in rests:
+        if break_index - first_pieces[-1] >= LEG and len(motion.breaks) - break_index > LEG:
+            first_pieces.append(int(break_index))
+    starts = motion.breaks[first_pieces] - motion.breaks[0]
     legs = np.split(times, np.searchsorted(times, starts[1:]))
-    parts = []
-    for first, end, start, leg in zip(firsts, [*firsts[1:], None], starts, legs, strict=True):
-        breaks = motion.breaks[first : None if end is None else end + 1]
-        part = Trajectory(breaks, motion.pieces(slice(first, end)), ())
-        parts.append(_stops_of_leg(part, robot, leg - start))
-    sizes = np.concatenate([np.diff(part.edges) for part in parts])
+    stops = []
+    for first_piece, end_piece, start, leg in zip(
+        first_pieces, [*first_pieces[1:], None], starts, legs, strict=True
+    ):
+        breaks = motion.breaks[first_piece : None if end_piece is None else end_piece + 1]
+        leg_motion = Trajectory(breaks, motion.pieces(slice(first_piece, end_piece)), ())
+        stops.append(_stops_of_leg(leg_motion, robot, leg - start))
+    sizes = np.concatenate([np.diff(leg_stops.edges) for leg_stops in stops])
     return StopMotions(
-        np.concatenate([part.time + start for part, start in zip(parts, starts, strict=True)]),
-        np.concatenate([part.duration for part in parts]),
-        np.concatenate([part.travel for part in parts]),
+        np.concatenate(
+            [leg_stops.time + start for leg_stops, start in zip(stops, starts, strict=True)]
+        ),
+        np.concatenate([leg_stops.duration for leg_stops in stops]),
+        np.concatenate([leg_stops.travel for leg_stops in stops]),
         (
-            np.concatenate([part.pieces[0] for part in parts]),
-            np.concatenate([part.pieces[1] for part in parts]),
+            np.concatenate([leg_stops.pieces[0] for leg_stops in stops]),
+            np.concatenate([leg_stops.pieces[1] for leg_stops in stops]),
         ),
         edges=np.append(0, np.cumsum(sizes)),
-        ends=parts[-1].ends,
+        ends=stops[-1].ends,
     )
 
 
 def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions:
-    """Return the quickest stops from times (n,) in s from the start of a part of a motion."""
+    """Compute the quickest stops in a part of a motion.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        The part.
+    robot : Robot
+    times : (n,) array
+        Instants in s from the start of the part.
+    """
     path = _Path.from_motion(motion, robot, times)
     start_nodes = np.clip(
         np.searchsorted((path.s[1:] + path.s[:-1]) / 2, times), 0, len(path.s) - 1
     )
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a bound is none
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # if nothing bounds s̈
         lengths, coefficients, edges = _stops(path, robot, start_nodes)
     duration = np.zeros(len(times))
     travel = np.zeros(len(times))
     moving = np.flatnonzero(np.diff(edges))
     if len(moving):
-        begins = edges[:-1][moving]
+        first_pieces = edges[:-1][moving]
         last_pieces = edges[1:][moving] - 1
-        last = coefficients[last_pieces].transpose(1, 2, 0)
-        ends = polyval(lengths[last_pieces], last, tensor=False).T
+        final_pieces = coefficients[last_pieces].transpose(1, 2, 0)
+        ends = polyval(lengths[last_pieces], final_pieces, tensor=False).T
         mechanism = Mechanism.from_robot(robot)
         positions = tip_position(mechanism, coefficients[:, 0])
-        final = tip_position(mechanism, ends)
-        from_where = positions[begins]
+        final_positions = tip_position(mechanism, ends)
+        start_positions = positions[first_pieces]
         distances = np.linalg.norm(
-            positions - np.repeat(from_where, np.diff(edges)[moving], axis=0), axis=1
+            positions - np.repeat(start_positions, np.diff(edges)[moving], axis=0), axis=1
         )
-        duration[moving] = np.add.reduceat(lengths, begins)
+        duration[moving] = np.add.reduceat(lengths, first_pieces)
         travel[moving] = np.maximum(
-            np.maximum.reduceat(distances, begins), np.linalg.norm(final - from_where, axis=1)
+            np.maximum.reduceat(distances, first_pieces),
+            np.linalg.norm(final_positions - start_positions, axis=1),
         )
     return StopMotions(
         path.s[start_nodes],
@@ -216,10 +267,19 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
 
 
 def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Array, Indices]:
-    """Return the pieces of the stops from the nodes `start_nodes` (n,), see `StopMotions`.
+    """Compute the pieces of the stops from the nodes `start_nodes` (n,) of a path.
 
     All stops advance together, node by node. A stop for which the path is too short continues to
     the end of the path and still moves there.
+
+    Returns
+    -------
+    lengths : (m,) array
+        Durations of the pieces, s.
+    coefficients : (m, 6, 4) array
+        Their polynomials in time.
+    edges : (n + 1,) array
+        Index of the first piece of each stop.
     """
     last_node = len(path.s) - 1
     stop = np.arange(len(start_nodes))
@@ -258,30 +318,38 @@ def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Arra
 class _Bounds:
     """Lower bounds of s̈ on the m intervals of a path.
 
-    At the ends of an interval, ṡ² = x is the value at its start, zero, or the value at its start
-    plus the growth by s̈. Every acceleration and torque is linear there in s̈, x and √x, except for
-    friction that depends on the speed.
+    Each bound is evaluated at three states (position, x = ṡ²) of an interval: at its start; at its
+    end after x has grown by s̈; and at its end with a given x. Every acceleration and torque is
+    linear in s̈, x and √x there, except for friction that depends on the speed.
     """
 
     path: _Path
     robot: Robot
     lengths: Array
+    """Lengths of the intervals in s, (m,)."""
     terms: Array
-    """Coefficients of c₀ + c₁ x + c₂ √x, (3, rows, 3 m).
+    """Coefficients c₀, c₁ and c₂ of the bounds c₀ + c₁ x + c₂ √x, (3, rows, 3 m).
 
-    The columns belong to the starts of the intervals, to their ends with x growing by s̈, and to
-    their ends.
+    The columns contain the first state of all intervals, then the second and the third.
     """
     alone: int
-    """Number of rows that count individually. Of the others, the smaller of two rows counts.
+    """Number of leading rows that are bounds by themselves.
 
-    The two rows are at the same position in the first and the second half.
+    The other rows form two halves. Two rows at the same position of both halves belong together,
+    and only the smaller of them is a bound.
     """
     varying: tuple[int, ...]
-    """Joints whose friction depends on the speed. Their torques have no rows."""
+    """Joints whose friction depends on the speed. Their torques are not among the rows."""
 
     @classmethod
     def from_path(cls, path: _Path, robot: Robot) -> _Bounds:
+        """Compute the rows of all acceleration limits and of the torque limits.
+
+        The torque in the direction of motion is the larger of two linear functions. It must not
+        exceed its limit when the motor drives, so both functions give a bound. When the motor
+        brakes, the torque must not fall below the negative limit, for which one of both functions
+        suffices.
+        """
         lengths = np.diff(path.s)
         m = len(lengths)
         end = np.repeat([0, 1, 1], m)
@@ -309,23 +377,27 @@ class _Bounds:
                 varying.append(i)
                 continue
             motor = _MotorAlong.from_joint(path, robot.joints[i], (end, interval, i), grows)
-            null = np.zeros(3 * m)
+            zero = np.zeros(3 * m)
             unit_vector = np.ones(3 * m)
-            begins, squared, rooted, risen = (
+            constant, with_square, with_root, with_u = (
                 motor.torques(*unit)
                 for unit in (
-                    (null, null, null),
-                    (null, unit_vector, null),
-                    (null, null, unit_vector),
-                    (unit_vector, null, null),
+                    (zero, zero, zero),
+                    (zero, unit_vector, zero),
+                    (zero, zero, unit_vector),
+                    (unit_vector, zero, zero),
                 )
             )
             for row in (0, 1):
                 constants = np.stack(
-                    [begins[row], squared[row] - begins[row], rooted[row] - begins[row]]
+                    [
+                        constant[row],
+                        with_square[row] - constant[row],
+                        with_root[row] - constant[row],
+                    ]
                 )
-                rises = risen[row] - begins[row]
-                driving, braking = (motor.bound(side * rises, side * constants) for side in (1, -1))
+                slope = with_u[row] - constant[row]
+                driving, braking = (motor.bound(side * slope, side * constants) for side in (1, -1))
                 alone.append(driving[:, :, None])
                 halves[row].append(braking[:, :, None])
         terms = np.concatenate([*alone, *halves[0], *halves[1]], axis=2).transpose(0, 2, 1)
@@ -335,14 +407,26 @@ class _Bounds:
         )
 
     def minimum(self, k: Indices, x: Array, *, ends: bool) -> Array:
-        """Return the smallest s̈ (n,) ≤ 0 on the intervals k (n,) that begin at ṡ² = x.
+        """Return the smallest s̈ (n,) on intervals that begin with a given speed.
 
-        ends: ṡ is 0 at the end of the interval.
+        Parameters
+        ----------
+        k : (n,) array
+            Indices of the intervals.
+        x : (n,) array
+            ṡ² at their starts.
+        ends : bool
+            True if ṡ is 0 at the end of the interval.
+
+        Returns
+        -------
+        (n,) array
+            The bounds, which are at most 0.
         """
         n = len(k)
         m = len(self.lengths)
         still = np.zeros(n)
-        # which place of `terms`, and ṡ² there
+        # Pairs of a state of the interval (0, 1 or 2, as in `terms`) and the value of ṡ² in it.
         positions = [(0, x), (2, still), (0, still)] if ends else [(0, x), (1, x)]
         square = np.concatenate([speed_squared for _, speed_squared in positions])
         columns = np.concatenate([position * m + k for position, _ in positions])
@@ -368,7 +452,18 @@ class _Bounds:
 class _MotorAlong:
     """A motor at n positions of a path.
 
-    Its torque in the direction of motion follows from both rows of the friction law.
+    The friction law has two rows, and the torque in the direction of motion is the larger of both.
+
+    Attributes
+    ----------
+    joint : Joint
+        The joint with its drive and motor.
+    rows : TorqueRows
+        The friction law in the direction of motion.
+    sigma, dq, ddq : (n,) arrays
+        Direction of the joint, q' and q''.
+    load : tuple of three (n,) arrays
+        Coefficients of the effort a s̈ + b ṡ² + c.
     """
 
     joint: Joint
@@ -378,7 +473,7 @@ class _MotorAlong:
     ddq: Array
     load: tuple[Array, Array, Array]
     grows: Array
-    """Factor with which s̈ increases ṡ²."""
+    """Factor with which s̈ increases ṡ², (n,). It is 0 if ṡ² is given."""
 
     @classmethod
     def from_joint(
@@ -389,9 +484,19 @@ class _MotorAlong:
         grows: Array,
         square: Array | float = 0.0,
     ) -> _MotorAlong:
-        """Build the motor of one joint at the given ends and intervals.
+        """Build the motor of one joint at n positions of a path.
 
-        Its friction is that at ṡ² = square (n,).
+        Parameters
+        ----------
+        path : _Path
+        joint : Joint
+            A joint with a drive and a motor.
+        index : tuple
+            Ends (n,) and intervals (n,) of the positions, and the index of the joint.
+        grows : (n,) array
+            Factor with which s̈ increases ṡ².
+        square : (n,) array or float
+            ṡ² that determines the friction coefficient.
         """
         assert joint.drive is not None
         dq, inertia, velocity, gravity = (values[index] for values in (path.dq, *path.load))
@@ -411,7 +516,7 @@ class _MotorAlong:
         )
 
     def torques(self, u: Array, square: Array, root: Array) -> list[Array]:
-        """Return the torques at s̈ = u, ṡ² = square and ṡ = root, each (n,)."""
+        """Return the torques of both rows at s̈ = u, ṡ² = square and ṡ = root, (n,) each."""
         drive, (inertia, velocity, gravity) = self.joint.drive, self.load
         assert drive is not None
         speed = self.dq * root
@@ -422,10 +527,20 @@ class _MotorAlong:
         return [self.sigma * self.rows.torque(slope * effort, *motion) for slope in self.rows.slope]
 
     def bound(self, slope: Array, offset: Array) -> Array:
-        """Return the smallest u with slope · u + own ≤ the largest torque.
+        """Return the smallest u with slope · u + offset ≤ the largest torque.
 
-        The result is −∞ if the torque bounds u only from above. own: (terms, n), a number and the
-        coefficients of other variables. The bound has the same terms.
+        Parameters
+        ----------
+        slope : (n,) array
+            Change of the torque with u.
+        offset : (terms, n) array
+            A constant, and the coefficients of other variables.
+
+        Returns
+        -------
+        (terms, n) array
+            The bound as a constant and the coefficients of the same variables. The constant is −∞
+            if the torque bounds u only from above.
         """
         assert self.joint.motor is not None
         limit = np.zeros((len(offset), 1))
@@ -436,39 +551,62 @@ class _MotorAlong:
         return np.where(bounds, (limit - offset) / slope, unbounded)
 
     def minimum(self, square: Array) -> Array:
-        """Return the smallest s̈ (n,) that keeps the torque limit in both directions.
+        """Return the smallest s̈ that keeps the torque limit of the motor.
 
-        square: ṡ², (n,).
+        The limit holds for a driving and for a braking motor.
+
+        Parameters
+        ----------
+        square : (n,) array
+            ṡ² at the positions.
+
+        Returns
+        -------
+        (n,) array
+            Lower bounds of s̈, which are −∞ at positions where the torque does not bound s̈ from
+            below.
         """
         root = np.sqrt(square)
-        null = np.zeros(len(square))
+        zero = np.zeros(len(square))
         unit_vector = np.ones(len(square))
         driving = np.full(len(square), -np.inf)
         braking = np.full(len(square), np.inf)
-        for begins, raised in zip(
-            self.torques(null, square, root), self.torques(unit_vector, square, root), strict=True
+        for offset, torque_at_one in zip(
+            self.torques(zero, square, root), self.torques(unit_vector, square, root), strict=True
         ):
-            rises = raised - begins
-            driving = np.maximum(driving, self.bound(rises, begins[None])[0])
-            # either row is a lower bound of the torque in the direction of motion
-            braking = np.minimum(braking, self.bound(-rises, -begins[None])[0])
+            slope = torque_at_one - offset
+            driving = np.maximum(driving, self.bound(slope, offset[None])[0])
+            # Each row is a lower bound of the torque in the direction of motion.
+            braking = np.minimum(braking, self.bound(-slope, -offset[None])[0])
         return np.maximum(driving, braking)
 
 
 def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array, Indices]:
-    """Build the pieces of `StopMotions` from rows.
+    """Build the pieces of `StopMotions` from the steps of all stops.
 
-    The columns are stop, interval, ṡ² before, s̈, ṡ² after and length, each (m,).
+    Parameters
+    ----------
+    path : _Path
+    count : int
+        Number of stops.
+    columns : list of six (m,) arrays
+        Index of the stop, index of the interval, ṡ² before the step, s̈, ṡ² after it, and the
+        length of the step in s.
+
+    Returns
+    -------
+    lengths, coefficients, edges
+        See `_stops`.
     """
     order = np.argsort(columns[0], kind="stable")
     stop, k, x, u, end_x, travel = (column[order] for column in columns)
-    # the values of a joint lie together: what follows runs along them
+    # In Fortran order, the values of a joint are adjacent, so the operations below are fast.
     (q, q_end), (dq, dq_end), (ddq, ddq_end) = (
         [np.asfortranarray(values[end, k]) for end in (0, 1)]
         for values in (path.q, path.dq, path.ddq)
     )
     h = path.s[k + 1] - path.s[k]
-    # where a stop ends within an interval the path there follows from both its ends
+    # A stop may end within an interval. A quintic through both ends gives the path there.
     within = np.flatnonzero(travel < h)
     begins = (q[within], dq[within], ddq[within])
     ends = (q_end[within], dq_end[within], ddq_end[within])

@@ -1,11 +1,12 @@
 """Bands of motor torques in tables of positions.
 
-A smooth motion through three rows has the second divided difference of the rows as a weighted mean
-of its acceleration, with weights that are the same for all joints. While a joint keeps its
-direction, its motor torque in this direction is a convex function of the load. Some torque is
-therefore at least the torque of the mean load (Jensen's inequality). In the other direction, the
-limits of acceleration and jerk bound the load at every instant. Both ends of the band hold for
-every motion that keeps these limits and passes all rows within their rounding.
+Three rows of a table have a second divided difference. For every smooth motion through these rows,
+it is a weighted mean of the acceleration, with the same weights for all joints. While a joint keeps
+its direction, its motor torque in this direction is a convex function of the load. Therefore, at
+some instant the torque is at least the torque of the mean load (Jensen's inequality). This is the
+lower end of the band. The limits of acceleration and jerk bound the load at every instant, which
+gives the upper end. Both ends hold for every motion that keeps these limits and passes all rows
+within their rounding.
 """
 
 from __future__ import annotations
@@ -36,24 +37,42 @@ from ssm_planner.typing import Array, Mask
 from ssm_planner.verification.certificate import TOLERANCE, LimitCheck, Unjudged
 
 WIDTHS = (1, 4, 16, 64)
-"""Numbers of rows between the rows of a difference."""
+"""Distances, in rows, between the three rows of a difference."""
 CORNERS = ((0, 0, 0), *product((-1, 1), repeat=3))
+"""The centre and the corners of a box of load, speed and acceleration, as signs."""
 
 
 def torque_bands(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, undefined: str
 ) -> tuple[list[LimitCheck], list[Unjudged]]:
-    """Judge the motor torques of a table of positions, and accelerations that are certain.
+    """Check the motor torques of a table of positions, and accelerations that are certain.
 
-    A torque is judged if its whole band is on one side of the limit. Other bands are stated in the
-    second result, after `undefined`. resolution (4,): largest rounding error of a row, rad or m.
+    A torque is judged if its whole band is on one side of the limit.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The table. All its pieces are linear.
+    robot : Robot
+    limits : TaskLimits
+    resolution : (4,) array
+        Largest rounding error of a row, rad or m.
+    undefined : str
+        Reason that precedes the band of a torque that is not judged.
+
+    Returns
+    -------
+    checks : list of LimitCheck
+        Accelerations that certainly exceed their limit, and torques that could be judged.
+    unjudged : list of Unjudged
+        Other torques with their bands.
     """
     t = trajectory.breaks
     q = np.concatenate([trajectory.positions(t[block]) for block in blocks(len(t), BLOCK)])
     moves = np.cumsum(np.diff(q, axis=0, prepend=q[:1]) != 0, axis=0)
-    # Acceleration and torque that some instant has at least, and torque that no instant exceeds.
-    best = np.array([robot.accelerations * (1 + TOLERANCE), np.zeros(4), np.full(4, np.inf)])
-    when = np.zeros((3, 4))
+    # Acceleration and torque that occur at least at some instant, torque that no instant exceeds.
+    extremes = np.array([robot.accelerations * (1 + TOLERANCE), np.zeros(4), np.full(4, np.inf)])
+    extreme_times = np.zeros((3, 4))
     for width in (width for width in WIDTHS if 2 * width < len(t)):
         centres = np.union1d(np.arange(width, len(t) - width, width), len(t) - 1 - width)
         window_values = []
@@ -65,21 +84,23 @@ def torque_bands(
             )
         values = np.concatenate(window_values, axis=1)
         extreme = values.max(axis=1)
-        better = extreme * [[1], [1], [-1]] > best * [[1], [1], [-1]]
-        best = np.where(better, extreme, best)
-        when = np.where(better, t[centres[values.argmax(axis=1)]], when)
+        better = extreme * [[1], [1], [-1]] > extremes * [[1], [1], [-1]]
+        extremes = np.where(better, extreme, extremes)
+        extreme_times = np.where(better, t[centres[values.argmax(axis=1)]], extreme_times)
     checks, unjudged = [], []
     for i, joint in enumerate(robot.joints):
-        if when[0, i]:
+        if extreme_times[0, i]:
             limit: Limit = joint.limit(JointAcceleration)
-            checks.append(LimitCheck.from_extreme(limit, float(best[0, i]), float(when[0, i])))
+            checks.append(
+                LimitCheck.from_extreme(limit, float(extremes[0, i]), float(extreme_times[0, i]))
+            )
     certain = not checks and limits.friction is None and limits.payload is None
     for i, *_ in motorised(robot.joints):
         limit = robot.joints[i].limit(MotorTorque)
-        low, high = best[1:, i].tolist()
+        low, high = extremes[1:, i].tolist()
         violated = low > limit.high * (1 + TOLERANCE)
         if violated or (certain and high <= limit.high):
-            worst, time = (low, when[1, i]) if violated else (high, when[2, i])
+            worst, time = (low, extreme_times[1, i]) if violated else (high, extreme_times[2, i])
             checks.append(LimitCheck.from_extreme(limit, worst, float(time)))
         else:
             band = f"{undefined}; the largest is from {low:.3g} to {high:.3g} {limit.unit}"
@@ -88,20 +109,34 @@ def torque_bands(
 
 
 def _of_windows(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Array) -> Array:
-    """Return the values of n windows, (3, n, 4).
+    """Evaluate n windows of three rows.
 
-    They are the acceleration and the torque that some instant has at least, and the torque that no
-    instant exceeds. t (3, n, 1), q (3, n, 4): first, middle and last row of each window. at_rest
-    (n, 4): all rows of the joint are equal.
+    Parameters
+    ----------
+    t : (3, n, 1) array
+        Times of the first, middle and last row, s.
+    q : (3, n, 4) array
+        Joint positions in these rows.
+    at_rest : (n, 4) array of bool
+        True if all rows of the window have the same position of the joint.
+    robot : Robot
+    resolution : (4,) array
+        Largest rounding error of a row, rad or m.
+
+    Returns
+    -------
+    (3, n, 4) array
+        The acceleration and the torque that occur at least at some instant, and the torque that no
+        instant exceeds.
     """
-    before, after = np.diff(t, axis=0)
-    span, inverse = before + after, 1 / before + 1 / after
+    time_before, time_after = np.diff(t, axis=0)
+    span, inverse = time_before + time_after, 1 / time_before + 1 / time_after
     largest_qdd = robot.accelerations
-    jump = (q[2] - q[1]) / after - (q[1] - q[0]) / before
+    jump = (q[2] - q[1]) / time_after - (q[1] - q[0]) / time_before
     mean, error = 2 * jump / span, 4 * resolution * inverse / span
     qd = (q[2] - q[0]) / span
     qd_error = np.where(at_rest, 0.0, largest_qdd * span / 2 + 2 * resolution / span)
-    q_error = (np.abs(qd) + qd_error) * np.maximum(before, after) + resolution
+    q_error = (np.abs(qd) + qd_error) * np.maximum(time_before, time_after) + resolution
     jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
     ends = [
         np.clip(mean + side * (error + jerk * span), -largest_qdd, largest_qdd) * ~at_rest
@@ -109,7 +144,7 @@ def _of_windows(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Arr
     ]
     body = RigidBody.from_robot(robot)
     still = np.zeros_like(qd)
-    mass, rest = body.mass_matrix(q[1]), body.inverse_dynamics(q[1], qd, still)
+    mass, load_at_rest = body.mass_matrix(q[1]), body.inverse_dynamics(q[1], qd, still)
     middle, half = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
     values = np.array([np.abs(mean) - error, still, still])
     slack = _load_changes(body, q[1], qd, (q_error, qd_error, largest_qdd))
@@ -118,41 +153,67 @@ def _of_windows(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Arr
         for direction in (-1, 1):
             bands = []
             for qdd, qdd_error in ((mean, error), (middle, half)):
-                load = rest[:, i] + (mass[:, i] * qdd).sum(axis=1)
+                load = load_at_rest[:, i] + (mass[:, i] * qdd).sum(axis=1)
                 load_error = slack[:, i] + (np.abs(mass[:, i]) * qdd_error).sum(axis=1)
                 state = (load, qd[:, i], qdd[:, i])
                 errors = (load_error, qd_error[:, i], qdd_error[:, i])
                 bands.append(_band(drive, direction, mu, state, errors))
-            (sure, _), (least, most) = bands
+            (sure, _), (lowest, highest) = bands
             speed = direction * qd[:, i]
             moves = speed > qd_error[:, i]
             may_move = speed >= -qd_error[:, i]
-            torques = np.array([sure * moves, np.maximum(most, -least) * may_move])
+            torques = np.array([sure * moves, np.maximum(highest, -lowest) * may_move])
             values[1:, :, i] = np.maximum(values[1:, :, i], torques)
     return values
 
 
 def _load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Array, ...]) -> Array:
-    """Return how much the load of a joint can change with q, q̇ and the mass matrix, (n, 4).
+    """Bound the change of the load of each joint within a window.
 
-    q, qd (n, 4): middle of each window. errors: largest changes of q and q̇, and the largest q̈.
+    The load is M(q) q̈ + h(q, q̇). With steps Δq_i and Δq̇_i of one coordinate at a time, the bound
+    is
+
+        Σ_i Σ_± |h(q ± Δq_i, q̇) − h(q, q̇)| + |h(q, q̇ ± Δq̇_i) − h(q, q̇)|
+                + |M(q ± Δq_i) − M(q)| q̈_max.
+
+    Parameters
+    ----------
+    body : RigidBody
+    q, qd : (n, 4) arrays
+        Joint positions and velocities in the middle of each window.
+    errors : tuple of three arrays
+        Largest changes of q and of q̇, (n, 4) each, and the largest q̈, (4,).
+
+    Returns
+    -------
+    (n, 4) array
+        Largest changes of the loads, N·m and N.
     """
     q_error, qd_error, largest_qdd = errors
     still = np.zeros_like(qd)
-    mass, rest = body.mass_matrix(q), body.inverse_dynamics(q, qd, still)
+    mass, load = body.mass_matrix(q), body.inverse_dynamics(q, qd, still)
     changes = still.copy()
     # The sum over both sides is at least twice the change within the window.
     for i, side in product(range(4), (-1, 1)):
         step = side * np.eye(4)[i]
-        other = q + step * q_error
-        changes += np.abs(body.inverse_dynamics(other, qd, still) - rest)
-        changes += np.abs(body.inverse_dynamics(q, qd + step * qd_error, still) - rest)
-        changes += np.abs(body.mass_matrix(other) - mass) @ largest_qdd
+        q_nearby = q + step * q_error
+        changes += np.abs(body.inverse_dynamics(q_nearby, qd, still) - load)
+        changes += np.abs(body.inverse_dynamics(q, qd + step * qd_error, still) - load)
+        changes += np.abs(body.mass_matrix(q_nearby) - mass) @ largest_qdd
     return changes
 
 
 def _extreme_friction(drive: Drive, speed: Array, error: Array) -> Array:
-    """Return the smallest and the largest friction coefficient near joint speeds (n,), (2, n)."""
+    """Return the smallest and the largest friction coefficient near given speeds, (2, n).
+
+    Parameters
+    ----------
+    drive : Drive
+    speed : (n,) array
+        Magnitudes of the joint speed.
+    error : (n,) array
+        Largest errors of these speeds.
+    """
     friction = friction_of(drive)
     speeds = drive.ratio * np.maximum(speed + error * [[1], [-1]], 0)
     lowest = np.min(friction_coefficient(friction, speeds), axis=0)
@@ -162,10 +223,28 @@ def _extreme_friction(drive: Drive, speed: Array, error: Array) -> Array:
 def _band(
     drive: Drive, direction: int, mu: Array, state: tuple[Array, ...], errors: tuple[Array, ...]
 ) -> tuple[Array, Array]:
-    """Return bounds (n,) of a motor torque in its direction.
+    """Return bounds of a motor torque in its direction, (n,) each.
 
-    It is convex in load, speed and acceleration (each n,), and grows with the friction. mu (2, n):
-    smallest and largest coefficient.
+    The torque is convex in load, speed and acceleration, and it grows with the friction. Its
+    largest value in a box is therefore at a corner. Its smallest value is at least twice the value
+    at the centre minus the largest value.
+
+    Parameters
+    ----------
+    drive : Drive
+    direction : int
+        Direction of the torque and of the joint, 1 or −1.
+    mu : (2, n) array
+        Smallest and largest friction coefficient.
+    state : tuple of three (n,) arrays
+        Load, speed and acceleration in the centre of the box.
+    errors : tuple of three (n,) arrays
+        Half widths of the box.
+
+    Returns
+    -------
+    lowest, highest : (n,) arrays
+        The lower bound uses the smallest coefficient, and the upper bound the largest.
     """
     values = []
     for corner in CORNERS:
@@ -173,5 +252,5 @@ def _band(
         carried = output_effort(drive, load, qd, qdd, direction)
         motor = drive.ratio * qd, drive.ratio * qdd
         values.append(direction * moving_torque(drive, carried, *motor, direction=direction, mu=mu))
-    most = np.max(values, axis=0)
-    return 2 * values[0][0] - most[0], most[1]
+    highest = np.max(values, axis=0)
+    return 2 * values[0][0] - highest[0], highest[1]

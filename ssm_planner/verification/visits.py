@@ -1,7 +1,7 @@
 """Check that a motion performs a task: its targets, waypoints, lines, dwells and durations.
 
-The check searches the earliest instant at which each point is reached after the one before it. It
-needs no phases, so it judges any table.
+The check searches the earliest instant at which each point is reached after the previous one. It
+does not need phases, so it can judge any table.
 """
 
 from __future__ import annotations
@@ -20,21 +20,36 @@ from ssm_planner.verification.promises import lines_kept, task_at, unchecked_lin
 NEAR = np.array([2e-4, 2e-4, 2e-4, 1e-5])
 """Largest error at a point, rad and m: 0.01° and 10 µm."""
 STILL = 0.1
-"""Largest motion during a dwell, as a share of NEAR."""
+"""Largest displacement during a dwell, as a share of NEAR."""
 TIMELY = 0.02
 """Largest relative error of a requested duration."""
 INSTANTS = 20_000
+"""Smallest number of instants of a motion with many pieces."""
 MOST = 64
-"""Least number of instants of a motion of many pieces, and the largest number in a piece."""
+"""Largest number of instants in a piece."""
 ROW = 5e-3
-"""Time that a table without rows at the ends of a dwell may hide at each of them, s."""
+"""Time at each end of a dwell that a table may omit, s."""
 
 
 def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) -> Certificate:
-    """Return a certificate with the points, lines, dwells and durations of a problem.
+    """Return a certificate that also judges the points, lines, dwells and durations of a problem.
 
-    The results are named "target", "waypoint", "dwell" and "duration". The worst value of a point
-    is its error as a multiple of NEAR. `check` has judged the lines of a motion with phases.
+    The new results are named "target", "waypoint", "dwell" and "duration". The worst value of a
+    point is its error as a multiple of NEAR. If the motion has phases, `check` has already judged
+    its lines.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        Result of `check` for the motion.
+    motion : Trajectory
+        The motion, or a table.
+    problem : Problem
+        The problem that the motion must solve.
+
+    Returns
+    -------
+    Certificate
     """
     limits = problem.task_limits
     unchecked = [text for text in certificate.unchecked if text != unchecked_lines(limits)]
@@ -43,19 +58,19 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
     path = _Path(motion, Mechanism.from_robot(problem.robot))
     _, error = path.nearest_index(path.errors(problem.start)[:1], 0)
     checks = [_of_point("target", "start", error, path.t[0])]
-    begin = last = 0
+    begin_index = index = 0
     scanned = False
     for entry in problem.motion:
         if isinstance(entry, Dwell):
-            stay, last = path.stay(last, entry.duration)
+            stay, index = path.stay(index, entry.duration)
             checks.append(_timed("dwell", entry.name, min(stay, entry.duration), entry.duration))
         elif isinstance(entry, Scan):
             path.held = np.full(4, np.nan)
             scanned = True
         else:
             for point in getattr(entry, "through", ()):
-                last, error = path.nearest_index(path.errors(point), last)
-                checks.append(_of_point("waypoint", entry.name, error, path.t[last]))
+                index, error = path.nearest_index(path.errors(point), index)
+                checks.append(_of_point("waypoint", entry.name, error, path.t[index]))
             errors = path.errors(entry.to)
             is_open = getattr(entry, "spin_free", False), getattr(entry, "distance", 0)
             path.held[2:][np.array(is_open, bool)] = np.nan
@@ -64,18 +79,18 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
             if getattr(entry, "blend", None) is not None:
                 continue
             final = entry is problem.motion[-1]
-            last, error = path.nearest_index(errors, len(path.t) - 1 if final else last)
-            checks.append(_of_point("target", entry.name, error, path.t[last]))
-            if begin < last and not (scanned or motion.phases):
-                span = Span(entry.name, float(path.t[begin]), float(path.t[last]))
+            index, error = path.nearest_index(errors, len(path.t) - 1 if final else index)
+            checks.append(_of_point("target", entry.name, error, path.t[index]))
+            if begin_index < index and not (scanned or motion.phases):
+                span = Span(entry.name, float(path.t[begin_index]), float(path.t[index]))
                 lines = lines_kept(motion, path.mechanism, limits, chain, span, allowed=NEAR[3])
                 checks += lines[0]
                 unjudged += lines[1]
             chain = []
             if entry.duration is not None:
-                actual = float(path.t[last] - path.t[begin])
+                actual = float(path.t[index] - path.t[begin_index])
                 checks.append(_timed("duration", entry.name, actual, entry.duration))
-        begin = last
+        begin_index = index
     if isinstance(problem.motion[-1], Dwell):
         _, error = path.nearest_index(errors, len(path.t) - 1)
         checks.append(_of_point("target", "end", error, path.t[-1]))
@@ -89,28 +104,63 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
 
 
 def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
+    """Return the result for a point.
+
+    Parameters
+    ----------
+    name : str
+        "target" or "waypoint".
+    entry : str
+        Name of the motion.
+    error : float
+        Distance from the point as a multiple of NEAR.
+    time : float
+        Instant of this distance, s.
+    """
     return LimitCheck(
         name, None, error, limit=1.0, margin=1 - error, time=float(time), unit="", case=entry
     )
 
 
-def _timed(name: str, entry: str, actual: float, asked: float) -> LimitCheck:
-    margin = 1 - abs(actual / asked - 1) / TIMELY
+def _timed(name: str, entry: str, actual: float, requested: float) -> LimitCheck:
+    """Return the result for a duration that must equal the requested duration.
+
+    Parameters
+    ----------
+    name : str
+        "dwell" or "duration".
+    entry : str
+        Name of the motion.
+    actual, requested : float
+        Durations, s. Their relative difference may be TIMELY.
+    """
+    margin = 1 - abs(actual / requested - 1) / TIMELY
     return LimitCheck(
-        name, None, actual, limit=asked, margin=margin, time=0.0, unit="s", case=entry
+        name, None, actual, limit=requested, margin=margin, time=0.0, unit="s", case=entry
     )
 
 
 class _Path:
-    """Instants of a motion, and where the robot is then."""
+    """Instants of a motion, with the joint positions and task coordinates at these instants.
+
+    Attributes
+    ----------
+    t : (n,) array
+        Instants, s.
+    q, tasks : (n, 4) arrays
+        Joint positions and task coordinates.
+    branch : int
+        Solution of the inverse kinematics at the start.
+    """
 
     def __init__(self, motion: Trajectory, mechanism: Mechanism) -> None:
+        """Sample a motion at all breaks, and at further instants within its pieces."""
         lengths = np.diff(motion.breaks)
         count = int(np.clip(INSTANTS / len(lengths), 1, MOST))
         inner = motion.breaks[:-1, None] + np.arange(count) / count * lengths[:, None]
         self.t = np.append(inner, motion.breaks[-1])
-        every = blocks(len(self.t), BLOCK)
-        self.q = np.concatenate([motion.positions(self.t[block]) for block in every])
+        index_blocks = blocks(len(self.t), BLOCK)
+        self.q = np.concatenate([motion.positions(self.t[block]) for block in index_blocks])
         self.tasks = task_from_joints(mechanism, self.q)
         self.mechanism = mechanism
         self.branch = int(mechanism.branch_of(self.q[0]))
@@ -118,44 +168,74 @@ class _Path:
         """Task coordinates of the last point, (4,). Open ones are NaN."""
 
     def errors(self, point: Point) -> Array:
-        """Return the errors (n, 4) of a point at all instants in multiples of NEAR.
+        """Return the errors (n, 4) of a point at all instants, in multiples of NEAR.
 
-        Coordinates that a pose does not state keep their values. Joint positions are compared as
-        they are, because the same pose can have others.
+        Coordinates that a pose does not state keep their values. Joint positions are compared
+        directly, because several joint positions can have the same pose.
         """
         self.held = task_at(self.mechanism, point, self.held, self.branch)
         if isinstance(point, Joints):
             return (self.q - point.values) / NEAR
         return ((self.tasks - self.held + np.pi) % (2 * np.pi) - np.pi) / NEAR
 
-    def nearest_index(self, errors: Array, first: int) -> tuple[int, float]:
-        """Return the first instant from `first` at which a point is reached, and the error.
+    def nearest_index(self, errors: Array, first_index: int) -> tuple[int, float]:
+        """Find the first instant at which the motion reaches a point.
 
-        It is the first instant of the first stay within NEAR whose error is the smallest up to
-        STILL, or the best of all instants. Between two instants the error is linear. Open
-        coordinates keep the values that they have there.
+        The robot stays within NEAR of the point for a while. The result is the first instant of the
+        first such stay whose error is within STILL of the smallest one. If the motion never reaches
+        the point, the result is the instant with the smallest error. The error is linear between
+        two instants. Open coordinates (NaN in `held`) take their values at the result.
+
+        Parameters
+        ----------
+        errors : (n, 4) array
+            Errors at all instants, in multiples of NEAR. NaN means that the coordinate is open.
+        first_index : int
+            Index of the instant at which the search starts.
+
+        Returns
+        -------
+        index : int
+            Index of the instant.
+        error : float
+            Error there, in multiples of NEAR.
         """
-        error = np.nan_to_num(errors[first:])
+        error = np.nan_to_num(errors[first_index:])
         step = np.diff(error, axis=0, append=error[-1:])
         square = np.maximum((step**2).sum(axis=1), np.finfo(float).tiny)
         share = np.clip(-(error * step).sum(axis=1) / square, 0.0, 1.0)
         distance = np.linalg.norm(error + share[:, None] * step, axis=1)
-        near = np.flatnonzero(distance <= 1)
-        if len(near):
-            stay = near[near - near[0] == np.arange(len(near))]
+        near_indices = np.flatnonzero(distance <= 1)
+        if len(near_indices):
+            stay = near_indices[near_indices - near_indices[0] == np.arange(len(near_indices))]
             distance = distance[: stay[-1] + 1]
             distance[: stay[0]] = np.inf
-        best = int(np.argmax(distance <= distance.min() + STILL))
-        self.held = np.where(np.isnan(self.held), self.tasks[first + best], self.held)
-        return first + best, float(distance[best])
+        best_index = int(np.argmax(distance <= distance.min() + STILL))
+        self.held = np.where(np.isnan(self.held), self.tasks[first_index + best_index], self.held)
+        return first_index + best_index, float(distance[best_index])
 
-    def stay(self, first: int, duration: float) -> tuple[float, int]:
-        """Return how long the joints rest from an instant, s, and the instant after a duration.
+    def stay(self, first_index: int, duration: float) -> tuple[float, int]:
+        """Measure how long the robot rests from an instant.
 
-        ROW at both ends is added, because tables need not have rows there.
+        Parameters
+        ----------
+        first_index : int
+            Index of the instant.
+        duration : float
+            Requested duration of the rest, s.
+
+        Returns
+        -------
+        stay : float
+            Duration of the rest, s. It includes ROW at both ends.
+        end_index : int
+            Index of the instant after the requested duration, or of the end of the rest if it is
+            earlier.
         """
-        apart = (self.tasks[first:] - self.tasks[first]) / NEAR
-        moved = np.linalg.norm(apart, axis=1) > 2 * STILL
-        last = first + int(moved.argmax()) - 1 if moved.any() else len(self.t) - 1
-        after = int(np.searchsorted(self.t, self.t[first] + duration))
-        return float(self.t[last] - self.t[first]) + 2 * ROW, min(after, last)
+        displacement = (self.tasks[first_index:] - self.tasks[first_index]) / NEAR
+        has_moved = np.linalg.norm(displacement, axis=1) > 2 * STILL
+        rest_index = (
+            first_index + int(has_moved.argmax()) - 1 if has_moved.any() else len(self.t) - 1
+        )
+        end_index = int(np.searchsorted(self.t, self.t[first_index] + duration))
+        return float(self.t[rest_index] - self.t[first_index]) + 2 * ROW, min(end_index, rest_index)

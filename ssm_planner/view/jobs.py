@@ -29,29 +29,47 @@ KEPT = 8
 
 @frozen
 class Outcome:
-    """Answer of the planner's process."""
+    """Answer of the planner's process.
+
+    Attributes
+    ----------
+    message : str
+        Result in words.
+    plan : Plan or None
+        The plan, if there is a motion.
+    """
 
     message: str
     plan: Plan | None = None
     relaxation: str | None = None
-    """Description of the smallest relaxation that gives a motion."""
+    """Description of the smallest change of a limit that permits a motion."""
     changes: Mapping[float, str] = field(default_factory=dict)
-    """Changes of limits in words, by their share of that relaxation."""
+    """Changes of limits in words, by their share of this change."""
     desk: JsonObject | None = None
-    """Curves and answers of the motions, as in `comparison_data`."""
+    """Curves and results of the motions for the page, see `comparison_data`."""
 
 
 @dataclass
 class Job:
-    """One planning run. steps: file to which its process writes its progress."""
+    """One planning run.
+
+    Attributes
+    ----------
+    identity : str
+        Name of the run in requests.
+    steps : Path
+        File to which the planner's process writes its progress.
+    outcome : Outcome or None
+        Result, or None while the run is in progress.
+    """
 
     identity: str
     steps: Path
     outcome: Outcome | None = None
 
     def to_dict(self) -> JsonObject:
-        """Return the object that the page receives."""
-        outcome = self.outcome  # read once: the planner may finish while this is written
+        """Return the object that the page receives, with {steps, done, message, …}."""
+        outcome = self.outcome  # The planner may finish during this call.
         result = outcome or Outcome("")
         return {
             "steps": self.steps.read_text(encoding="utf-8").splitlines(),
@@ -68,6 +86,7 @@ class Jobs:
     """The planning runs of one server, and its studies by the path of their page."""
 
     def __init__(self, study: Study) -> None:
+        """Create the study of the first page and a folder for progress."""
         self.studies = {"/": study}
         self._jobs: dict[str, Job] = {}
         self._lock = threading.Lock()
@@ -75,13 +94,14 @@ class Jobs:
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
     def study(self, request: JsonObject) -> Study:
-        """Return the study whose page made a request. Raises ProblemError."""
-        return _named(self.studies, request, "of")
+        """Return the study whose page made a request. Raises ProblemError if it is unknown."""
+        return _item(self.studies, request, "of")
 
     def edit(self, request: JsonObject) -> JsonObject:
-        """Answer {text}, a problem in YAML, with {page}, the path of a page for this problem.
+        """Answer {text} with {page}.
 
-        Raises ProblemError.
+        The text is a problem in YAML, and the answer is the path of a new page for this problem.
+        Raises ProblemError if the text is invalid.
         """
         page = f"/{secrets.token_urlsafe(16)}"
         self.studies[page] = self.study(request).edit(str(request.get("text")))
@@ -90,43 +110,53 @@ class Jobs:
     def start(self, request: JsonObject) -> JsonObject:
         """Start to plan the motion of a request, and return the name of the run as {job}.
 
-        The keys of the request are those of `Study.problem_content`, and three more. `of` is the
-        path of the page, "/" or one from `edit`. `relaxed`
-        replaces an infeasible problem by its relaxation. It is true, or a share in `SHARES` by
-        which the change of the limits is multiplied. `pinned` is another request, whose
-        motion A is planned for comparison with the motion B of this request. A run in progress is
-        cancelled, for example that of a page that was closed. Raises ProblemError if a request is
-        invalid.
+        A run in progress is cancelled, for example that of a page that was closed.
+
+        Parameters
+        ----------
+        request : dict
+            The keys of `Study.problem_content`, and three others. `of` is the path of the page, "/"
+            or one from `edit`. `relaxed` replaces an infeasible problem by its relaxation. It is
+            true, or a share by which the change of the limits is multiplied. `pinned` is another
+            request, whose motion A is planned for comparison with the motion B of this request.
+
+        Raises
+        ------
+        ProblemError
+            If a request is invalid.
         """
-        named = {"A": request.get("pinned"), "B": request}
+        requests_by_name = {"A": request.get("pinned"), "B": request}
         requests = [
-            (name, self.study(each).requested_problem(each), each.get("relaxed"))
-            for name, each in named.items()
-            if isinstance(each, dict)
+            (name, self.study(item).requested_problem(item), item.get("relaxed"))
+            for name, item in requests_by_name.items()
+            if isinstance(item, dict)
         ]
         with self._lock:
-            for running in self._jobs.values():
-                self._cancel(running, "cancelled, because a newer motion is planned")
+            for active_job in self._jobs.values():
+                self._cancel(active_job, "cancelled, because a newer motion is planned")
             identity = secrets.token_urlsafe(16)
             job = self._jobs[identity] = Job(identity, Path(self._folder.name) / identity)
             job.steps.touch()
-            for old in list(self._jobs)[:-KEPT]:
-                del self._jobs[old]
+            for old_identity in list(self._jobs)[:-KEPT]:
+                del self._jobs[old_identity]
             self._submit(run_plan, requests, job.steps).add_done_callback(
-                lambda done: self._finish(job, done)
+                lambda future: self._finish(job, future)
             )
         return {"job": identity}
 
     def progress(self, request: JsonObject) -> JsonObject:
-        """Answer {job} with {steps, done, message, relaxation, report, plan}.
+        """Answer {job} with {steps, done, message, relaxation, changes, desk, plan}.
 
-        Raises ProblemError.
+        Raises ProblemError if the run is unknown.
         """
-        return _named(self._jobs, request, "job").to_dict()
+        return _item(self._jobs, request, "job").to_dict()
 
     def cancel(self, request: JsonObject) -> JsonObject:
-        """Kill the planner's process and answer {job} as `progress` does. Raises ProblemError."""
-        job = _named(self._jobs, request, "job")
+        """Kill the planner's process, and answer {job} as `progress` does.
+
+        Raises ProblemError if the run is unknown.
+        """
+        job = _item(self._jobs, request, "job")
         with self._lock:
             self._cancel(job, "cancelled")
         return job.to_dict()
@@ -137,16 +167,16 @@ class Jobs:
             job.outcome = Outcome(message)
             self._end()
 
-    def text(self, kind: str, identity: str) -> str | None:
-        """Return the "report" or "plan" of a run, or None if it does not exist.
+    def text(self, text_type: str, identity: str) -> str | None:
+        """Return the "report" or the "plan" of a run, or None if it does not exist.
 
-        The planner's process writes it.
+        The planner's process produces the text.
         """
         job = self._jobs.get(identity)
         if job is None or job.outcome is None or job.outcome.plan is None:
             return None
         with self._lock:
-            future = self._submit(text_of, kind, job.outcome.plan)
+            future = self._submit(text_of, text_type, job.outcome.plan)
         return future.result()
 
     def _submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
@@ -162,7 +192,7 @@ class Jobs:
         self._folder.cleanup()
 
     def _finish(self, job: Job, future: Future[Outcome]) -> None:
-        """Record the outcome of a run unless it was cancelled."""
+        """Store the outcome of a run unless it was cancelled."""
         error = future.exception()
         with self._lock:
             if job.outcome is not None:
@@ -181,10 +211,11 @@ class Jobs:
             self._workers = None
 
 
-def _named(items: Mapping[str, T], request: JsonObject, key: str) -> T:
-    """Return the study or the run that a request names. The page "/" has a study.
+def _item(items: Mapping[str, T], request: JsonObject, key: str) -> T:
+    """Return the study or the run that a request names under a key.
 
-    Raises ProblemError.
+    Without the key, the name is "/", which is the first page. Raises ProblemError if the name is
+    unknown.
     """
     item = items.get(str(request.get(key, "/")))
     if item is None:
@@ -195,13 +226,28 @@ def _named(items: Mapping[str, T], request: JsonObject, key: str) -> T:
 def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outcome:
     """Plan problems in the planner's process, and compare their motions.
 
-    requests: name, problem, and the relaxation that replaces an infeasible problem, as in
-    `Jobs.start`. The answer is that of the last one. steps: file for the progress. Raises
-    ProblemError.
+    Parameters
+    ----------
+    requests : sequence of (str, Problem, Any)
+        Name of the motion, problem, and the relaxation that replaces an infeasible problem, see
+        `Jobs.start`.
+    steps : Path
+        File to which the progress is appended.
+
+    Returns
+    -------
+    Outcome
+        Result of the last problem, with the curves of all motions.
+
+    Raises
+    ------
+    ProblemError
+        If a problem is invalid.
     """
     start = time.perf_counter()
 
     def progress(step: Step) -> None:
+        """Append a step with its time to the file."""
         with steps.open("a", encoding="utf-8") as file:
             file.write(f"{time.perf_counter() - start:.1f} s  {step}\n")
 
@@ -221,11 +267,11 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
             result = plan(quickly(easier), progress)
         if result.trajectory is not None:
             plans[name] = result
-    in_words = {share: words for share, (words, _) in changes.items()}
+    in_words = {share: description for share, (description, _) in changes.items()}
     desk = None
     if plans:
-        answered = [{text[:9]: text[9:] for text in answers(each)} for each in plans.values()]
-        rows = [[key, *(texts.get(key, "") for texts in answered)] for key in answered[-1]]
+        answer_texts = [{text[:9]: text[9:] for text in answers(p)} for p in plans.values()]
+        rows = [[key, *(texts.get(key, "") for texts in answer_texts)] for key in answer_texts[-1]]
         data = comparison_data(tuple(plans.values()))
         panels = [panel for panel in data["panels"] if panel["section"] == "Motors"]
         desk = {**data, "panels": panels, "names": list(plans), "rows": rows}
@@ -242,8 +288,8 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
     return Outcome(text, result, changes=in_words, desk=desk)
 
 
-def text_of(kind: str, plan: Plan) -> str:
-    """Return the report of a plan as HTML, or the content of plan.json."""
+def text_of(text_type: str, plan: Plan) -> str:
+    """Return the report of a plan as HTML ("report"), or the content of plan.json ("plan")."""
     from ssm_planner.reporting import report_page
 
-    return report_page(plan) if kind == "report" else plan.to_json()
+    return report_page(plan) if text_type == "report" else plan.to_json()

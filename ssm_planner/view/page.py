@@ -1,4 +1,8 @@
-"""Render the local view's page and answer its questions about a mechanism, in JSON types."""
+"""Render the local view's page, and answer its requests about a mechanism, in JSON types.
+
+A request is a JSON object that the script of the page sends. The methods of `Study` state the keys
+of their requests and answers.
+"""
 
 from __future__ import annotations
 
@@ -36,42 +40,51 @@ from ssm_planner.typing import JsonObject, Range, record
 from ssm_planner.units import display_unit, quantity
 
 PUBLISHED = math.radians(30.0), math.radians(109.778)
-"""α and β of the paper's robot, for a page without a problem."""
+"""Angles α and β of the paper's robot, rad. A page without a problem shows them."""
 SAME = 1e-9
-"""Tolerance for α and β of the robot, rad."""
+"""Difference up to which angles α and β equal those of the robot, rad."""
 Pose = tuple[float, float, float, float]
 """Roll, tilt, spin and depth, rad and m."""
 MARGINS = tuple(math.radians(degrees) for degrees in (5.0, 2.0, 1.0))
 """Margins of the tilt range for suggested α and β, rad, largest first."""
 PARTS = (("geometry", "ratio"), ("geometry", "lead"), ("friction", "mu"))
-"""Groups and keys of the quantities of a drive that the page changes."""
+"""Groups and keys of the quantities of a drive that a user can change on the page."""
 SPAN = 3.0
-"""Largest factor by which the page changes such a quantity, up or down."""
+"""Largest factor by which a user can change such a quantity, up or down."""
 LONGEST_DWELL = 3600.0
 """Longest dwell, s."""
 LARGEST_PAYLOAD = 0.5
 """Largest payload, kg."""
 LARGEST_POSE: Pose = 4 * math.pi, math.pi, 4 * math.pi, 1.0
+"""Largest magnitudes of the task coordinates in a request, rad and m."""
 LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
+"""Smallest and largest angle α or β in a request, rad."""
 
 
 def _coordinates(pose: Pose) -> dict[str, str]:
-    """Return a pose (rad and m) as a problem file states it."""
+    """Return a pose (rad and m) in the form of a problem file."""
     return {name: _in_units(name, value) for name, value in zip(TASK, pose, strict=True)}
 
 
 def _value_of(value: Any) -> Any:
-    """Return the value of an entry that may also state its source."""
+    """Return the value of an entry, which may be a mapping with the value and its source."""
     return value["value"] if isinstance(value, dict) else value
 
 
 def _in_units(name: str, value: float) -> str:
-    """Return a task coordinate with its unit."""
+    """Return a task coordinate (rad or m) as text with its unit."""
     return f"{1e3 * value:.12g} mm" if name == "depth" else f"{math.degrees(value):.14g} deg"
 
 
 def view_page(study: Study, token: str) -> str:
-    """Return the HTML document. token: secret that every POST must carry."""
+    """Return the HTML document of a page.
+
+    Parameters
+    ----------
+    study : Study
+    token : str
+        Secret that every POST request of the page must contain.
+    """
     start = study.start()
     return render(
         "view.html",
@@ -85,10 +98,14 @@ def view_page(study: Study, token: str) -> str:
 
 @record
 class Study:
-    """State of the view.
+    """State of a page of the view.
 
-    problem: a problem with a robot, or None for the paper's mechanism without limits and motors.
-    edited: content that replaces that of the problem's file.
+    Attributes
+    ----------
+    problem : Problem or None
+        A problem with a robot. None means the paper's mechanism without limits and motors.
+    edited : Section or None
+        Content that replaces that of the problem's file.
     """
 
     problem: Problem | None
@@ -96,43 +113,69 @@ class Study:
 
     @property
     def robot_mechanism(self) -> Mechanism:
-        """Return the mechanism with the robot's own angles."""
+        """The mechanism with the angles of the robot."""
         if self.problem is None:
             return Mechanism.from_angles(*PUBLISHED)
         return Mechanism.from_robot(self.problem.robot)
 
     def mechanism(self, request: JsonObject) -> tuple[Mechanism, bool]:
-        """Return the mechanism with the request's angles, and whether it is the robot's own.
+        """Return the mechanism with the angles of a request.
 
-        Raises ProblemError.
+        Parameters
+        ----------
+        request : dict
+            `alpha` and `beta`, rad.
+
+        Returns
+        -------
+        mechanism : Mechanism
+        is_original : bool
+            True if the angles are those of the robot.
+
+        Raises
+        ------
+        ProblemError
+            If an angle is out of range.
         """
         original = self.robot_mechanism
         alpha, beta = (number(request, key, LOWEST, HIGHEST) for key in ("alpha", "beta"))
         if abs(alpha - original.alpha) < SAME and abs(beta - original.beta) < SAME:
             return original, True
-        share = math.cos(beta) / math.cos(alpha)  # of cos(home tilt), where the roll at home is 0
-        home = math.copysign(math.acos(share), original.home_tilt) if abs(share) <= 1.0 else None
+        cosine = math.cos(beta) / math.cos(alpha)  # of the home tilt, where the roll at home is 0
+        home = math.copysign(math.acos(cosine), original.home_tilt) if abs(cosine) <= 1.0 else None
         sign = original.insertion_sign
         return Mechanism.from_angles(alpha, beta, home, insertion_sign=sign), False
 
     @cached_property
     def document(self) -> JsonObject:
-        """Content of the problem file, with the content of its robot, drives and motors.
+        """Content of the problem file, including the content of its robot, drives and motors.
 
-        It thus means the same elsewhere. Raises ProblemError if the problem has no file.
+        It does not depend on other files. Raises ProblemError if the problem was not read from a
+        file.
         """
         file = self.edited or read(self._file)
         name = {} if self.problem is None else {"name": self.problem.name}
         return name | file.value | {"robot": robot_content(follow(file, "robot"))}
 
     def edit(self, text: str) -> Study:
-        """Return the study of YAML that replaces the problem file. Raises ProblemError."""
+        """Return the study of a text that replaces the problem file.
+
+        Parameters
+        ----------
+        text : str
+            YAML in the form of a problem file.
+
+        Raises
+        ------
+        ProblemError
+            If the text is invalid.
+        """
         section = Section(self._file, of_text(text).root)
         return Study(problem_from(section), section)
 
     @property
     def _file(self) -> Path:
-        """Problem file. Raises ProblemError if the problem was not read from a file."""
+        """Path of the problem file. Raises ProblemError if the problem was not read from a file."""
         file = None if self.problem is None else self.problem.file
         if file is None or not Path(file).is_file():
             raise ProblemError(
@@ -142,38 +185,44 @@ class Study:
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
-        """Variables of a study that the page offers: motors, gears, ratios, leads and friction."""
+        """Variables that the page offers: motors, gears, ratios, leads and friction.
+
+        Each of them has the form of a variable of a study.
+        """
         folder = shipped_folder()
         motors = entries(folder / "motors") | entries(folder / "catalogues" / "motors_24v.csv")
-        parts: list[Variable] = []
+        variables: list[Variable] = []
         for name, joint in self.document["robot"]["joints"].items():
             if "motor" in joint:
-                own = {"": joint["motor"]}
-                parts.append(Choice(f"joints.{name}.motor", own | motors))
+                present = {"": joint["motor"]}
+                variables.append(Choice(f"joints.{name}.motor", present | motors))
             drive = joint.get("drive", {})
             for gear in GEARS:
                 if drive.get("kind", "").endswith(gear):
                     catalogue = entries(folder / "catalogues" / f"{gear}s.csv", gear=True)
-                    own = {"": {"name": drive["name"]}}
-                    parts.append(Choice(f"joints.{name}.drive.{gear}", own | catalogue))
+                    present = {"": {"name": drive["name"]}}
+                    variables.append(Choice(f"joints.{name}.drive.{gear}", present | catalogue))
             for group, key in PARTS:
                 value = drive.get(group, {}).get(key)
                 text, _, unit = str(_value_of(value)).partition(" ")
                 with suppress(ValueError):
                     size = float(text)
                     path = f"joints.{name}.drive.{group}.{key}"
-                    parts.append(Varied(path, size / SPAN, SPAN * size, unit))
-        return tuple(parts)
+                    variables.append(Varied(path, size / SPAN, SPAN * size, unit))
+        return tuple(variables)
 
     def changed_robot(self, request: JsonObject) -> JsonObject:
         """Return the content of the robot file with the angles and the design of a request.
 
-        The design gives values to variables in `variables`, by path. Static friction keeps its ratio to
-        kinetic friction. The roll at q = 0 stays 0, so that the tilt at q = 0 follows from
-        cos β = cos α cos φ. Links keep their masses and shapes; their frames follow the angles.
-        Raises ProblemError.
+        The entry `design` gives values to variables in `variables`, by path. Static friction keeps
+        its ratio to kinetic friction. The roll at q = 0 stays 0, so the tilt φ at q = 0 follows
+        from cos β = cos α cos φ. Links keep their masses and shapes, and their frames follow the
+        angles.
+
+        Raises ProblemError if a value is invalid, or if the frames of the links cannot follow the
+        angles.
         """
-        mechanism, own = self.mechanism(request)
+        mechanism, is_original = self.mechanism(request)
         design = self._design(request)
         changes = [f"{path.removeprefix('joints.')} {text}" for path, text in design.items()]
         content = self.document["robot"]
@@ -183,7 +232,7 @@ class Study:
                 static = friction.get("mu_static", friction["mu"])
                 ratio = _value_of(static) / _value_of(friction["mu"])
                 design[f"{path}_static"] = f"{float(text) * ratio:.12g}"
-        if not own:
+        if not is_original:
             if "home_tilt" not in content["geometry"] or abs(mechanism.home_roll) > SAME:
                 raise ProblemError(
                     "the frames of the robot's links do not follow these angles",
@@ -194,32 +243,41 @@ class Study:
                 design[f"geometry.{name}"] = _in_units(name, getattr(mechanism, name))
             angles = math.degrees(mechanism.alpha), math.degrees(mechanism.beta)
             changes.insert(0, "α {:.6g}°, β {:.6g}°".format(*angles))
-        contents = {part.path: part.contents for part in self.variables if isinstance(part, Choice)}
+        contents = {
+            choice.path: choice.contents for choice in self.variables if isinstance(choice, Choice)
+        }
         content = changed_robot(content, contents, design)
-        if not own:
+        if not is_original:
             content["geometry"].pop("beta", None)
         return content | {"name": f"{content.get('name', 'robot')} with {', '.join(changes)}"}
 
     def _design(self, request: JsonObject) -> dict[str, str]:
-        """Return the design of a request. Raises ProblemError for a bad value or unknown path."""
-        given = request.get("design") or {}
-        paths = {part.path: part for part in self.variables}
-        if not isinstance(given, dict) or given.keys() - paths.keys():
+        """Return the design of a request: values with units, by the path of the variable.
+
+        Raises ProblemError if a value is invalid, or if a path is unknown.
+        """
+        values = request.get("design") or {}
+        paths = {variable.path: variable for variable in self.variables}
+        if not isinstance(values, dict) or values.keys() - paths.keys():
             raise ProblemError("not a design", key="design", allowed=", ".join(paths))
         design = {}
-        for path, value in given.items():
-            part = paths[path]
-            if isinstance(part, Varied):
-                size = number(given, path, part.low, part.high, part.unit)
-                design[path] = f"{size:.12g} {part.unit}".rstrip()
-            elif value in list(part.contents):
+        for path, value in values.items():
+            variable = paths[path]
+            if isinstance(variable, Varied):
+                size = number(values, path, variable.low, variable.high, variable.unit)
+                design[path] = f"{size:.12g} {variable.unit}".rstrip()
+            elif value in list(variable.contents):
                 design[path] = value
             else:
                 raise ProblemError("no such part", key=path, value=value)
         return design
 
     def start(self) -> JsonObject:
-        """Return the initial values of the page, such as angles, ranges and joints."""
+        """Return the initial values of the page.
+
+        They contain the angles, the pose and the tilt range (rad, m), the payload (kg), the joints,
+        and whether the page can plan.
+        """
         mechanism = self.robot_mechanism
         low, high = tilt_interval(mechanism)
         problem = self.problem
@@ -234,8 +292,8 @@ class Study:
         values |= {"low": ends[0], "high": ends[1], **dict(zip(TASK, pose, strict=True))}
         if problem is not None:
             values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
-            for part in self.variables:
-                values[part.path] = part.low * SPAN if isinstance(part, Varied) else ""
+            for variable in self.variables:
+                values[variable.path] = variable.low * SPAN if isinstance(variable, Varied) else ""
         return {
             "values": values,
             "depth_range": list(ranges.get("depth", (0.0, 0.03))),
@@ -247,29 +305,31 @@ class Study:
     def workspace(self, request: JsonObject) -> JsonObject:
         """Answer {alpha, beta, tilt_range} with {tilt_range, reached, margin, own, scene}.
 
-        Raises ProblemError.
+        `tilt_range` of the answer is the range that the mechanism reaches, rad. `margin` is the
+        smaller distance of the requested range from its ends, rad. `own` is true if the angles are
+        those of the robot. Raises ProblemError if a value is invalid.
         """
-        mechanism, own = self.mechanism(request)
+        mechanism, same = self.mechanism(request)
         required = tilt_range(request)
         low, high = tilt_interval(mechanism)
         margin = min(required[0] - low, high - required[1])
         problem = self.problem
         ranges: dict[str, Range] = {} if problem is None else dict(problem.ranges)
         eye = None if problem is None else problem.eye
-        sides = link_sides(problem.robot, mechanism) if own and problem is not None else None
+        sides = link_sides(problem.robot, mechanism) if same and problem is not None else None
         return {
             "tilt_range": [low, high],
             "reached": margin >= 0.0,
             "margin": margin,
-            "own": own,
+            "own": same,
             "scene": mechanism_scene(mechanism, {**ranges, "tilt": required}, sides, eye),
         }
 
     def suggest(self, request: JsonObject) -> JsonObject:
-        """Answer {tilt_range} with {alpha, beta, margin}.
+        """Answer {tilt_range} with {alpha, beta, margin}, rad.
 
         The result is the smallest α that reaches the range with the largest possible entry of
-        MARGINS. Raises ProblemError.
+        MARGINS. Raises ProblemError if no angles reach the range.
         """
         required = tilt_range(request)
         for margin in MARGINS:
@@ -289,8 +349,9 @@ class Study:
     def problem_content(self, request: JsonObject) -> JsonObject:
         """Return the content of a problem file with the robot and the motion of a request.
 
-        The request is {alpha, beta, design, payload} with {own: true} for the motion of the file,
-        or with {start, tilt_range, motion: [{pose} or {dwell}, …]}. Raises ProblemError.
+        The request is {alpha, beta, design, payload} with {own: true} for the motion of the file.
+        For another motion, it is {alpha, beta, design, payload, start, tilt_range, motion: [{pose}
+        or {dwell}, …]}. Raises ProblemError if a value is invalid.
         """
         content = dict(self.document)
         if request.get("design") or not self.mechanism(request)[1]:
@@ -319,13 +380,14 @@ class Study:
         return content | {"limits": {**content.get("limits", {}), "tilt": tilts}}
 
     def requested_problem(self, request: JsonObject) -> Problem:
-        """Return the problem of a request as in `problem_content`. Raises ProblemError."""
+        """Return the problem of a request, see `problem_content`. Raises ProblemError."""
         return problem_from(Section(self._file, plain_node(self.problem_content(request))))
 
     def problem_file(self, request: JsonObject) -> JsonObject:
-        """Answer a request as in `problem_content` with {text}, YAML that plans the same elsewhere.
+        """Answer a request with {text}, the YAML text of its problem.
 
-        Raises ProblemError.
+        The request is that of `problem_content`. The text does not depend on other files. Raises
+        ProblemError.
         """
         import yaml
 
@@ -335,8 +397,9 @@ class Study:
     def ik(self, request: JsonObject) -> JsonObject:
         """Answer {alpha, beta, pose} with {reachable, error, branches}.
 
-        branches: [{joints, branch, in_limits, tip}], in the order of their distance from home.
-        Raises ProblemError.
+        `error` is the error of the orientation, rad. `branches` contains {joints, branch,
+        in_limits, tip} for each solution, in the order of the distance from home. Raises
+        ProblemError.
         """
         mechanism, _ = self.mechanism(request)
         limits = None
@@ -362,20 +425,23 @@ class Study:
 
 
 def pose(request: JsonObject, key: str) -> Pose:
-    """Return four task coordinates of a request, rad and m. Raises ProblemError."""
+    """Return four task coordinates of a request, rad and m.
+
+    Raises ProblemError if the entry is not a list of four numbers in their ranges.
+    """
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
-    placed = {f"{key}.{name}": value for name, value in zip(TASK, values, strict=True)}
+    named_values = {f"{key}.{name}": value for name, value in zip(TASK, values, strict=True)}
     roll, tilt, spin, depth = (
-        number(placed, place, -largest, largest, "m" if place.endswith("depth") else "rad")
-        for place, largest in zip(placed, LARGEST_POSE, strict=True)
+        number(named_values, path, -magnitude, magnitude, "m" if path.endswith("depth") else "rad")
+        for path, magnitude in zip(named_values, LARGEST_POSE, strict=True)
     )
     return roll, tilt, spin, depth
 
 
 def tilt_range(request: JsonObject) -> Range:
-    """Return the tilt range of a request, rad. Raises ProblemError."""
+    """Return the tilt range of a request, rad. Raises ProblemError if it is not a range."""
     ends = request.get("tilt_range")
     if not isinstance(ends, list) or len(ends) != 2:
         raise ProblemError("not a range", key="tilt_range", value=ends, allowed="[low, high]")
@@ -386,9 +452,22 @@ def tilt_range(request: JsonObject) -> Range:
 
 
 def number(request: JsonObject, key: str, low: float, high: float, unit: str = "rad") -> float:
-    """Return a finite number of a request within a range; unit: SI unit of the range.
+    """Return a number of a request.
 
-    Rounding beyond an end gives the end. Raises ProblemError.
+    Parameters
+    ----------
+    request : dict
+    key : str
+        Key of the number.
+    low, high : float
+        Permitted range. A number that exceeds it by rounding is moved to its end.
+    unit : str
+        SI unit of the range, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the entry is not a number in the range.
     """
     value = request.get(key)
     unit, scale = display_unit(unit, "°")

@@ -1,4 +1,4 @@
-"""Serve one page on the loopback interface; accept requests from this page only."""
+"""Serve one page on the loopback interface, and accept requests from this page only."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from ssm_planner.view.jobs import Jobs
 from ssm_planner.view.page import Study, view_page
 
 ADDRESS = "127.0.0.1"
+"""Address of the loopback interface."""
 LONGEST = 262144
-"""Largest number of bytes of a request."""
+"""Largest size of a request, bytes."""
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'self'; base-uri 'none'; form-action 'none'",
@@ -31,13 +32,22 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
+"""Headers of all responses. They prevent access by other pages."""
 KINDS = {"report": "text/html", "plan": "application/json"}
 """Content types of /<kind>/<job>."""
 Answer = Callable[[JsonObject], JsonObject]
+"""Function that answers a request."""
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Server of the view of a study on the loopback interface; port 0: any free port.
+    """Server of the view of a study on the loopback interface.
+
+    Attributes
+    ----------
+    jobs : Jobs
+        The planning runs and the pages.
+    token : str
+        Secret that every POST request must contain.
 
     Examples
     --------
@@ -50,6 +60,7 @@ class ViewServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, study: Study, port: int = 0) -> None:
+        """Open the socket. The port 0 selects any free port."""
         self.jobs = Jobs(study)  # created first, so that server_close works if the socket fails
         super().__init__((ADDRESS, port), Handler)
         self.token = secrets.token_urlsafe(24)
@@ -72,13 +83,13 @@ class ViewServer(ThreadingHTTPServer):
         self.jobs.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignore closed connections; report other errors."""
+        """Ignore closed connections, and report other errors."""
         if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)
 
     @property
     def url(self) -> str:
-        """Return the address of the page."""
+        """Address of the page."""
         return f"http://{ADDRESS}:{self.server_port}/"
 
 
@@ -91,17 +102,17 @@ def serve_view(problem: Problem | str | Path | None = None, port: int = 0) -> Vi
     problem : Problem, str or Path, optional
         Problem or its file. Without it, the page shows the paper's mechanism and does not plan.
     port : int
-        Port of the server. 0 takes any free port.
+        Port of the server. 0 selects any free port.
 
     Returns
     -------
     ViewServer
-        Context manager with the address `url`. `serve_forever()` answers the page.
+        Context manager with the address `url`. Its method `serve_forever()` answers the page.
 
     Raises
     ------
     ProblemError
-        If the problem is invalid or the port cannot be used.
+        If the problem is invalid, or if the port cannot be used.
 
     Examples
     --------
@@ -122,7 +133,11 @@ def serve_view(problem: Problem | str | Path | None = None, port: int = 0) -> Vi
 
 
 class Handler(BaseHTTPRequestHandler):
-    """Handles GET of the page and of finished reports, and POST of JSON with the page's token."""
+    """Handler of the requests of a browser.
+
+    It answers GET for the page and for finished reports, and POST with JSON and the token of the
+    page.
+    """
 
     server: ViewServer
     protocol_version = "HTTP/1.1"
@@ -138,12 +153,12 @@ class Handler(BaseHTTPRequestHandler):
         if study is not None:
             self._send(HTTPStatus.OK, view_page(study, self.server.token), "text/html")
             return
-        kind, _, identity = self.path.removeprefix("/").partition("/")
-        text = self.server.jobs.text(kind, identity) if kind in KINDS else None
+        text_type, _, identity = self.path.removeprefix("/").partition("/")
+        text = self.server.jobs.text(text_type, identity) if text_type in KINDS else None
         if text is None:
-            self._refuse(HTTPStatus.NOT_FOUND, "nothing is here")
+            self._refuse(HTTPStatus.NOT_FOUND, "page not found")
         else:
-            self._send(HTTPStatus.OK, text, KINDS[kind])
+            self._send(HTTPStatus.OK, text, KINDS[text_type])
 
     def do_POST(self) -> None:
         """Answer a request of the page."""
@@ -151,7 +166,7 @@ class Handler(BaseHTTPRequestHandler):
             return
         answer = self.server.answers.get(self.path)
         if answer is None:
-            self._refuse(HTTPStatus.NOT_FOUND, "nothing is here")
+            self._refuse(HTTPStatus.NOT_FOUND, "page not found")
             return
         request = self._request()
         if request is None:
@@ -172,7 +187,8 @@ class Handler(BaseHTTPRequestHandler):
     def _known_host(self) -> bool:
         """Return whether the browser used a name of this server, or refuse the request.
 
-        This prevents access by pages whose host name resolves to this machine.
+        A page of another host can resolve its own name to this machine. This check prevents its
+        access.
         """
         if self.headers.get("Host") in self.server.hosts:
             return True
@@ -182,7 +198,7 @@ class Handler(BaseHTTPRequestHandler):
         return False
 
     def _request(self) -> JsonObject | None:
-        """Return the JSON object of a request from this server's page, or None after a refusal."""
+        """Return the JSON object of a request, or None after a refusal."""
         fault = self._fault()
         if fault is not None:
             self._refuse(*fault)
@@ -197,7 +213,7 @@ class Handler(BaseHTTPRequestHandler):
         return request
 
     def _fault(self) -> tuple[HTTPStatus, str] | None:
-        """Return the fault of a POST's headers, before reading its body, or None."""
+        """Return the fault in the headers of a POST request, or None. The body is not read."""
         origin, length = self.headers.get("Origin"), self.headers.get("Content-Length", "")
         if origin is not None and origin.removeprefix("http://") not in self.server.hosts:
             return HTTPStatus.FORBIDDEN, "not from this server's page"
@@ -219,19 +235,29 @@ class Handler(BaseHTTPRequestHandler):
     def _refuse(
         self, status: HTTPStatus, message: str, key: str | None = None, reason: str | None = None
     ) -> None:
-        """Send an error. key: name of the wrong field; reason: its fault without the name."""
+        """Send an error.
+
+        Parameters
+        ----------
+        status : HTTPStatus
+        message : str
+        key : str, optional
+            Name of the wrong entry.
+        reason : str, optional
+            Its fault, without the name.
+        """
         self.close_connection = True
         self._send(
             status, json.dumps({"error": message, "key": key, "reason": reason}), "application/json"
         )
 
-    def _send(self, status: HTTPStatus, text: str, kind: str) -> None:
-        """Send a response with the security headers."""
+    def _send(self, status: HTTPStatus, text: str, content_type: str) -> None:
+        """Send a text with its content type and the security headers."""
         body = text.encode("utf-8")
         self.send_response(status)
         for name, value in HEADERS.items():
             self.send_header(name, value)
-        self.send_header("Content-Type", f"{kind}; charset=utf-8")
+        self.send_header("Content-Type", f"{content_type}; charset=utf-8")
         self.send_header("Content-Length", str(len(body)))
         if self.close_connection:
             self.send_header("Connection", "close")
@@ -239,4 +265,4 @@ class Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Print nothing."""
+        """Suppress the log."""

@@ -18,17 +18,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def plan(folder: Path, robot: Robot) -> Plan:
-    """A plan whose acceleration jumps, as that of time-optimal plans does."""
+    """Return a plan whose acceleration jumps, like that of time-optimal plans."""
     return read_back(folder / "plan.json", robot, trapezoids(robot), limits=LIMITS)
 
 
 @pytest.fixture(scope="session")
 def smooth_plan(folder: Path, robot: Robot) -> Plan:
-    """A plan without jumps of acceleration."""
+    """Return a plan without jumps of the acceleration."""
     return read_back(folder / "smooth.json", robot, smooth(robot), limits=LIMITS)
 
 
 @pytest.fixture(scope="session")
 def bad_plan(folder: Path, robot: Robot) -> Plan:
-    """A plan that exceeds its limits by 1 %, as its certificate says."""
+    """Return a plan that exceeds its limits by 1 %, which its certificate states."""
     return read_back(folder / "bad.json", robot, trapezoids(robot, share=1.01), limits=LIMITS)

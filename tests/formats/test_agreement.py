@@ -1,4 +1,4 @@
-"""An export folder is one object: files and manifest must follow from its motion, even with new hashes."""
+"""The files and the manifest of an export must follow from its motion, even with new hashes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def exports(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def changed(source: Path, target: Path, change: Change) -> Path:
-    """A copy of an export with one change, and with hashes that fit it."""
+    """Return a copy of an export with one change, and with hashes that match it."""
     shutil.copytree(source, target)
     manifest = json.loads((target / MANIFEST).read_text(encoding="utf-8"))
     change(target, manifest)
@@ -49,7 +49,7 @@ def changed(source: Path, target: Path, change: Change) -> Path:
 
 
 def entry(*keys: str, value: Any) -> Change:
-    """Set an entry of the manifest; a function receives its present value."""
+    """Return a change of an entry of the manifest. A function receives the present value."""
 
     def change(_: Path, manifest: dict[str, Any]) -> None:
         place = manifest
@@ -70,7 +70,7 @@ def replaced(name: str, old: str, new: str) -> Change:
 
 
 def scaled(name: str, factor: float) -> Change:
-    """The last column of a table in whole numbers, times a factor."""
+    """Return a change that multiplies the last column of a table, in whole numbers."""
 
     def change(folder: Path, _: dict[str, Any]) -> None:
         head, *rows = (folder / name).read_text(encoding="utf-8").splitlines()
@@ -86,7 +86,7 @@ def removed(name: str) -> Change:
 
 
 def exchanged(first: str, second: str) -> Change:
-    """Exchange the contents of two files."""
+    """Return a change that exchanges the contents of two files."""
 
     def change(folder: Path, _: dict[str, Any]) -> None:
         a, b = ((folder / name).read_bytes() for name in (first, second))
@@ -165,7 +165,7 @@ CSV: dict[str, Change] = {
 
 
 def cell(row: int, column: int, change: Callable[[float], float]) -> Change:
-    """Change one number of the table of stops. Rows are counted from the end."""
+    """Return a change of one number in the table of stops. Rows are counted from the end."""
 
     def changed(folder: Path, _: dict[str, Any]) -> None:
         rows = (folder / "stops.csv").read_text(encoding="utf-8").splitlines()
@@ -242,7 +242,7 @@ def test_a_changed_bag_is_found(exports: Path, tmp_path: Path, plan: Plan, robot
 
 
 def test_explanations_may_change(exports: Path, tmp_path: Path, robot: Robot) -> None:
-    """Texts for people have no effect on a drive."""
+    """Texts for people do not affect a drive."""
 
     def change(folder: Path, manifest: dict[str, Any]) -> None:
         manifest["notes"] = ["other words"]

@@ -1,4 +1,4 @@
-"""The C code compiled as strictly as compilers can, and compared with the program itself."""
+"""The C code compiles with strict warnings, and agrees with the package."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ int main(void)
 def built(
     folder: Path, texts: dict[str, str], target: str, *flags: str, compiler: str | None = COMPILER
 ) -> Path:
-    """The C texts by file name, compiled without a warning into a file."""
+    """Compile the C texts (by file name) without a warning, and return the compiled file."""
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     sources = [name for name in texts if name.endswith(".c")]
@@ -117,7 +117,7 @@ def built(
 
 
 def texts_of(robot: Robot, plan: Plan | None = None) -> dict[str, str]:
-    """The exported files of a robot, and of a plan."""
+    """Return the exported files of a robot and of a plan."""
     made = {"ssm_robot": c_code(robot)}
     if plan is not None:
         made["ssm_trajectory"] = c_trajectory(plan)
@@ -143,7 +143,7 @@ def library(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CD
 
 
 def states(count: int, seed: int) -> Samples:
-    """Random states, many of them with joints that stand."""
+    """Return random states. Many joints in them rest."""
     rng = np.random.default_rng(seed)
     q, qd, qdd, qddd = (
         np.ascontiguousarray(rng.normal(size=(count, 4)) * [1, 1, 1, 0.05]) for _ in range(4)
@@ -162,7 +162,7 @@ def run_all(library: ctypes.CDLL, s: Samples, dtype: type = np.float64) -> tuple
 
 
 def close(found: np.ndarray, expected: np.ndarray) -> None:
-    """Relative to the value, or to a thousandth of the largest where terms cancel."""
+    """Compare relative to the value, or to a thousandth of the largest value where terms cancel."""
     size = np.maximum(np.abs(expected), 1e-3 * np.abs(expected).max(axis=0))
     assert np.max(np.abs(found - expected) / size) <= AGREEMENT
 
@@ -250,7 +250,7 @@ def test_inverse_kinematics_in_c(robot: Robot, library: ctypes.CDLL) -> None:
 def sampled(
     library: ctypes.CDLL, t: np.ndarray, dtype: type = np.float64
 ) -> tuple[np.ndarray, ...]:
-    """q, qd, qdd and motor torque (n, 4) of the compiled sampler."""
+    """Return q, qd, qdd and motor torque (n, 4) of the compiled sampler."""
     out = tuple(np.empty((len(t), 4), dtype) for _ in range(4))
     library.sample(ctypes.c_long(len(t)), *pointers(t.astype(dtype), *out))
     return out
@@ -260,7 +260,10 @@ def sampled(
 def test_the_sampler_equals_python(
     which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path
 ) -> None:
-    """At 1e5 instants and at every break; before the start and after the end the robot stands and is held."""
+    """The instants are 1e5 random ones and all breaks.
+
+    Before the start and after the end, the robot rests and is held.
+    """
     plan: Plan = request.getfixturevalue(which)
     texts = {**texts_of(robot, plan), "driver.c": SAMPLER}
     library = ctypes.CDLL(str(built(tmp_path, texts, "t.so", "-O2", "-shared", "-fPIC")))
@@ -285,9 +288,9 @@ def test_the_sampler_equals_python(
 
 
 def test_single_precision(plan: Plan, robot: Robot, tmp_path: Path) -> None:
-    """Inverse dynamics within 1e-6 N·m and N in all the range of the joints at their largest speed and acceleration.
+    """The error of the inverse dynamics is at most 1e-6 N·m and N in the whole range of the joints.
 
-    Against double precision at the same, rounded, states.
+    The reference is the result in double precision for the same rounded states.
     """
     texts = {**texts_of(robot, plan), "driver.c": DRIVER, "sampler.c": SAMPLER}
     library = ctypes.CDLL(str(built(tmp_path, texts, "f.so", "-O2", SINGLE, "-shared", "-fPIC")))
@@ -353,7 +356,7 @@ def test_sanitizers_find_nothing(
 
 
 def test_both_precisions_in_one_program(plan: Plan, tmp_path: Path) -> None:
-    """No name is defined twice, and a call in the wrong precision does not link."""
+    """The names differ, and a call in the wrong precision does not link."""
     texts = texts_of(plan.robot, plan)
     objects = {}
     for flags, name in (([], "double"), ([SINGLE], "single")):
@@ -393,7 +396,7 @@ HOSTILE = (
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_stay_in_their_comments(name: str, robot: Robot, tmp_path: Path) -> None:
-    """What the compiler sees is the same whatever the robot is called."""
+    """The name of the robot does not change the compiled code."""
     seen = []
     for each in ("plain", name):
         for text in c_code(
@@ -410,7 +413,7 @@ def test_names_stay_in_their_comments(name: str, robot: Robot, tmp_path: Path) -
 
 
 def test_motor_torques_are_fast_enough_for_a_control_loop(robot: Robot, tmp_path: Path) -> None:
-    """At most 5 µs for all motors of the arm at -O2, the best of several runs."""
+    """All motors of the arm take at most 5 µs at -O2, in the best of several runs."""
     main = """
 #include <stdio.h>
 #include <time.h>
@@ -460,7 +463,7 @@ def test_the_exported_files_compile_also_when_marked(
 
 
 def test_every_operation_that_is_known_can_be_written(tmp_path: Path) -> None:
-    """All of the table, compiled and compared with CasADi."""
+    """All operations of the table are compiled and compared with CasADi."""
     x = ca.SX.sym("x", 2)
     a, b = x[0], x[1]
     rows = [
@@ -493,7 +496,7 @@ def test_every_operation_that_is_known_can_be_written(tmp_path: Path) -> None:
 
 
 def test_inputs_may_be_overwritten_by_outputs(robot: Robot, library: ctypes.CDLL) -> None:
-    """All inputs are read before the first output is written: one array may serve as both."""
+    """The code reads all inputs before it writes outputs, so one array may serve as both."""
     s = states(1, 4)
     expected = run_all(library, s)[2]
     shared = s.qdd.copy()

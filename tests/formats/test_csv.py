@@ -36,7 +36,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("rate", [1000.0, 300.0, 7.0, 1e5 / 3])
 def test_rows_at_a_rate_are_the_plan(plan: Plan, tmp_path: Path, rate: float) -> None:
-    """Also at rates that do not divide the duration: the last row is the end."""
+    """The last row is the end of the motion, also if the rate does not divide the duration."""
     export(plan, "csv", tmp_path, rate=rate, columns=["q", "qd"])
     rows = table(tmp_path / "trajectory.csv")
     t = rows["time_s"]
@@ -61,13 +61,13 @@ def test_chosen_columns(plan: Plan, tmp_path: Path) -> None:
     q = np.column_stack([rows[name] for name in ("q1_rad", "q2_rad", "q3_rad", "q4_m")])
     task = task_from_joints(Mechanism.from_geometry(plan.robot.geometry), q)
     assert rows["task_tilt_rad"] == pytest.approx(task[:, 1], abs=1e-15)
-    # the tool passes through the remote centre
+    # The tool passes through the remote centre.
     tip = np.column_stack([rows[f"tip_{axis}_m"] for axis in "xyz"])
     assert np.linalg.norm(tip, axis=1) == pytest.approx(np.abs(rows["task_depth_m"]), abs=1e-12)
 
 
 def test_motor_speeds_beside_positions_alone_are_accepted(plan: Plan, tmp_path: Path) -> None:
-    """Rows without velocities are joined by lines, whose slopes are not the speeds at the rows."""
+    """Rows without velocities are joined by lines, whose slopes differ from the speeds at the rows."""
     for name, groups in (("without", ["q"]), ("with", ["q", "qd"])):
         export(plan, "csv", tmp_path / name, rate=50.0, columns=[*groups, "speed", "torque"])
     reading = read_trajectory(tmp_path / "without", plan.robot)
@@ -92,7 +92,10 @@ def test_motor_speeds_beside_positions_alone_are_accepted(plan: Plan, tmp_path: 
 def test_columns_of_the_motors_are_those_of_the_motor_law(
     plan: Plan, tmp_path: Path, rate: float | None
 ) -> None:
-    """After each row, but before the end of the motion; starts from rest are told from other rows."""
+    """The torques are those just after each row, but just before the end of the motion.
+
+    Starts from rest have static friction.
+    """
     export(plan, "csv", tmp_path, rate=rate, columns=["q", "angle", "speed", "torque"])
     rows, robot = table(tmp_path / "trajectory.csv"), plan.robot
     samples = plan.motion.sample(rows["time_s"])
@@ -100,7 +103,7 @@ def test_columns_of_the_motors_are_those_of_the_motor_law(
     way, away = (np.vstack([a[:-1], b[-1:]]) for a, b in zip(after, before, strict=True))
     assert away[:-1].any()
     assert not away[:-1].all()
-    away[-1] = 0.0  # a motion that ends starts nothing
+    away[-1] = 0.0  # no joint starts at the end of the motion
     motor = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away)
     for i, joint in enumerate(robot.joints):
         for name, unit in (("angle", "rad"), ("speed", "rad_per_s"), ("torque", "Nm")):
@@ -119,7 +122,10 @@ def test_columns_and_rates_that_are_not_known(plan: Plan, tmp_path: Path) -> Non
 
 
 def test_a_fixed_rate_says_what_it_costs(plan: Plan, smooth_plan: Plan, tmp_path: Path) -> None:
-    """Acceleration that jumps between rows: the rows joined again exceed the limit, and the manifest says so."""
+    """The acceleration jumps between rows, so a motion through the rows exceeds the limit.
+
+    The manifest states the excess.
+    """
     _, manifest = export(plan, "csv", tmp_path / "a", rate=170.0)
     assert any("exceed the acceleration limit" in note for note in manifest["notes"])
     _, manifest = export(smooth_plan, "csv", tmp_path / "b", rate=1000.0)
@@ -129,7 +135,7 @@ def test_a_fixed_rate_says_what_it_costs(plan: Plan, smooth_plan: Plan, tmp_path
 
 
 def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
-    """The form that the result folder has: 1 kHz, states and motors."""
+    """The table in the result folder has a rate of 1 kHz, with states and motors."""
     path = write_csv(tmp_path / "trajectory.csv", plan.trajectory, plan.robot)
     header, rows = trajectory_table(plan.trajectory, plan.robot)
     assert list(table(path)) == header
@@ -145,7 +151,10 @@ def test_the_rate_of_the_table_is_an_option_and_a_long_motion_has_fewer_rows(
 
 
 def test_the_counts_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
-    """One file for each driven joint, whole increments, the end held to the next whole period."""
+    """There is one file for each driven joint, in whole increments.
+
+    The last position is held until the next whole period.
+    """
     files, manifest = export(
         plan, "csv", tmp_path, rate=300.0, columns=["counts"], counts_per_turn=4096
     )
@@ -183,7 +192,7 @@ def test_rates_are_allowed_up_to_the_largest(
 def test_the_note_states_the_worst_excess_of_the_rows(
     plan: Plan, robot: Robot, tmp_path: Path
 ) -> None:
-    """Limit, joint, percentage and time are those of a check of the file that was written."""
+    """Limit, joint, percentage and time equal those of a check of the written file."""
     _, manifest = export(plan, "csv", tmp_path, rate=170.0)
     reading = read_csv(tmp_path / "trajectory.csv", robot)
     worst = check(reading.trajectory, robot, plan.limits, interpolation=reading.interpolation).worst
@@ -222,7 +231,7 @@ def test_the_last_digit_is_that_of_a_decimal_number(
 def test_the_first_rows_determine_the_rounding(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
 ) -> None:
-    """Digits are counted for each column on its own, in the unit of the column."""
+    """Digits are counted for each column by itself, in the unit of the column."""
     monkeypatch.setattr(module, "LOOK", rows)
     lines = ["time_s,q1_deg,q2_rad,q3_rad,q4_mm", "0,10,0.5,0,-1.5", "1,10.5,0.51,0,-1.5"]
     lines += ["2,10.25,0.5,0,-1.125"]
@@ -231,12 +240,12 @@ def test_the_first_rows_determine_the_rounding(
     digits = ([0, 1, 99, 1], [1, 2, 99, 1], [2, 2, 99, 3])[rows - 1]
     units = [math.pi / 180, 1.0, 1.0, 1e-3]
     expected = [0.5 * 10.0**-k * unit for k, unit in zip(digits, units, strict=True)]
-    expected[2] = 0.0  # zeros say nothing of the rounding
+    expected[2] = 0.0  # zeros do not show the rounding
     assert read_csv(path, robot).resolution == pytest.approx(expected)
 
 
 def test_lines_are_counted_as_an_editor_counts_them(robot: Robot, tmp_path: Path) -> None:
-    """Comments before the header and empty lines between the rows count."""
+    """Comments before the header and empty lines between the rows count as lines."""
     path = tmp_path / "t.csv"
     rows = [f"{t},0.3,1.15,0.1,{0 if t < 4 else 'nan'}" for t in range(6)]
     for above, between in ((0, 0), (2, 0), (0, 1), (3, 2)):
@@ -259,7 +268,7 @@ def test_lines_are_counted_as_an_editor_counts_them(robot: Robot, tmp_path: Path
 def test_columns_and_blocks_of_any_number_give_the_same_rows(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int, extra: int
 ) -> None:
-    """Also a last line of several kilobytes, and blocks that end with the file."""
+    """The cases include a last line of several kilobytes, and blocks that end with the file."""
     q = np.linspace([0.0, 1.0, 0.0, 0.0], [0.1, 1.1, 0.2, -0.01], 12)
     names = ["q4_m", "time_s", *(f"note {k}" for k in range(extra)), "q2_rad", "q1_rad", "q3_rad"]
     notes = np.full((12, extra), 1.23456789012345)
@@ -309,7 +318,7 @@ def test_a_header_names_at_least_two_columns(
 
 
 def test_a_short_table_has_the_standard_rate(plan: Plan, tmp_path: Path) -> None:
-    """A duration of 100 s has the largest number of rows at 1 kHz, and one more."""
+    """A motion of 100 s has the largest number of rows at 1 kHz, and one more row."""
     for duration, rate in ((100.0, 1000.0), (100.1, 100.0), (0.5, 1000.0)):
         motion = plan.motion.slower(plan.motion.duration / duration)
         path = write_csv(tmp_path / "t.csv", motion, plan.robot)

@@ -1,4 +1,4 @@
-"""What all exports share: the certificate at the door, the manifest, files whole or not at all."""
+"""Common properties of all exports: the certificate, the manifest, and complete files or none."""
 
 from __future__ import annotations
 
@@ -55,7 +55,10 @@ def test_every_export_carries_a_manifest(plan: Plan, tmp_path: Path, to: str) ->
 
 @pytest.mark.parametrize("to", ["csv", "epos4"])
 def test_stops_lie_beside_the_plan_one_after_the_other(plan: Plan, tmp_path: Path, to: str) -> None:
-    """Each from the state of the motion to rest, a row each millisecond; increments for drives of an EPOS4 alone."""
+    """Each stop leads from the state of the motion to rest, with a row for each millisecond.
+
+    Only exports for the EPOS4 contain increments.
+    """
     _, manifest = export(plan, to, tmp_path, stops=6, **OPTIONS.get(to, {}))
     rows = np.loadtxt(tmp_path / "stops.csv", delimiter=",", skiprows=1)
     names = (tmp_path / "stops.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
@@ -72,7 +75,7 @@ def test_stops_lie_beside_the_plan_one_after_the_other(plan: Plan, tmp_path: Pat
     stops = [stop for stop in expected.motions if stop is not None]
     starts = np.flatnonzero(rows[:, 1] == 0.0)
     parts = np.split(rows, starts[1:])
-    assert len(parts) == len(stops) == 4  # at both ends the motion rests
+    assert len(parts) == len(stops) == 4  # The motion rests at both ends.
     for part, stop, begin in zip(parts, stops, expected.time[1:], strict=False):
         assert part[:, 0] == pytest.approx(begin, abs=1e-6)
         assert part[-1, 1] == pytest.approx(stop.duration, abs=1e-6)
@@ -100,7 +103,7 @@ def test_stops_that_cannot_be_exported(plan: Plan, tmp_path: Path, to: str, stop
 def test_a_slower_export_is_the_slower_motion_with_a_certificate_of_its_own(
     plan: Plan, bad_plan: Plan, robot: Robot, tmp_path: Path, force: bool
 ) -> None:
-    """Of a plan that exceeds its limits by 1 % too, whose slower motion passes but is no verified one."""
+    """The slower motion of a plan that exceeds its limits by 1 % passes, but is not verified."""
     source = bad_plan if force else plan
     _, manifest = export(source, "csv", tmp_path, force=force, speed=0.5)
     assert manifest["speed"] == 0.5
@@ -191,7 +194,7 @@ def test_a_plan_without_a_passed_certificate_is_not_exported(
 def test_a_certificate_that_somebody_wrote_in_does_not_open_the_door(
     bad_plan: Plan, tmp_path: Path
 ) -> None:
-    """The plan is checked anew, whatever its file says."""
+    """The plan is checked again, whatever its file states."""
     document = json.loads(bad_plan.path.read_text(encoding="utf-8"))
     document["certificate"]["passed"] = True
     for limit in document["certificate"]["limits"]:
@@ -224,7 +227,7 @@ def test_unknown_formats_and_options(plan: Plan, tmp_path: Path) -> None:
 def test_round_trip(
     to: str, which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path
 ) -> None:
-    """plan → format → check: the same verdict, and margins within the rounding of the format."""
+    """After export and reading, the check has the same verdict and margins, within the rounding."""
     source: Plan = request.getfixturevalue(which)
     export(source, to, tmp_path / to, **OPTIONS.get(to, {}))
     readings = [read_trajectory(tmp_path / to, robot)]
@@ -307,7 +310,7 @@ def test_an_interruption_midway_leaves_nothing(
 
         return wrapped
 
-    # in the middle: after the first of several files, or while the only one is judged
+    # This is after the first of several files, or during the check of a single file.
     place, count = {
         "csv": ("_as_read", 0),
         "epos4": ("table_text", 2),
@@ -322,7 +325,10 @@ def test_an_interruption_midway_leaves_nothing(
 
 
 def test_sigint_during_the_command(plan: Plan, tmp_path: Path) -> None:
-    """A real interruption of the real program, while it writes: a message, exit status 130 and no file."""
+    """A real interruption stops the real program while it writes.
+
+    The result is a message, the exit status 130 and no file.
+    """
     code = (
         "import sys, time, numpy as np; save = np.savetxt\n"
         "def slow(*a, **k):\n    save(*a, **k); print('writing', flush=True); time.sleep(30)\n"
@@ -421,7 +427,7 @@ def test_a_verified_manifest_has_no_warning_and_one_entry_a_line(
 
 
 def test_one_stop_can_be_exported(plan: Plan, tmp_path: Path) -> None:
-    """That of the first instant: the motion rests there, so the file has no rows."""
+    """The motion rests at the first instant, so the file has no rows."""
     _, manifest = export(plan, "csv", tmp_path, stops=1)
     assert manifest["stops"]["instants"] == 1
     assert (tmp_path / "stops.csv").read_text(encoding="utf-8").startswith("from_s,time_s,roll_rad")
@@ -442,7 +448,7 @@ def test_one_stop_can_be_exported(plan: Plan, tmp_path: Path) -> None:
 def test_stops_of_a_healthy_folder_are_accepted(
     plan: Plan, tmp_path: Path, to: str, options: dict[str, Any], count: int
 ) -> None:
-    """Where a table has positions alone, they are played; their limits are kept, too."""
+    """The stops of a table of positions alone are played, and their limits are checked as well."""
     export(plan, to, tmp_path, stops=count, **options)
     if "task" in options.get("columns", ()) or options.get("rate") == 1000:
         return  # no motion without joints; and rows at this rate exceed a limit between them

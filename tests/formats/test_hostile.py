@@ -1,4 +1,7 @@
-"""Files that are damaged, hostile or changed by hand: one message that names the file, and nothing shown as certified."""
+"""Damaged, hostile and manually changed files lead to one message that names the file.
+
+Nothing is shown as certified.
+"""
 
 from __future__ import annotations
 
@@ -160,7 +163,7 @@ def test_a_manifest_states_the_scales_of_the_robot(
 
 
 def bag(folder: Path, plan: Plan, *messages: Message) -> Path:
-    """A bag with these trajectories and nothing else."""
+    """Write a bag that contains only these trajectories."""
     pytest.importorskip("rosbags")
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore

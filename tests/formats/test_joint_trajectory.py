@@ -1,4 +1,4 @@
-"""Messages of a JointTrajectory: as written, as read, and as a controller takes them."""
+"""Messages of a JointTrajectory: writing, reading, and the rules of the controller."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NAMES = ("roll", "tilt", "spin", "insertion")
 
 
 def message_of(count: int = 3, **changes: object) -> Message:
-    """A message of a slow motion with velocities and accelerations."""
+    """Return a message of a slow motion with velocities and accelerations."""
     t = np.arange(float(count))
     zero = np.zeros((count, 4)).tolist()
     q = np.outer(t, [0.01, 0.02, 0.03, -0.001]) + [0.0, 1.0, 0.0, 0.0]
@@ -53,7 +53,7 @@ def test_a_time_is_split_into_whole_seconds_and_nanoseconds(t: float) -> None:
 def test_what_is_written_is_what_any_reader_of_yaml_finds(
     tmp_path_factory: pytest.TempPathFactory, under: str, numbers: list[float]
 ) -> None:
-    """PyYAML follows YAML 1.1, where 1e-05 is a text."""
+    """PyYAML follows YAML 1.1, in which 1e-05 is a text."""
     rows = [numbers[:4], numbers[4:]]
     message = message_of(2, velocities=rows, effort=rows[::-1])
     path = tmp_path_factory.mktemp("yaml") / "t.yaml"
@@ -73,7 +73,7 @@ def test_what_is_written_is_what_any_reader_of_yaml_finds(
 
 
 def test_a_goal_is_the_message_below_its_key(tmp_path: Path) -> None:
-    """Line for line, with two more blanks; both are read as the same motion."""
+    """The lines are indented by two more spaces, and both forms are read as the same motion."""
     for name, under in (("a", ""), ("b", "trajectory")):
         (tmp_path / f"{name}.yaml").write_text(
             yaml_text(message_of(), ["comment"], under), encoding="utf-8"

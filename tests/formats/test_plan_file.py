@@ -25,7 +25,7 @@ from tests.support.plans import smooth, write_plan
 def test_a_plan_is_read_as_it_was_written(plan: Plan, robot: Robot) -> None:
     again = load_plan(plan.path)
     assert np.array_equal(again.trajectory.coefficients, plan.trajectory.coefficients)
-    own = robot.ranges["tilt"]  # the narrower one above
+    own = robot.ranges["tilt"]  # the narrower range from above
     assert again.limits.ranges == {"tilt": (-2.42, own[1]), "depth": (0.0, 0.03)}
     assert again.certificate == check(plan.trajectory, robot, plan.limits, seal=True)
     assert again.sha256 == plan.sha256
@@ -224,7 +224,7 @@ HOSTILE = (
 def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
 ) -> None:
-    """The reader of very long plans and the ordinary one agree on what is a plan, and on all of its numbers."""
+    """The reader of very long plans and the usual reader agree on validity and on all numbers."""
     data = json.dumps(
         {key: plan.document[key] for key in ("format", "version", "trajectory")}, indent=1
     ).encode()
@@ -237,7 +237,7 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
             document, sha256 = read_json_in_parts(path, 10**9, ("trajectory", "coefficients"))
             return sha256, Trajectory.from_dict(document["trajectory"]).to_dict()
         except (TrajectoryError, KeyError, TypeError):
-            return None  # the last two: what is no plan at all
+            return None  # the last two contents are not plans
 
     refused = 0
     for case in range(200):
@@ -254,7 +254,10 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
 def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(
     tmp_path: Path, robot: Robot
 ) -> None:
-    """192 bytes a piece, twice while they are put together, and no text: as Python's numbers they would take 770."""
+    """A piece needs 192 bytes, and twice as much while pieces are joined.
+
+    As Python numbers, it would need 770 bytes.
+    """
 
     def peak(count: int) -> int:
         breaks = np.linspace(0.0, 100.0, count + 1)

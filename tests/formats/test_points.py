@@ -1,4 +1,4 @@
-"""Points joined to a trajectory: pieces by what is given, and the faults of points."""
+"""Points joined to a trajectory: pieces that follow from the given values, and faults of points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RATE = np.array([1.0, 1.3, 0.7, 0.01])
 
 
 def curves(order: int) -> np.ndarray:
-    """Sines of different rates, and their derivatives, (n, 4)."""
+    """Return sines of different rates and their derivatives, (n, 4)."""
     phase = np.outer(T, [1.0, 2.0, 1.5, 3.0]) + order * np.pi / 2 + np.array([0.0, 1.0, 2.0, 0.5])
     return np.sin(phase) * np.array([1.0, 2.0, 1.5, 3.0]) ** order * [0.5, 0.4, 0.3, 0.01]
 
@@ -235,7 +235,7 @@ def test_few_points_are_not_compared_with_their_slopes(
 
 @pytest.mark.parametrize("interval", [0, 1, 12, 22, 23])
 def test_every_interval_is_compared(robot: Robot, interval: int) -> None:
-    """A joint that moves in one interval alone shows its unit there."""
+    """A joint that moves in one interval only shows its unit there."""
     q, qd = np.zeros((2, 25, 4))
     q[interval + 1 :, 1] = 0.1
     slope = 0.1 / (T[1] - T[0])
@@ -261,7 +261,7 @@ def test_every_interval_is_compared(robot: Robot, interval: int) -> None:
 def test_a_factor_up_to_two_is_no_other_unit(
     robot: Robot, factor: float, fault: str | None
 ) -> None:
-    """Of the slope on both sides, whether the values or their derivatives have another unit."""
+    """The factor applies to both sides, whether the values or the derivatives have another unit."""
     small = 1e-5 * np.array([1.0, 1.0, 1.0, 0.1])
     q, qd = curves(0) * small, curves(1) * small
     if fault is None:
@@ -277,7 +277,7 @@ def test_a_factor_up_to_two_is_no_other_unit(
 
 
 def test_columns_are_alike_up_to_a_twentieth(robot: Robot) -> None:
-    """Residual and factor of proportional columns, by hand."""
+    """Residual and factor of proportional columns agree with a calculation by hand."""
     slope = np.array([1.0, 0.0])
     for across, residual in ((0.0, 0.0), (1.0, 0.5**0.5)):
         factor, found = module._compare(slope, np.array([1.0, across]))

@@ -1,4 +1,4 @@
-"""PVT tables: what the drives run between the rows keeps the limits, as maxon's own formulas have it."""
+"""PVT tables: the motion that drives execute between the rows keeps the limits."""
 
 from __future__ import annotations
 
@@ -33,14 +33,16 @@ ROUNDING = 1e-9
 
 
 def rows(folder: Path, joint: str) -> np.ndarray:
-    """(time_ms, position, velocity), (n,) each."""
+    """Return (time_ms, position, velocity), (n,) each."""
     return np.loadtxt(folder / f"{joint}.csv", delimiter=",", skiprows=1).T
 
 
 def run(table: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Position, velocity, acceleration and jerk at times t that a drive makes of a table: maxon's IPM application note.
+    """Return position, velocity, acceleration and jerk of a drive at times t.
 
-    P(t) = a (t − t0)³ + b (t − t0)² + c (t − t0) + d with t0 at the end of the interval.
+    They follow from maxon's IPM application note, with t0 at the end of the interval:
+
+        P(t) = a (t − t0)³ + b (t − t0)² + c (t − t0) + d
     """
     time, position, velocity = table
     ends = np.cumsum(time) / 1000
@@ -137,7 +139,7 @@ def test_other_encoders_and_directions(plan: Plan, tmp_path: Path) -> None:
 
 
 def test_a_jerk_limit_is_refused(smooth_plan: Plan, tmp_path: Path) -> None:
-    """Cubics between whole increments jump in acceleration: said, not hidden."""
+    """Cubics between whole increments jump in acceleration, which the message states."""
     joints = tuple(dataclasses.replace(joint, jerk=1e4) for joint in smooth_plan.robot.joints)
     robot = dataclasses.replace(smooth_plan.robot, joints=joints, limits=smooth_plan.robot.limits)
     limited = certified(
@@ -195,7 +197,7 @@ def test_times_are_steps_that_a_row_can_hold(
 
 
 def test_rows_keep_to_whole_increments_within_the_range_of_the_joint(plan: Plan) -> None:
-    """Rounding of the bound itself, up to a millionth of an increment, costs no increment."""
+    """Rounding of the bound by up to a millionth of an increment does not cost an increment."""
     t = np.linspace(0.0, 0.999 * plan.motion.duration, 9)
     low, high = plan.robot.joints[3].position
     assert (low, high) == (-0.03, 0.0)
@@ -215,7 +217,7 @@ STRETCH = 1.03
 
 @pytest.fixture(scope="module", params=[(13, -2e5), (13, 400.0), (4, -90.0)])
 def fit(request: pytest.FixtureRequest, smooth_plan: Plan) -> tuple[_Fit, np.ndarray, float]:
-    """The program of a stretched table of joint 2, its times, and increments per rad."""
+    """Return the program of a stretched table of joint 2, its times, and the increments per rad."""
     count, unit = request.param
     t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, count)
     t[1:3] += [0.01, -0.012]
@@ -237,7 +239,7 @@ def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
     for k, h in enumerate(np.diff(t) / tau):
         x = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, h, h**2, h**3], [0, 1, 2 * h, 3 * h**2]])
         a, b, c, d = np.linalg.solve(x, [p[k], v[k], p[k + 1], v[k + 1]])
-        velocity_middle = b + c * h  # the quadratic b + 2 c s + 3 d s² in Bernstein form
+        velocity_middle = b + c * h  # The quadratic b + 2 c s + 3 d s² in Bernstein form.
         position_inner = a + b * h / 3, a + 2 * b * h / 3 + c * h**2 / 3
         expected = [2 * c, 2 * c + 6 * d * h, velocity_middle, *position_inner]
         assert rows[:, k] == pytest.approx(expected, rel=1e-9, abs=1e-9)
@@ -246,7 +248,10 @@ def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
 def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
     fit: tuple[_Fit, np.ndarray, float], smooth_plan: Plan
 ) -> None:
-    """Of an interval and its neighbours. The last fortieth may be left out."""
+    """The extremes are those of an interval and its neighbours.
+
+    The last fortieth may be left out.
+    """
     made, t, unit = fit
     tau, n = t[-1] / (len(t) - 1), len(t) - 1
     joint, motion = smooth_plan.robot.joints[1], smooth_plan.motion
@@ -285,7 +290,7 @@ def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
 def test_a_solution_keeps_fixed_positions_and_the_rows(
     fit: tuple[_Fit, np.ndarray, float],
 ) -> None:
-    """Rounded positions stay where they are; velocities move so that every row holds."""
+    """Rounded positions remain unchanged, and the velocities change so that every row holds."""
     made, t, _ = fit
     n = len(t)
     shift = np.round(made.positions) - made.positions
@@ -307,7 +312,7 @@ def test_a_solution_keeps_fixed_positions_and_the_rows(
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_rows_are_the_nearest_to_the_plan(smooth_plan: Plan, sign: float) -> None:
-    """Another form of the program, with d = a − b and a, b ≥ 0, has the same least Σ |d|."""
+    """Another form of the program, with d = a − b and a, b ≥ 0, has the same smallest Σ |d|."""
     unit = sign * 5e4
     t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, 9)
     made, n = _Fit(smooth_plan, 1, t, STRETCH, unit), 9
@@ -338,7 +343,7 @@ def test_the_rows_are_the_nearest_to_the_plan(smooth_plan: Plan, sign: float) ->
 def test_a_table_begins_and_ends_where_the_plan_does(
     smooth_plan: Plan, unit: float, is_complete: bool
 ) -> None:
-    """Also if few increments leave no good rows in between, and also if the motion ends at speed."""
+    """The increments may be too coarse for good rows in between, and the motion may end at speed."""
     motion = smooth_plan.motion
     end = STRETCH * motion.duration
     for t in (np.linspace(0.0, end, 8), np.linspace(0.1, 0.7, 8) * end):
@@ -389,7 +394,7 @@ def test_the_manifest_describes_the_rows(plan: Plan, tmp_path: Path) -> None:
 def test_the_rates_at_moving_ends_are_those_of_the_rounded_rows(
     plan: Plan, robot: Robot, tmp_path: Path, which: str
 ) -> None:
-    """A part of a motion that begins or ends at speed; the other end declares no rate."""
+    """A part of a motion begins or ends at speed. The other end declares no rate."""
     whole = plan.motion
     half = len(whole.breaks) // 3
     rows_, breaks = (

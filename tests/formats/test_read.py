@@ -1,4 +1,4 @@
-"""Anybody's trajectory files: what is read, how it is joined, and what is refused with which message."""
+"""Trajectory files of other programs: reading, joining, and messages of refusal."""
 
 from __future__ import annotations
 
@@ -90,7 +90,10 @@ def test_points_are_joined_by_what_is_given(
 
 
 def test_names_and_units_of_others(robot: Robot, tmp_path: Path) -> None:
-    """Millimetres, degrees, milliseconds, brackets, semicolons, another order and columns of no interest."""
+    """The tables use millimetres, degrees, milliseconds, brackets and semicolons.
+
+    They have another order and further columns.
+    """
     rows = rows_of(robot)
     deg, mm = 180 / math.pi, 1e3
     names = [
@@ -250,7 +253,7 @@ def test_bytes_and_places_that_are_no_file(robot: Robot, tmp_path: Path) -> None
         read_trajectory(path, robot)
     with pytest.raises(TrajectoryError, match="no such file"):
         read_trajectory(tmp_path / "none.csv", robot)
-    with pytest.raises(TrajectoryError, match="neither a rosbag2 nor an export"):
+    with pytest.raises(TrajectoryError, match="not a rosbag2 and not an export"):
         read_trajectory(tmp_path, robot)
     (tmp_path / "t.xls").write_text("", encoding="utf-8")
     with pytest.raises(TrajectoryError, match="unknown file type"):
@@ -258,14 +261,17 @@ def test_bytes_and_places_that_are_no_file(robot: Robot, tmp_path: Path) -> None
 
 
 def test_a_motion_from_waypoints_at_rest_is_no_fault_of_its_velocities(robot: Robot) -> None:
-    """Velocities that are zero at every point do not agree with the slopes, and need not."""
+    """Velocities of 0 at every point differ from the slopes, which is permitted."""
     q = np.cumsum(np.full((40, 4), 0.01) * [1, 1, 1, -0.05], axis=0) + [0, 0.5, 0, 0]
     points = Points(np.arange(40) * 0.5, q, np.zeros_like(q), np.zeros_like(q))
     assert check(join_points(points, robot).trajectory, robot).passed
 
 
 def test_straight_pieces_are_judged_by_their_velocity_jumps(robot: Robot) -> None:
-    """Σ: a jump that the acceleration limit allows within an interval passes, a larger one does not."""
+    """A jump that the acceleration limit permits within an interval passes.
+
+    A larger jump does not pass.
+    """
     joint, h = robot.joints[0], 0.01
     for share, passed in ((0.999, True), (1.001, False)):
         velocity = np.array([0.0, 0.5, 1.0, 0.5, 0.0]) * joint.acceleration * h * share * 2
@@ -306,7 +312,7 @@ def test_rounded_positions_are_not_charged_with_their_rounding(
 def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(
     robot: Robot, tmp_path: Path
 ) -> None:
-    """Limits just above the true speeds hold for rounded points, limits below them do not."""
+    """Rounded points keep limits just above the true speeds, and violate limits below them."""
     exact = smooth(robot)
     loose = of_task(tip_speed=1.0, rates=dict.fromkeys(("roll", "tilt", "spin", "depth"), 10.0))
     worst = {limit.name: limit.worst for limit in check(exact, robot, loose).limits}
@@ -457,7 +463,10 @@ def test_text_that_is_no_yaml(robot: Robot, tmp_path: Path) -> None:
 def test_a_long_file_is_judged_from_a_file_like_a_short_one_from_memory(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, columns: int
 ) -> None:
-    """Whatever the blocks: the same certificate to the bit, and the same line for a fault deep in the file."""
+    """For blocks of any size, the certificate is the same to the bit.
+
+    The message about a fault deep in the file names the same line.
+    """
     names, rows = [*OWN, *ACCELERATIONS][:columns], rows_of(robot, 301)[:, :columns]
     path = write(tmp_path / "t.csv", names, rows)
     short = certificate_of(path, robot)
@@ -480,7 +489,10 @@ def test_a_long_file_is_judged_from_a_file_like_a_short_one_from_memory(
 def test_memory_of_a_long_file_grows_with_its_times_alone(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A row has 104 bytes of numbers and its piece 192: no more than four copies of its time stay in memory."""
+    """A row has 104 bytes of numbers, and its piece has 192.
+
+    At most four copies of its time remain in memory.
+    """
     in_blocks(monkeypatch, 2048)
 
     def peak(count: int) -> int:
@@ -492,7 +504,7 @@ def test_memory_of_a_long_file_grows_with_its_times_alone(
         finally:
             tracemalloc.stop()
 
-    peak(100)  # what is made once
+    peak(100)  # allocates memory that later calls reuse
     assert peak(75_000) - peak(25_000) < 50_000 * 4 * 8
 
 

@@ -1,4 +1,4 @@
-"""A signed export is accepted as it was signed, and in no other form."""
+"""A signed export is accepted in the form in which it was signed, and in no other form."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROBOT = str(PROBLEMS / "robots/vitreoretinal.yaml")
 
 
 def keys(folder: Path, name: str) -> tuple[Path, Path]:
-    """Files of a new private key and of its public key."""
+    """Write a new private key and its public key, and return their files."""
     from cryptography.hazmat.primitives import serialization
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
@@ -36,7 +36,7 @@ def keys(folder: Path, name: str) -> tuple[Path, Path]:
 
 @pytest.fixture(scope="module")
 def signed(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A signed export and the public key."""
+    """Return a signed export and the public key."""
     root = tmp_path_factory.mktemp("signed")
     private, public = keys(root, "key")
     export(plan, "csv", root / "csv", sign=private)
@@ -48,7 +48,7 @@ Checked = Callable[[Path, Path], tuple[int, dict]]
 
 @pytest.fixture
 def checked(capsys: pytest.CaptureFixture[str]) -> Checked:
-    """Exit status and output of a check with a key."""
+    """Return a function that checks a folder with a key, and returns exit status and output."""
 
     def check(folder: Path, key: Path) -> tuple[int, dict]:
         status = run("check", folder, "--robot", ROBOT, "--key", key, "--json")
@@ -74,7 +74,7 @@ def edited(key: str, value: object) -> Callable[[Path], None]:
 
 
 def table_changed(folder: Path) -> None:
-    """Change the file, and make its hash again."""
+    """Change the table, and update its hash."""
     path = folder / "trajectory.csv"
     path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     edited("files", hashes(folder))(folder)
@@ -90,7 +90,7 @@ CHANGES: dict[str, tuple[Callable[[Path], None], str]] = {
     "table": (lambda folder: (folder / "trajectory.csv").write_text("x"), "trajectory.csv was cha"),
     "added": (lambda folder: (folder / "tilt.csv").write_text("x"), "tilt.csv was changed after"),
     "no table": (lambda folder: (folder / "trajectory.csv").unlink(), "trajectory.csv was changed"),
-    "no manifest": (lambda folder: (folder / MANIFEST).unlink(), "neither a rosbag2 nor an export"),
+    "no manifest": (lambda folder: (folder / MANIFEST).unlink(), "not a rosbag2 and not an export"),
 }
 
 

@@ -1,4 +1,4 @@
-"""Points of a plan for controllers: samples of a slower motion, whole ticks, and what is said of them."""
+"""Points of a plan for controllers: samples of a slower motion at whole ticks, and their notes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_samples_at_times_are_those_of_the_slower_motion_and_then_rest(
     rest = at_times(moved, after, stretch)
     assert rest.q == pytest.approx(np.tile(motion.sample(motion.breaks[-1:]).q, (2, 1)))
     assert not any(getattr(rest, name).any() for name in ("qd", "qdd", "qddd"))
-    # up to the rounding of times the end counts as the end, with the values that the motion has there
+    # Instants that exceed the end by rounding have the values of the end.
     last = at_times(moved, np.array([end + 0.5e-9]), stretch)
     assert last.qdd == pytest.approx(slow.sample(slow.breaks[-1:], "left").qdd)
 
@@ -78,7 +78,7 @@ def test_a_slower_motion_makes_up_for_an_excess_of_its_order(
     found = plan.certificate.limits[0]
     for excess in (1e-4, 1e-3):
         factor = module._slower(jerky, replace(found, name=name, joint="tilt", margin=-excess))
-        # quantities of this order fall by more than the excess, and by no more than half as much again
+        # Quantities of this order decrease by 1 to 1.5 times the excess.
         assert 1 + excess < factor**order < 1 + 1.5 * excess
     for without in (("position", "tilt"), ("continuous torque", "tilt"), ("velocity", "nobody")):
         other = replace(found, name=without[0], joint=without[1], margin=-1e-4)
@@ -86,7 +86,7 @@ def test_a_slower_motion_makes_up_for_an_excess_of_its_order(
 
 
 def test_a_tiny_excess_is_made_up_for_too(plan: Plan) -> None:
-    """The factor exceeds the least one by some rounding."""
+    """The factor exceeds the smallest factor by some rounding."""
     found = plan.certificate.limits[0]
     for excess in (1e-9, 1e-8):
         tiny = replace(found, name="velocity", joint="tilt", margin=-excess)
@@ -152,7 +152,7 @@ def test_smooth_plans_need_no_more_points_than_breaks(smooth_plan: Plan) -> None
 
 
 def test_quintics_through_the_breaks_are_slowed_down_as_they_are(smooth_plan: Plan) -> None:
-    """If a limit is a little tighter than the motion, and a jerk limit rules cubics out."""
+    """A limit is slightly tighter than the motion, and a jerk limit excludes cubics."""
     worst = max(limit.worst for limit in smooth_plan.certificate.limits if limit.name == "velocity")
     (joint,) = (
         limit.joint

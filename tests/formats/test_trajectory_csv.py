@@ -1,4 +1,4 @@
-"""Column names of tables: joint, derivative and unit, in the words of many programs."""
+"""Column names of tables in the words of many programs: joint, derivative and unit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UNITS = {"rad": 1.0, "deg": math.pi / 180, "m": 1.0, "mm": 1e-3}
 
 
 def complete(order: int) -> list[str]:
-    """Column names of a table up to a derivative."""
+    """Return the column names of a table up to a derivative."""
     names = ["time_s"]
     for k in range(order + 1):
         names += [f"{name} [{'m' if i == 3 else 'rad'}{PER[k]}]" for i, name in enumerate(NAMES)]

@@ -32,11 +32,14 @@ from ssm_planner.problem.robot import Body, Geometry, Robot, read_only_array
 RNG = np.random.default_rng(11)
 AGREEMENT = 1e-9
 Evaluate = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
-"""q, qd, qdd (4,) → rotation and position of the tool, joint torques."""
+"""Function of q, qd, qdd (4,) that returns rotation and position of the tool, and joint torques."""
 
 
 def another_robot(robot: Robot, seed: int) -> Robot:
-    """Random axes, body frames not along them, a third body with mass, a tool with an angle of its own."""
+    """Return a robot with random axes and body frames.
+
+    Its third body has a mass, and its tool is inclined.
+    """
     rng = np.random.default_rng(seed)
 
     def turned() -> np.ndarray:
@@ -71,7 +74,7 @@ def another_robot(robot: Robot, seed: int) -> Robot:
 
 
 def test_every_moving_link_has_an_inertia_and_the_massless_add_nothing(robot: Robot) -> None:
-    """Without one MuJoCo refuses the link, and PyBullet takes 1 kg for it."""
+    """Without an inertia, MuJoCo refuses the link, and PyBullet assumes 1 kg."""
     links = ElementTree.fromstring(urdf(robot)).findall("link")
     masses = {
         link.get("name"): link.find("inertial/mass") for link in links if link.get("name") != "base"
@@ -116,13 +119,13 @@ def pinocchio(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
         )
 
     masses = {link: model.inertias[k + 1].mass for k, link in enumerate(LINKS)}
-    masses["stage"] -= SMALLEST_MASS  # it is one body with the tool
+    masses["stage"] -= SMALLEST_MASS  # The stage is one body with the tool.
     return masses, evaluate
 
 
 def mujoco(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
     mj = pytest.importorskip("mujoco", reason="package mujoco, extra test")
-    whole = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # the tool stays a body of its own
+    whole = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # The tool remains a separate body.
     model = mj.MjModel.from_xml_string(path.read_text(encoding="utf-8").replace("</robot>", whole))
     model.opt.gravity[:] = robot.gravity
     model.opt.disableflags |= mj.mjtDisableBit.mjDSBL_CONSTRAINT  # limits and contacts
@@ -173,7 +176,7 @@ def yourdfpy(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
     def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
         model.update_cfg(q)
         placed = model.get_transform("tool", "base")
-        return placed[:3, :3], placed[:3, 3]  # it knows no dynamics
+        return placed[:3, :3], placed[:3, 3]  # This reader does not compute dynamics.
 
     return {link: model.link_map[link].inertial.mass for link in LINKS}, evaluate
 
@@ -203,7 +206,7 @@ def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
 
 
 def test_rpy_is_accurate_next_to_its_singularity() -> None:
-    """Also where the pitch is ±90° exactly, as in the shipped robot's first frame, and at all distances from it."""
+    """The pitch is ±90°, as in the first frame of the shipped robot, or at any distance from it."""
     for pitch in (
         0.0,
         np.pi / 2,

@@ -63,7 +63,7 @@ def test_a_result_folder_is_written_whatever_the_robot_has(
         if joint.motor is not None and joint.drive is None
     }
     for name in named:
-        assert any(f"its motor {name} counts for nothing" in note for note in outcome.notes)
+        assert any(f"its motor {name} is ignored" in note for note in outcome.notes)
 
 
 @pytest.mark.slow

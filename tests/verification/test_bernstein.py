@@ -1,4 +1,4 @@
-"""Bernstein form against NumPy's polynomials: values, extremes, and zeros with a change of sign."""
+"""Bernstein polynomials agree with NumPy's polynomials: values, extremes and sign changes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ S = np.linspace(0.0, 1.0, 4001)
 
 @pytest.fixture(scope="module")
 def powers() -> np.ndarray:
-    """Power coefficients (30, 6) of random polynomials of degree 5."""
+    """Return the power coefficients (30, 6) of random polynomials of degree 5."""
     return np.random.default_rng(5).normal(size=(30, 6)) * [1, 3, 8, 8, 8, 4]
 
 
@@ -42,7 +42,7 @@ def test_both_forms_have_the_same_values(powers: np.ndarray) -> None:
 def test_maxima_are_those_of_a_dense_evaluation_at_the_argument_that_is_stated(
     powers: np.ndarray,
 ) -> None:
-    """Of groups of three; a known larger value ends the search."""
+    """Each group has three polynomials. A larger value that is already known ends the search."""
     coefficients = from_powers(powers).T.reshape(6, 10, 3).swapaxes(0, 1)
     dense = np.array([Polynomial(row)(S) for row in powers]).reshape(10, 3, -1)
     value, index, s = maxima(coefficients, np.full(10, 1e-9), np.full(10, -np.inf))
@@ -73,7 +73,7 @@ def test_the_argument_of_a_maximum_is_its_end_or_inside(
 
 @pytest.mark.parametrize("count", [3, 30])
 def test_sign_changes_are_the_simple_roots_inside(powers: np.ndarray, count: int) -> None:
-    """Whether few polynomials are bisected one by one or many together."""
+    """A few polynomials are bisected one by one, and many polynomials together."""
     assert (count <= module.FEW) == (count == 3)
     index, s = sign_changes(from_powers(powers[:count]), np.full(count, 1e-12))
     for k in range(count):

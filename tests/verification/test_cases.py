@@ -1,4 +1,4 @@
-"""Cases of a range of friction and payload: none that is left out asks more of a motor."""
+"""Cases of a range of friction and payload: no other case requires more of a motor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_outermost_sets_are_those_that_no_other_exceeds_or_is_below() -> None:
 
 
 def motion() -> Trajectory:
-    """Two pieces: joints 1 and 4 start from rest and brake to rest."""
+    """Return a motion of two pieces, in which joints 1 and 4 start from rest and stop."""
     coefficients = np.zeros((2, 6, 4))
     coefficients[:, 0] = [0.3, 1.15, 0.1, -0.01]
     way = np.array([0.5, -0.3, 0.0, 4e-3])
@@ -44,18 +44,21 @@ def motion() -> Trajectory:
 
 
 def test_joints_start_at_the_begin_of_the_motion_alone(robot: Robot) -> None:
-    """Static friction counts where a joint leaves its rest, not where pieces join or later."""
+    """Static friction counts where a joint starts from rest, and not where pieces join."""
     found = cases._Motion(motion(), robot, [0.0])
     moving = np.array([True, True, False, True])
     assert np.array_equal(found.start[0], moving)
     assert not found.start[1:].any()
-    assert np.array_equal(found.way[1:-1], np.sign(found.qd[1:-1]))
-    # at the end each joint arrives in the direction in which it moved
-    assert np.array_equal(found.way[-1], np.sign(found.qd[-2]))
+    assert np.array_equal(found.direction[1:-1], np.sign(found.qd[1:-1]))
+    # At the end, each joint stops in the direction of its motion.
+    assert np.array_equal(found.direction[-1], np.sign(found.qd[-2]))
 
 
 def test_a_joint_rests_and_starts_by_the_rule_of_the_nominal_torque(robot: Robot) -> None:
-    """A velocity may jump a little where a joint starts; slower than that it is noise of a joint at rest."""
+    """A joint may start with a small jump of the velocity.
+
+    A lower speed is noise of a joint at rest.
+    """
     velocity = robot.velocities
     coefficients = np.zeros((2, 6, 4))
     coefficients[:, 0] = [0.3, 1.15, 0.1, -0.01]
@@ -67,13 +70,13 @@ def test_a_joint_rests_and_starts_by_the_rule_of_the_nominal_torque(robot: Robot
     jumped = np.abs(found.qd / velocity - 3e-8).min(axis=0) < 1e-12
     assert jumped.tolist() == [True, True, False, False]
     assert found.start.any(axis=0).tolist() == [True, True, False, False]
-    assert found.way.any(axis=0).tolist() == [True, True, False, False]
-    # the second joint turns back, and starts once more
-    assert {-1.0, 1.0} <= set(found.way[:, 1])
+    assert found.direction.any(axis=0).tolist() == [True, True, False, False]
+    # The second joint reverses and starts again.
+    assert {-1.0, 1.0} <= set(found.direction[:, 1])
 
 
 def test_friction_at_a_start_with_a_small_jump_is_a_case(robot: Robot) -> None:
-    """The set with the largest static friction counts wherever the nominal torque has a start."""
+    """The set with the largest static friction is a case if the nominal torque has a start."""
     joints = []
     for joint in robot.joints:
         if joint.drive is not None and joint.drive.friction is not None:
@@ -126,7 +129,7 @@ def test_a_joint_without_motor_or_drive_has_no_cases(robot: Robot, lacking: str)
 
 
 def test_the_check_reports_the_worst_of_all_payloads(robot: Robot) -> None:
-    """Each torque is that of the payload that loads the motor most, whatever their order."""
+    """Each torque belongs to the payload that loads the motor most, in any order of the payloads."""
     payloads = (0.0, 0.08, 0.03)
     certificate = check(motion(), robot, TaskLimits(payload=payloads))
     alone = [check(motion(), with_payload(robot, mass)) for mass in payloads]
@@ -205,7 +208,7 @@ def test_zeros_on_the_ends_of_halves_are_found_once(zeros: list[float], sign: fl
 def test_extreme_sets_ask_for_the_largest_torques_and_heat(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
-    """In either direction, and in the mean square; however many sets are evaluated together."""
+    """The sets are extreme in either direction and in the mean square, in blocks of any size."""
     monkeypatch.setattr(cases, "BLOCK", block)
     masses = [0.0, 0.05]
     coefficients = np.zeros((1, 6, 4))

@@ -35,7 +35,7 @@ def limit_of(certificate: Certificate, name: str, joint: str | None = None) -> L
 
 
 def wavy(rng: np.random.Generator, pieces: int = 6) -> Trajectory:
-    """Random quintics through random points, with reversals inside pieces."""
+    """Return random quintics through random points, which reverse within pieces."""
     breaks = np.cumsum(np.append(0.0, rng.uniform(0.05, 0.4, pieces)))
     scale = np.array([1.0, 1.0, 1.0, 0.02])
     q = rng.normal(size=(pieces + 1, 4)) * 0.3 * scale + [0.0, 0.6, 0.0, -0.015]
@@ -45,7 +45,7 @@ def wavy(rng: np.random.Generator, pieces: int = 6) -> Trajectory:
 
 
 def screw(robot: Robot) -> Robot:
-    """The robot with an antibacklash screw and Stribeck friction in joint 4."""
+    """Return the robot with an antibacklash screw and Stribeck friction in joint 4."""
     joint = robot.joints[3]
     friction = dataclasses.replace(
         joint.drive.friction, law="stribeck_gaussian", mu_stribeck=0.05, stribeck_speed=3.0
@@ -61,10 +61,10 @@ def screw(robot: Robot) -> Robot:
 def dense(
     trajectory: Trajectory, robot: Robot, per_piece: int = 4000
 ) -> dict[tuple[str, str | None], np.ndarray]:
-    """Every limited value at many instants of every piece, by the model's own functions: what the check must find."""
+    """Evaluate every limited value at many instants of every piece with the functions of the model."""
     count = len(trajectory.breaks) - 1
     piece = np.repeat(np.arange(count), per_piece)
-    # instants next to the ends of a piece count as inside it, so that directions are those within
+    # Instants next to the ends of a piece count as inside it, where the directions are constant.
     share = np.tile(np.linspace(1e-7, 1 - 1e-7, per_piece), count)
     samples = trajectory.sample_pieces(piece, share * np.diff(trajectory.breaks)[piece])
     direction, breakaway = directions(robot, samples, 1)
@@ -110,11 +110,14 @@ LENS = Lens(
 EYE = Eye(read_only_array([0.006, 0.0, -0.010], (3,)), 0.0115, 0.001, 0.003, 0.0002, LENS)
 LIMITS = of_task(RANGES, 0.02, RATES, EYE)
 LOW = ("nut contact", "retina clearance", "lens clearance")
-"""Limits that are lowest values."""
+"""Limits that are lower bounds."""
 
 
 def along_the_shaft(tip: np.ndarray) -> np.ndarray:
-    """Least distance from the lens's centre, in sizes of the lens, of dense points between the origin and each tip."""
+    """Return the least distance of the shaft from the lens, in sizes of the lens.
+
+    The points between the origin and each tip are dense.
+    """
     best, width = np.full(len(tip), 0.5), 0.5
     for _ in range(3):
         shares = np.clip(best[:, None] + width * np.linspace(-1, 1, 61), 0.0, 1.0)
@@ -150,7 +153,7 @@ def test_worst_values_are_those_of_dense_evaluation_by_the_model(
             joint.position if limit.name == "position" else (-limit.limit, limit.limit)
         )
         margin = float(np.minimum(high - found, found - low).min()) / ((high - low) / 2)
-        # the dense look may miss a peak or the instant of breakaway by a little, the check may not
+        # Dense samples may miss a peak or the instant of a start by a little. The check may not.
         assert limit.margin <= margin + 1e-9
         if limit.name != "motor torque":
             assert limit.margin == pytest.approx(margin, abs=2e-5 * max(1.0, abs(margin)))
@@ -158,7 +161,10 @@ def test_worst_values_are_those_of_dense_evaluation_by_the_model(
 
 
 def test_the_way_through_the_port_is_looked_at_where_port_and_retina_meet(robot: Robot) -> None:
-    """Straight in: the least distance is at a kink, where the two distances that count are equal."""
+    """The tool moves straight in.
+
+    Its least distance is at a kink, where two distances are equal.
+    """
     q = np.array([[0.0, 0.55, 0.0, 0.0]])
     zero, end = np.zeros((1, 4)), q - [0.0, 0.0, 0.0, 0.012]
     breaks = np.array([0.0, 3.0])
@@ -191,7 +197,7 @@ def test_a_trapezoid_has_its_closed_form_extremes(robot: Robot) -> None:
     ]
     assert fastest == pytest.approx([SHARE, SHARE], rel=1e-9)
     assert certificate.passed
-    # positions are monotone in a trapezoid: the extremes are the ends
+    # Positions are monotone in a trapezoidal motion, so the extremes are at the ends.
     assert limit_of(certificate, "position", "insertion").worst in (0.0, -0.012)
 
 
@@ -209,7 +215,7 @@ def test_a_rest_to_rest_quintic_has_its_closed_form_extremes(robot: Robot) -> No
 
 
 def test_a_start_is_charged_with_static_friction(robot: Robot) -> None:
-    """The torque at the very start of a slow motion is the breakaway torque of the model."""
+    """The torque at the start of a slow motion is the breakaway torque of the model."""
     drive = dataclasses.replace(
         robot.joints[0].drive,
         friction=dataclasses.replace(robot.joints[0].drive.friction, mu_static=0.4),
@@ -229,7 +235,10 @@ def test_a_start_is_charged_with_static_friction(robot: Robot) -> None:
 
 
 def test_a_held_joint_needs_no_torque_whatever_rounding_does_to_it(robot: Robot) -> None:
-    """Coefficients at rounding level are no motion: a self-locking drive holds without torque."""
+    """Coefficients at rounding level are not a motion.
+
+    A self-locking drive holds without torque.
+    """
     rng = np.random.default_rng(0)
     coefficients = np.zeros((20, 6, 4))
     coefficients[:, 0] = [0.2, 0.5, 0.1, -0.01]
@@ -262,7 +271,7 @@ def test_jumps_are_found_on_either_side_of_a_block(
 def test_the_first_look_hides_nothing(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
-    """The same worst values as with the whole rate everywhere, of friction that changes quickly too."""
+    """The worst values equal those at the full rate, also for friction that changes quickly."""
     robot, trajectory = screw(robot), wavy(np.random.default_rng(seed))
     limits = dataclasses.replace(LIMITS, duty=0.0)
     found = check(trajectory, robot, limits)
@@ -270,7 +279,7 @@ def test_the_first_look_hides_nothing(
     whole = check(trajectory, robot, limits)
     assert found.instants < 0.7 * whole.instants
     for a, b in zip(found.limits, whole.limits, strict=True):
-        # where friction has corners a mean is exact to 1e-5 either way
+        # Near kinks of the friction, both means are exact to 1e-5.
         assert a.margin == pytest.approx(
             b.margin, abs=3e-5 if a.name == "continuous torque" else 3e-8
         ), a.name
@@ -349,7 +358,7 @@ def test_the_samples_of_a_trajectory_are_not_changed(robot: Robot) -> None:
 def test_a_motion_of_an_hour_costs_what_its_pieces_cost(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
-    """The same worst values as at many times as many instants, and none that dense samples exceed."""
+    """The worst values equal those at many more instants, and dense samples do not exceed them."""
     robot, quick = screw(robot), wavy(np.random.default_rng(seed))
     slow = quick.slower(quick.duration / 3600)
     found, values = check(slow, robot, LIMITS), dense(slow, robot, 20_000)

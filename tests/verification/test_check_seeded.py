@@ -1,6 +1,6 @@
-"""One limit broken by 0.1 % for one interval between samples: found, and nothing invented on clean trajectories.
+"""The check finds one limit that is exceeded by 0.1 % between samples, and reports no false ones.
 
-The whole of it, a thousand of each, is in tests/benchmarks/bench_check.py.
+tests/benchmarks/bench_check.py repeats this a thousand times.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The tools of the check: Bernstein polynomials, bulk evaluation, the motors' law as one expression."""
+"""Tools of the check: Bernstein polynomials, evaluation in blocks, and the law of the motors."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_bulk_evaluation_refuses_wrong_shapes() -> None:
 
 
 def random_samples(rng: np.random.Generator, count: int) -> Samples:
-    """States of which many stand, in one or all derivatives."""
+    """Return random states. Many of them rest, in one or all derivatives."""
     q, qd, qdd, qddd = (rng.normal(size=(count, 4)) for _ in range(4))
     for values in (qd, qdd, qddd):
         values[rng.random(values.shape) < 0.3] = 0.0
@@ -118,7 +118,7 @@ def random_samples(rng: np.random.Generator, count: int) -> Samples:
 
 
 def variants(robot: Robot) -> list[Robot]:
-    """The robot with other drives: antibacklash and Stribeck, and one that does not lock itself."""
+    """Return robots with other drives: antibacklash, Stribeck friction, and not self-locking."""
     joint = robot.joints[3]
     stribeck = {"mu_stribeck": 0.05, "stribeck_speed": 3.0}
     drives = []
@@ -145,7 +145,10 @@ def variants(robot: Robot) -> list[Robot]:
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
-    """Torque, effort and directions, standing and moving, breaking away and held: equal to the model's own."""
+    """Torque, effort and directions equal those of the model.
+
+    The joints move, rest, start or are held.
+    """
     samples = random_samples(np.random.default_rng(5), 4000)
     for each in variants(robot):
         direction, breakaway = directions(each, samples, side)

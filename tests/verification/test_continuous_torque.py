@@ -1,4 +1,4 @@
-"""The RMS of motor torques in the certificate: against the sizing's and in closed form."""
+"""RMS torques in the certificate agree with the sizing and with closed forms."""
 
 from __future__ import annotations
 
@@ -45,7 +45,10 @@ def with_static_friction(robot: Robot, mu: float) -> Robot:
 
 
 def back_and_forth(robot: Robot, count: int) -> Trajectory:
-    """Sines of all joints, quintic by quintic: turns within pieces, at different instants in every joint."""
+    """Return sines of all joints as quintics.
+
+    Each joint reverses within pieces at other instants.
+    """
     t = np.linspace(0.0, 4.0, count)
     angle = t[:, None] * [3.1, 4.3, 2.2, 5.7] + [0.1, 0.7, 1.3, 2.0]
     rate, size = np.array([3.1, 4.3, 2.2, 5.7]), np.array([0.15, 0.1, 0.2, 0.003])
@@ -76,7 +79,7 @@ def test_it_is_the_rms_of_the_sizing_with_starts_turns_and_jumps(robot: Robot, m
 
 
 def test_constant_speed_and_a_dwell_in_closed_form(robot: Robot) -> None:
-    """The insertion goes at constant speed, where nothing changes its load, for a quarter of the time; then all rest."""
+    """The tool is inserted at constant speed and load for a quarter of the time, and then rests."""
     speed, times = -0.004, np.array([0.0, 0.5, 2.0])
     moved = HOME + [[0.0, 0.0, 0.0, speed * times[1]]]
     rate = np.array([[0.0, 0.0, 0.0, speed]])
@@ -97,12 +100,12 @@ def test_constant_speed_and_a_dwell_in_closed_form(robot: Robot) -> None:
         1 - torque / 2 / joint.motor.nominal_torque, rel=1e-9
     )
     assert (found["insertion"].time, found["insertion"].unit) == (2.0, "N·m")
-    # drives that lock themselves hold without torque
+    # Self-locking drives hold without torque.
     assert found["roll"].worst == found["tilt"].worst == 0.0
 
 
 def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> None:
-    """Holding torque without friction: the load by the ratio, all the time."""
+    """Without friction, the holding torque is the load divided by the ratio, all the time."""
     drive = robot.joints[0].drive
     friction = dataclasses.replace(drive.friction, mu=1e-9, mu_static=1e-9, b_c=0.0, b_oc=0.0)
     free = dataclasses.replace(

@@ -1,4 +1,4 @@
-"""Rest at both ends is a limit of every trajectory, unless speeds are declared there."""
+"""Rest at both ends is a limit of every trajectory, unless the task declares speeds there."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ENDS = {"start velocity", "end velocity"}
 
 
 def part(trajectory: Trajectory, first: int, last: int) -> Trajectory:
-    """Some of the pieces of a trajectory."""
+    """Return some of the pieces of a trajectory."""
     breaks = trajectory.breaks[first : last + 1].copy()
     return Trajectory(
         breaks, trajectory.coefficients[first:last].copy(), (Span("part", breaks[0], breaks[-1]),)
@@ -130,7 +130,7 @@ def test_a_plan_that_ends_moving_leaves_for_every_controller(robot: Robot, tmp_p
     files, manifest = export(plan, "epos4", tmp_path / "epos4", counts_per_turn=4096)
     assert not api.check(tmp_path / "epos4", robot).violations
     rows = np.loadtxt(files["roll.csv"], delimiter=",", skiprows=1)
-    # no drop to zero: the last speed is that of the plan, and the last position its end
+    # The last speed and position are those of the plan. The speed does not drop to 0.
     speed = (
         np.diff(rows[-2:, 1])[0]
         / np.diff(rows[-2:, 0])[0]
@@ -153,7 +153,7 @@ def test_limits_of_a_slower_motion_ask_for_slower_ends() -> None:
 
 
 def stairs(order: int, joint: int, size: float, pieces: int, length: float) -> Trajectory:
-    """Equal jumps of position or speed (order 0 or 1) at every break, upwards and downwards."""
+    """Return a trajectory with equal jumps at every break, of the position or the speed."""
     breaks = length * np.arange(pieces + 1)
     coefficients = np.zeros((pieces, 6, 4))
     coefficients[:, 0] = [0.3, 1.15, 0.1, -0.02]
@@ -169,7 +169,7 @@ def stairs(order: int, joint: int, size: float, pieces: int, length: float) -> T
 def test_small_jumps_that_add_up_to_a_teleport_are_refused(
     robot: Robot, joint: int, length: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each jump is within its tolerance. Their sum is a motion that no motor can follow."""
+    """Each jump is within its tolerance, but their sum is a motion that motors cannot follow."""
     size = 0.999 * JUMP
     motion = stairs(0, joint, size, 4001, length)
     name = robot.joints[joint].name
@@ -199,7 +199,7 @@ def test_small_jumps_of_velocity_add_up_to_an_acceleration(robot: Robot) -> None
 
 
 def test_jumps_that_time_excuses_do_not_add_up(robot: Robot) -> None:
-    """The reported jump is the largest single one, to the last bit."""
+    """The reported jump is the largest single jump, to the last bit."""
     rng = np.random.default_rng(8)
     motion = stairs(0, 0, 0.0, 400, 0.05)
     coefficients = motion.coefficients.copy()
@@ -213,7 +213,10 @@ def test_jumps_that_time_excuses_do_not_add_up(robot: Robot) -> None:
 
 @pytest.mark.parametrize("parts", [1, 3])
 def test_jumps_add_up_over_the_worst_interval_of_time(robot: Robot, parts: int) -> None:
-    """The largest sum over all intervals that end at a break, less what their time excuses."""
+    """The result is the largest sum over all intervals that end at a break.
+
+    The tolerated drift in the interval is subtracted.
+    """
     jumps, rng = Jumps(robot), np.random.default_rng(2)
     time = np.sort(rng.uniform(0.0, 1.0, 12))
     step = jumps._excused[:2] / 12

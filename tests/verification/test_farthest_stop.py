@@ -1,4 +1,4 @@
-"""A limit on the way of a stop, and motions that are done once, as the check judges them."""
+"""The check of the farthest stop, and of motions that are performed once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WAY = np.array([0.1, -0.05, 0.0, 1e-3])
 
 
 def motion(ends_at_rest: bool = True) -> Trajectory:
-    """One quintic of 0.5 s from rest, from 1 s on."""
+    """Return one quintic of 0.5 s that starts at rest at 1 s."""
     zero = np.zeros((1, 4))
     speed = zero if ends_at_rest else WAY[None]
     end = (START + WAY)[None]
@@ -48,7 +48,7 @@ def test_the_farthest_stop_is_that_of_a_closer_look(robot: Robot) -> None:
 
 def test_a_motion_that_ends_moving_has_no_stops_to_rely_on(robot: Robot) -> None:
     line = of_stop(motion(ends_at_rest=False), robot, 0.01, end_rate=None)
-    assert line.case == "the motion ends moving"
+    assert line.case == "the motion does not end at rest"
     assert line.margin == -1.0
 
 
@@ -100,7 +100,7 @@ def test_what_is_missing_for_the_torque_of_a_joint_is_named(robot: Robot) -> Non
     for changes, text in (
         ({"motor": None}, "names no motor for it"),
         ({"motor": None, "drive": None}, "names no drive and no motor for it"),
-        ({"drive": None}, f"names no drive for it, so its motor {joint.motor.name} counts"),
+        ({"drive": None}, f"names no drive for it, so its motor {joint.motor.name} is ignored"),
     ):
         changed = replace(joint, **changes)
         found = check(motion(), replace(robot, joints=(changed, *robot.joints[1:])))
@@ -113,7 +113,7 @@ def test_what_is_missing_for_the_torque_of_a_joint_is_named(robot: Robot) -> Non
 
 
 def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Robot) -> None:
-    """The friction that a drive needs to lock follows from its lead and not from the range of its friction."""
+    """The friction that a drive needs to lock follows from its lead, and not from its range."""
 
     def lines(share: float | None, low: float) -> dict[str | None, object]:
         joints = []
@@ -142,7 +142,7 @@ def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Rob
         assert line.worst == pytest.approx(0.9 * mu)
         assert part[name].worst == pytest.approx(0.95 * mu)
         assert line.case == f"mu {0.9 * mu:.4g}"
-        # the friction that is needed is that of the lead alone
+        # The needed friction follows from the lead alone.
         assert line.limit == pytest.approx(none[name].limit) == pytest.approx(part[name].limit)
         for each in (line, none[name], part[name]):
             assert each.margin == pytest.approx(each.worst / each.limit - 1)
@@ -152,7 +152,7 @@ def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Rob
 def test_the_closer_look_lies_between_the_neighbours_of_the_farthest_stop(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, k: int
 ) -> None:
-    """The farther of both looks counts, at its time."""
+    """The farther stop of both searches is reported with its time."""
     coarse = np.array([0.0, 0.1, 0.15, 0.3, 0.5])
     looks = []
 
@@ -178,7 +178,7 @@ def test_the_closer_look_lies_between_the_neighbours_of_the_farthest_stop(
 
 
 def test_straight_pieces_have_no_torque_in_any_case(robot: Robot) -> None:
-    """Their acceleration is not defined, whatever payload is demanded."""
+    """Their acceleration is undefined for every required payload."""
     line = Trajectory(
         np.array([0.0, 1.0]), np.zeros((1, 6, 4)) + START * (np.arange(6) == 0)[:, None], ()
     )

@@ -1,4 +1,4 @@
-"""Tables with more than 20 000 pieces: no short dip of speed towards a peak of the friction stays unseen."""
+"""Tables with more than 20 000 pieces: the check finds every short dip of the speed."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def dipping(
 
 
 def agrees(robot: Robot, motion: Trajectory) -> bool:
-    """Compare with the 200 pieces in the middle, sampled 20 times as densely."""
+    """Compare with the 200 pieces in the middle, which are sampled 20 times as densely."""
     k = len(motion.breaks) // 2
     few = Trajectory(motion.breaks[k - 100 : k + 101], motion.pieces(slice(k - 100, k + 100)), ())
     alone = check(few, robot, ANY_SPEED, rate=200_000.0)["motor torque", "roll"]
@@ -80,7 +80,7 @@ def agrees(robot: Robot, motion: Trajectory) -> bool:
 def test_a_dip_of_speed_at_a_knot_is_found(
     law: str, speed: float, motion: tuple[float, float, float, int, float, float]
 ) -> None:
-    """The middles of the pieces, and slopes sampled at extreme states, miss these by 80 % and more."""
+    """Samples in the middles of the pieces, and slopes at extreme states, miss 80 % of these dips."""
     assert agrees(sticking(law, speed, 0.15), dipping(*motion))
 
 

@@ -1,4 +1,4 @@
-"""The independent oracle of tests/support agrees with the package's dynamics and with its check."""
+"""The independent oracle of tests/support agrees with the dynamics and with the check."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TIP = 0.1
 
 
 def states(seed: int, count: int = 60) -> np.ndarray:
-    """q, q̇ and q̈ (3, n, 4)."""
+    """Return random q, q̇ and q̈, (3, n, 4)."""
     scale = np.array([1.0, 1.0, 1.0, 0.02])
     return np.random.default_rng(seed).normal(size=(3, count, 4)) * scale
 
@@ -101,7 +101,7 @@ def test_rows_are_joined_as_the_client_joins_them() -> None:
 
 @pytest.mark.parametrize("name", ["trapezoids", "smooth", "tilt_insert"])
 def test_the_worst_values_are_those_of_the_certificate(robot: Robot, name: str) -> None:
-    """The oracle looks at instants, so that it may miss a little of an extreme between them, and finds no more."""
+    """The oracle samples instants. It may miss a little of an extreme, but it never finds more."""
     motion = load_plan(ROOT / "results/tilt_insert").motion
     if name != "tilt_insert":
         motion = (trapezoids if name == "trapezoids" else smooth)(robot)
@@ -122,7 +122,7 @@ def test_the_worst_values_are_those_of_the_certificate(robot: Robot, name: str) 
 
 @pytest.mark.parametrize(("size", "broken"), [(5e-7, False), (2e-6, True)])
 def test_steps_count_as_speed(robot: Robot, size: float, broken: bool) -> None:
-    """A step of 1 µrad counts for nothing, many of them, or a larger one, do."""
+    """One step of 1 µrad does not count. Many such steps, or a larger step, count."""
     motion = trapezoids(robot)
     for times in (1, 4):
         coefficients = motion.coefficients.copy()
@@ -149,7 +149,7 @@ def test_a_target_is_missed_beyond_its_tolerance(robot: Robot) -> None:
 
 
 def test_a_small_excess_of_every_limit_is_seen(robot: Robot) -> None:
-    """A motion 0.3 % beyond a limit: found by the oracle, as far as it is beyond."""
+    """The oracle finds a motion that exceeds a limit by 0.3 %, with the right excess."""
     motion = trapezoids(robot, share=1.0)
     quicker = motion.slower(1.003)
     played = oracle.of_pieces(quicker.breaks, quicker.coefficients)

@@ -1,4 +1,4 @@
-"""The bound along a path is never above the duration of a valid motion, and close for optimal ones."""
+"""The bound along a path never exceeds the duration of a valid motion, and is close to it."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def with_acceleration(robot: Robot, factor: float) -> Robot:
 
 
 def test_a_motion_faster_than_its_bound_breaks_a_torque_limit() -> None:
-    """A motion that is faster than the bound breaks a limit, whatever toppra finds."""
+    """A motion that is faster than the bound violates a limit, whatever toppra finds."""
     problem = weakened(0.9)
     smooth = replace(problem, robot=with_friction(problem.robot, 0.97))
     wrong = plan(smooth, relaxations=False).motion

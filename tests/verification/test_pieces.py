@@ -1,4 +1,4 @@
-"""Pieces of a trajectory and what a check asks of them, held against the trajectory's own samples."""
+"""Pieces of a trajectory, and their use in the check, agree with samples of the trajectory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GRID = np.linspace(0.0, 1.0, 201)
 
 
 def random_motion(seed: int, count: int = COUNT) -> Trajectory:
-    """Polynomials without any continuity; they begin at 3 s."""
+    """Return discontinuous polynomials that start at 3 s."""
     rng = np.random.default_rng(seed)
     breaks = 3.0 + np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1.5, count))])
     coefficients = rng.normal(size=(count, 6, 4)) * [0.5, 0.5, 0.5, 0.02]
@@ -157,13 +157,13 @@ def test_jumps_are_the_differences_at_the_breaks(
 
 
 def vars_of(robot: Robot) -> dict[str, object]:
-    """Fields that a robot is made of."""
+    """Return the fields of a robot by name."""
     names = ("name", "geometry", "bodies", "joints", "gravity", "limits")
     return {name: getattr(robot, name) for name in names}
 
 
 def with_jerk(robot: Robot) -> tuple[object, ...]:
-    """The joints, the first of them with a limited jerk."""
+    """Return the joints. The jerk of the first one is limited."""
     from dataclasses import replace
 
     return (replace(robot.joints[0], jerk=100.0), *robot.joints[1:])

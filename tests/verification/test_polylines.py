@@ -1,4 +1,4 @@
-"""Straight pieces between points: speeds and jumps beyond what rounding explains, held against sums by hand."""
+"""Linear pieces: speeds and jumps that rounding cannot explain agree with sums by hand."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXACT = np.zeros(4)
 
 
 def through(points: np.ndarray, times: np.ndarray) -> Trajectory:
-    """Straight pieces through points (n, 4) at times (n,)."""
+    """Return linear pieces through points (n, 4) at times (n,)."""
     coefficients = np.zeros((len(times) - 1, 6, 4))
     coefficients[:, 0] = points[:-1]
     coefficients[:, 1] = np.diff(points, axis=0) / np.diff(times)[:, None]
@@ -29,7 +29,7 @@ def through(points: np.ndarray, times: np.ndarray) -> Trajectory:
 
 @pytest.fixture(scope="module")
 def table() -> Trajectory:
-    """Uneven times and a random walk, from 2 s."""
+    """Return a random walk at uneven times, which starts at 2 s."""
     rng = np.random.default_rng(6)
     times = 2.0 + np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 0.2, 12))])
     steps = rng.normal(size=(12, 4)) * [0.05, 0.05, 0.05, 5e-4]
@@ -75,7 +75,7 @@ def test_speeds_and_jumps_are_those_of_the_points(
     undefined = {u.name for u in found.unjudged if "not defined on straight pieces" in u.reason}
     assert undefined >= {"continuous torque"}
     assert all(not line.passed for line in found.limits if line.name == "acceleration")
-    # no torque is kept where the accelerations are not
+    # Torques are only kept if the accelerations are.
     torques = [line for line in found.limits if line.name == "motor torque"]
     assert all(not line.passed for line in torques) or not found.violations
 
@@ -108,7 +108,7 @@ def test_speeds_of_the_tool_are_reduced_by_what_rounding_explains(
         )
     fast = TaskLimits((TipSpeed(10.0),))
     within = of_joint(check(table, robot, fast, resolution=np.full(4, 1e-3)), "tip speed", None)
-    assert within.worst == pytest.approx(tip_speed(q, qd).max(), rel=0.05)  # kept as it was found
+    assert within.worst == pytest.approx(tip_speed(q, qd).max(), rel=0.05)  # unchanged
 
 
 def test_the_tool_speed_that_rounding_leaves_may_be_of_another_piece(robot: Robot) -> None:
@@ -139,7 +139,7 @@ def test_the_tool_speed_that_rounding_leaves_may_be_of_another_piece(robot: Robo
 
 
 def test_points_with_velocities_are_judged_by_these(robot: Robot) -> None:
-    """Pieces that are no straight lines have the speeds that their polynomials say, whatever the rounding."""
+    """Pieces that are not linear have the speeds of their polynomials, for any rounding."""
     coefficients = np.zeros((2, 6, 4))
     coefficients[:, 0] = START
     coefficients[0, 2, 0], coefficients[0, 3, 0] = 0.3, -0.2  # q̇ = 0.6 t − 0.6 t², 0.15 at most
@@ -155,7 +155,7 @@ def test_points_with_velocities_are_judged_by_these(robot: Robot) -> None:
 
 
 def test_declared_speeds_at_the_ends_are_no_jumps(robot: Robot) -> None:
-    """A steady motion jumps at both ends from rest, and nowhere when any speed will do there."""
+    """A steady motion jumps at both ends if it must rest there, and not if any speed is allowed."""
     times = np.linspace(0.0, 1.0, 5)
     steady = through(START + times[:, None] * np.array([0.2, 0.0, 0.0, 0.0]), times)
     line = of_joint(check(steady, robot, resolution=EXACT), "velocity jump", "roll")

@@ -1,4 +1,4 @@
-"""Lines, arcs and distances of which promises are made: held against closed forms."""
+"""Promised lines, arcs and distances agree with closed forms."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ JOINTS = Joints((0.0, 0.0, 0.0, 0.0))
 
 
 def on_circle(angles: list[float], radius: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
-    """Centre (3,) and tips (n, 3) at angles on a tilted circle, m."""
+    """Return the centre (3,) and tips (n, 3) at angles on a tilted circle, m."""
     centre = np.array([0.01, -0.02, 0.03])
     first, second = np.array([0.6, 0.8, 0.0]), np.array([0.0, 0.0, 1.0])
     cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
@@ -39,7 +39,7 @@ def on_circle(angles: list[float], radius: float = 0.02) -> tuple[np.ndarray, np
 def test_an_arc_goes_by_its_middle_at_an_even_pace(
     start: float, turn: float, share: float, way: float
 ) -> None:
-    """Also by more than half a turn."""
+    """The arc may be longer than half a turn."""
     centre, tips = on_circle([start, start + way * share * turn, start + way * turn])
     assert promises._middle(tips) == pytest.approx(centre, abs=1e-9)
     places = promises._circle(tips, centre, shorter=False)(SHARES)
@@ -92,7 +92,7 @@ def test_motions_between_rounded_corners_are_one_phase() -> None:
 
 
 def way(**changes: object) -> Way:
-    """One corner in the origin between two lines along x and y, rounded within 1 mm."""
+    """Return two lines along x and y with a corner at the origin, rounded within 1 mm."""
     lines = tuple(
         (lambda s, p=p, q=q: promises._line(np.array(p), np.array(q), s))
         for p, q in (((-0.01, 0.0, 0.0), (0.0,) * 3), ((0.0,) * 3, (0.0, 0.01, 0.0)))
@@ -189,7 +189,7 @@ def test_instants_are_denser_about_corners_and_at_constant_speed(
         turning = Way(Span("way", 1.0, 2.0), lines, (1e-3,))
         t = promises._instants(Motion(40), None, turning)  # type: ignore[arg-type]
         assert len(t) > promises.INSTANTS
-        # from the last of the even instants before the neighbourhood to the first behind it
+        # from the last regular instant before the neighbourhood to the first one after it
         even = np.linspace(1.0, 2.0, 61)
         near = np.flatnonzero(np.abs(0.02 * (even - 1.5) - corner) < 1.5e-3)
         begin, end = even[max(near[0] - 1, 0)], even[min(near[-1] + 1, 60)]
@@ -200,7 +200,7 @@ def test_instants_are_denser_about_corners_and_at_constant_speed(
 
 
 def test_each_corner_counts_with_its_own_distance() -> None:
-    """Two corners, 10 mm apart along x, rounded within 1 mm and 2 mm."""
+    """Two corners are 10 mm apart along x, and rounded within 1 mm and 2 mm."""
     ends = [np.array([x, 0.0, 0.0]) for x in (-0.01, 0.0, 0.01, 0.02)]
     lines = tuple(
         (lambda s, p=p, q=q: promises._line(p, q, s)) for p, q in itertools.pairwise(ends)
@@ -220,7 +220,7 @@ def test_each_corner_counts_with_its_own_distance() -> None:
 
 
 def test_a_phase_begins_on_the_branch_and_turn_of_its_motion(robot: Robot) -> None:
-    """Rolls are counted so that the last one is the one that the problem names."""
+    """Rolls are counted so that the last one equals the roll in the problem."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     start = np.array([0.3, 1.15, 0.1, -0.01])
     coefficients = np.zeros((1, 6, 4))
@@ -238,7 +238,7 @@ def test_a_phase_begins_on_the_branch_and_turn_of_its_motion(robot: Robot) -> No
         0
     ] == pytest.approx(task[0])
     coefficients = coefficients.copy()
-    coefficients[0, 1, 1] = 2 * (mechanism.delta - start[1]) / 2.0  # across, to the other branch
+    coefficients[0, 1, 1] = 2 * (mechanism.delta - start[1]) / 2.0  # moves to the other branch
     across = Trajectory(np.array([0.0, 2.0]), coefficients, ())
     _, branch = promises._initial_task(across, mechanism, [Straight(tilt=-1.8)], span)
     assert branch == mechanism.branch_of(start)

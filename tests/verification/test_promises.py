@@ -1,4 +1,7 @@
-"""What a problem promises of the tip's way is part of the certificate: healthy plans keep it, other motions do not."""
+"""The certificate contains the promises about the path of the tip.
+
+Healthy plans keep them, and other motions do not.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ OVER = Task(roll=np.radians(6), tilt=np.radians(-119))
 
 @pytest.fixture(scope="module")
 def planned(tilt_insert: Problem, laser_scan: Problem) -> Callable[..., Plan]:
-    """Plans by the structured solver, or none twice."""
+    """Return a function that plans motions with the structured solver, each motion only once."""
     known: dict[str, Plan] = {}
 
     def of(*motion: Motion, eye: bool = False) -> Plan:
@@ -124,7 +127,7 @@ def test_a_constant_speed_is_one_without_gaps_and_never_exceeded(
 ) -> None:
     made = planned(line(constant_speed=4e-3))
     t = made.motion.breaks
-    # the same way, 10 % faster or slower about its middle
+    # the same path, 10 % faster or slower in its middle
     for faster in (0.1, -0.1):
         at = np.linspace(0.0, t[-1], 2001)
         warped = at - faster * 0.1 * np.exp(-(((at - t[-1] / 2) / 0.1) ** 2)) * np.sin(
@@ -183,7 +186,7 @@ def test_a_table_says_nothing_of_phases(planned: Callable[..., Plan]) -> None:
 
 
 def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> None:
-    """A motion straight on, held against lines that turn off it at 60° in its middle, 2 mm before its end."""
+    """A straight motion is compared with lines that turn by 60° 2 mm before its end."""
     mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
     q = np.array([[0.0, 0.6, 0.0, -0.010], [0.0, 0.6, 0.0, -0.014]])
     breaks, rest = np.array([0.0, 1.0]), np.zeros((1, 4))
@@ -208,7 +211,7 @@ def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> Non
 def test_arcs_and_lines_after_tables_and_scans(
     planned: Callable[..., Plan], laser_scan: Problem
 ) -> None:
-    """Phases are found whatever number of them comes before; an arc is that through its point."""
+    """Phases are found after any number of phases, and an arc passes its intermediate point."""
     arc = Follow(
         Task(tilt=-1.9, depth=0.009),
         (Task(roll=0.1, tilt=-1.8, depth=0.008),),

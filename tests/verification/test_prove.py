@@ -1,4 +1,4 @@
-"""The proof of limits for all times: enclosures, verdicts, and what it must never call proven."""
+"""The proof of limits for all times: enclosures, verdicts, and motions that it must not prove."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_a_file_that_is_no_plan_has_status_2(text: str, reason: str, tmp_path: P
 
 
 def value_at(model: Any, index: tuple[int, ...], s: Decimal) -> tuple[Decimal, float]:
-    """The polynomial of a model at s, exactly, and its error."""
+    """Return the exact value of the polynomial of a model at s, and its error."""
     value = sum((Decimal(float(c[index])) * s**k for k, c in enumerate(model.c)), start=Decimal(0))
     return value, float(model.r[index])
 
@@ -144,7 +144,7 @@ def test_points_by_other_arithmetic_lie_in_the_models(file: Path) -> None:
             value, error = value_at(model, index, s)
             assert abs(value - exact) <= Decimal(error)
             used = max(used, float(abs(value - exact)) / error)
-    assert used > 1e-4  # the errors are no wild over-estimates
+    assert used > 1e-4  # The errors are not overestimated by much.
 
 
 def test_angles_and_tips_lie_within_the_claims(document: Document) -> None:
@@ -195,14 +195,17 @@ def test_limits_just_kept_and_just_exceeded(document: Document) -> None:
 
 
 def shifted(c: np.ndarray, x: float) -> np.ndarray:
-    """Coefficients (6, 4) about an instant x later."""
+    """Return coefficients (6, 4) about an instant that is later by x."""
     return np.array(
         [sum(c[k] * math.comb(k, i) * x ** (k - i) for k in range(i, 6)) for i in range(6)]
     )
 
 
 def with_bump(document: Document, rng: np.random.Generator) -> tuple[Document, float]:
-    """A plan with a short bump t² (h − t)² in one joint's acceleration; also its peak as a share of the limit."""
+    """Return a plan with a short bump t² (h − t)² in the acceleration of one joint.
+
+    The second result is its peak as a share of the limit.
+    """
     plan = copy.deepcopy(document)
     trajectory = plan["trajectory"]
     breaks, pieces = trajectory["breaks_s"], [np.array(c) for c in trajectory["coefficients"]]
@@ -257,7 +260,7 @@ def test_the_heat_is_the_integral_of_the_larger_row(seed: int) -> None:
     rng = np.random.default_rng(seed)
     decay = 10.0 ** (-2 * np.arange(4)[:, None])
     effort = prove.Model(rng.normal(size=(4, 3)) * decay, np.full(3, 1e-15))
-    effort.c[0] *= 0.01  # the load turns within the box
+    effort.c[0] *= 0.01  # The load changes its sign within the box.
     up, down, base = 0.5, -0.3, prove.Model(rng.normal(size=(3, 3)) * decay[:3], np.zeros(3))
     rows = [effort * up + base, effort * down + base]
     low, high = prove.heat(effort, rows)
@@ -361,11 +364,11 @@ def test_bounds_contain_values_and_halves_are_the_same_polynomial(seed: int) -> 
 
 
 OUTSIDE = {"path departure", "corner rounding", "constant speed", "retina distance"}
-"""Limits that the proof covers in part only."""
+"""Limits that the proof covers only in part."""
 
 
 WITHOUT_PLAN = {4, 7, 11, 35, 37, 38, 43, 47, 51, 58, 65, 67, 68, 79, 80, 83, 84, 86, 96, 98, 109}
-"""Seeds of random problems that have no plan."""
+"""Seeds of random problems for which there is no plan."""
 SEEDS = sorted({*range(110 if os.environ.get("EVERY_CASE") else 50)} - WITHOUT_PLAN)
 
 

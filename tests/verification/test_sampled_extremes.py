@@ -1,4 +1,4 @@
-"""Intervals in which quantities are sampled, the brackets of what lies between, and the means of squares."""
+"""Intervals, brackets of the values between samples, and mean squares."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SMOOTH = np.array([False])
 
 
 def random_motion(seed: int) -> Trajectory:
-    """Seven polynomials without any continuity; they begin at 3 s."""
+    """Return seven discontinuous polynomials that start at 3 s."""
     rng = np.random.default_rng(seed)
     breaks = 3.0 + np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1.5, 7))])
     return Trajectory(breaks, rng.normal(size=(7, 6, 4)) * [0.5, 0.5, 0.5, 0.02], ())
@@ -115,7 +115,7 @@ def test_parts_are_equal_and_some_in_a_row_end_by_themselves(
 
 
 def test_means_of_squares_are_integrals(robot: Robot) -> None:
-    """A torque linear in time has a parabola for its square, which both rules integrate exactly."""
+    """The square of a linear torque is a parabola, which both rules integrate exactly."""
     limits = [robot.joints[i].limit(MotorTorque) for i in (0, 1)]
     speed = Quantity(robot.joints[0].limits[0], 0, 0)
     rms = RmsTorques([speed, *(Quantity(limit, i) for i, limit in enumerate(limits))])
@@ -151,7 +151,10 @@ def test_intervals_with_uneven_squares_are_looked_at_again(robot: Robot) -> None
 
 @pytest.mark.parametrize("where", ["start", "reversal"])
 def test_a_start_with_a_tiny_speed_has_static_friction_too(robot: Robot, where: str) -> None:
-    """A velocity may jump by a millionth of its limit: at a start or a reversal that hides no friction."""
+    """A velocity may jump by a millionth of its limit at a start or a reversal.
+
+    Static friction counts there as well.
+    """
     move = np.array([0.004, 0.0, 0.0, 0.0])
     motion = trapezoids(robot, (-move, move) if where == "start" else (move, -move))
     turning = 0 if where == "start" else 2

@@ -71,7 +71,7 @@ def test_other_shipped_problems(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("first", [0, 6])
 def test_random_plans(first: int) -> None:
-    """No figure is below a proven lower bound, and toppra calls no certified plan too fast."""
+    """No duration is below a proven bound, and toppra does not find a certified plan too fast."""
     base = load_problem("tilt_insert")
     count = 0
     for seed in range(first, first + 6 + first // 2):

@@ -1,4 +1,4 @@
-"""A motion played slower: held against a scan of a thousand speeds and against the check of the slowed motion."""
+"""A slower motion agrees with a scan of a thousand speeds and with the check of this motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def plan():
 
 
 def with_stribeck(plan, rise: float, speed: float):
-    """The plan on drives whose friction rises towards low speed."""
+    """Return the plan with drives whose friction rises towards low speed."""
     joints = []
     for joint in plan.robot.joints:
         if joint.drive is not None:
@@ -39,7 +39,7 @@ def with_stribeck(plan, rise: float, speed: float):
 
 
 def scan(plan, robot, factors):
-    """Largest torque (m, 4) of a motion at each factor, one after the other."""
+    """Return the largest torques (m, 4) of a motion at each speed, one after the other."""
     found = []
     for factor in factors:
         slow = plan.motion.slower(factor)
@@ -85,7 +85,7 @@ def test_a_certificate_at_one_speed_is_that_of_the_slowed_motion(plan):
 
 
 def test_a_motion_that_passes_at_full_speed_may_not_at_a_lower_one(plan):
-    """A motor whose largest torque lies between what it gives at full and at its worst speed."""
+    """The largest torque of the motor lies between those at full speed and at the worst speed."""
     robot = with_stribeck(plan, 0.8, 40.0)
     free = check_speeds(plan.motion, robot, plan.limits)
     worst = next(

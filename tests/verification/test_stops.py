@@ -1,4 +1,4 @@
-"""Parts of the search for stops: the nodes of the path, and polynomials at their ends."""
+"""Parts of the search for stops: nodes of the path, and polynomials with given ends."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tests.support.plans import trapezoids
 
 @pytest.fixture(scope="module")
 def motion(robot: Robot) -> Trajectory:
-    """A motion that begins at 3 s."""
+    """Return a motion that starts at 3 s."""
     whole = trapezoids(robot)
     return Trajectory(whole.breaks + 3.0, whole.coefficients, ())
 
 
 def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -> None:
-    """Others do. The path has its states on both sides of every node."""
+    """Other instants add a node. The path has its states on both sides of every node."""
     breaks = motion.breaks - 3.0
     plain = module._Path.from_motion(motion, robot, np.zeros(0))
     for shift in (-0.4 * module.NEAR, 0.4 * module.NEAR):
@@ -49,7 +49,7 @@ def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -
 def test_torques_have_rows_unless_friction_depends_on_the_speed(
     robot: Robot, motion: Trajectory, varying: tuple[int, ...]
 ) -> None:
-    """Four rows for accelerations, two for driving and two for braking with each other motor."""
+    """There are four rows of accelerations, and two driving and two braking rows of each motor."""
     joints = list(robot.joints)
     for i in varying:
         drive = joints[i].drive

@@ -1,4 +1,4 @@
-"""Torques of tables of positions: called kept or violated only where the independent oracle agrees."""
+"""Torques of tables are judged only if the independent oracle agrees."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TORQUE = MotorTorque.name
 
 
 def peaks(motion: Trajectory, robot: Robot) -> dict[str, float]:
-    """Largest motor torques of a smooth motion by joint, N·m."""
+    """Return the largest motor torques of a smooth motion by joint, N·m."""
     found = oracle.violations(oracle.of_pieces(motion.breaks, motion.coefficients), robot)
     return {
         joint.name: (1 + found[TORQUE, joint.name]) * joint.motor.max_torque
@@ -34,12 +34,12 @@ def peaks(motion: Trajectory, robot: Robot) -> dict[str, float]:
 
 
 def with_torques(robot: Robot, largest: dict[str, float]) -> Robot:
-    """The robot with motors of other largest torques."""
+    """Return the robot with other largest motor torques."""
 
     def weaker(joint: Joint) -> Joint:
         if joint.name not in largest or joint.motor is None:
             return joint
-        torque = max(largest[joint.name], 1e-6)  # a motor must have some
+        torque = max(largest[joint.name], 1e-6)  # A motor must have a torque.
         nominal = min(joint.motor.nominal_torque, torque)
         motor = unchecked(joint.motor, max_torque=torque, nominal_torque=nominal)
         return dataclasses.replace(joint, motor=motor)
@@ -48,7 +48,7 @@ def with_torques(robot: Robot, largest: dict[str, float]) -> Robot:
 
 
 def verdicts(certificate: Certificate) -> dict[str, str]:
-    """Verdicts on the torque by joint."""
+    """Return the verdicts on the torque by joint."""
     torques = {u.joint: "not judged" for u in certificate.unjudged if u.name == TORQUE}
     lines = [line for line in certificate.limits if line.name == TORQUE]
     assert not torques.keys() & {line.joint for line in lines}
@@ -56,7 +56,7 @@ def verdicts(certificate: Certificate) -> dict[str, str]:
 
 
 def rows(motion: Trajectory, rng: np.random.Generator, digits: float) -> Trajectory:
-    """A table of the motion at even or uneven times, rounded."""
+    """Return a rounded table of the motion at even or uneven times."""
     count = int(np.exp(rng.uniform(np.log(40), np.log(1500))))
     t = np.linspace(motion.breaks[0], motion.breaks[-1], count)
     if rng.random() < 0.4:
@@ -67,7 +67,7 @@ def rows(motion: Trajectory, rng: np.random.Generator, digits: float) -> Traject
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_verdict_is_that_of_the_oracle(robot: Robot, seed: int) -> None:
-    """Friction with and without Stribeck effect, jerk limits, roundings, sparse and dense rows."""
+    """The cases vary Stribeck friction, jerk limits, roundings and the density of the rows."""
     rng = np.random.default_rng(seed)
     stiff = rng.random() < 0.5
     joints = tuple(varied(joint, rng, stiff) for joint in robot.joints)
@@ -97,7 +97,7 @@ def test_a_verdict_is_that_of_the_oracle(robot: Robot, seed: int) -> None:
 def test_fine_tables_are_judged(
     robot: Robot, make: Callable[[Robot], Trajectory], rate: float, digits: float
 ) -> None:
-    """A torque 1.5 times too high is violated; one of half the limit is kept."""
+    """A torque of 1.5 times the limit is violated, and a torque of half the limit is kept."""
     motion = make(robot)
     true = peaks(motion, robot)
     s = motion.uniform(rate)
@@ -136,7 +136,7 @@ def test_a_range_of_friction_or_payload_is_never_kept_by_the_nominal_band(robot:
 
 
 def test_rows_that_do_not_move_need_no_torque(robot: Robot) -> None:
-    """A joint whose rows are equal rests, however fast its acceleration limit would let it move."""
+    """A joint with equal rows rests, although its acceleration limit would permit a motion."""
     t = np.linspace(0.0, 1.0, 101)
     q = np.tile([0.3, 1.15, 0.1, -0.01], (101, 1))
     q[:, 3] -= 0.005 * (3 * t**2 - 2 * t**3)

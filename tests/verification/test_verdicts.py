@@ -1,4 +1,4 @@
-"""Three verdicts: kept, violated, not judged; and adversaries that try to hide a violation behind rounding."""
+"""The verdicts kept, violated and not judged, and attempts to hide a violation behind rounding."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LINE = LimitCheck("velocity", "roll", 0.5, 2.0, 0.75, 1.5, "rad/s")
 
 
 def table(path: Path, robot: Robot, quicker: float = 1.0, velocities: bool = False) -> Path:
-    """Write a motion that keeps every limit when it is not played quicker, as 401 points."""
+    """Write a motion of 401 points that keeps every limit unless it is played faster."""
     motion = smooth(robot)
     s = motion.sample(np.linspace(0, motion.duration, 401))
     columns = [s.t / quicker, s.q, *([s.qd * quicker] if velocities else [])]
@@ -96,7 +96,10 @@ def test_positions_alone_leave_the_acceleration_unjudged_and_a_script_can_tell(
 
 
 def test_no_name_allows_a_violation(robot: Robot, tmp_path: Path) -> None:
-    """Ten times quicker: with velocities the torque is violated, without them at least not judged."""
+    """The motion is played ten times faster.
+
+    With velocities, the torque is violated. Without them, it is at least not judged.
+    """
     quick = table(tmp_path / "v.csv", robot, quicker=10.0, velocities=True)
     everything = "acceleration,torque,velocity,jump"
     for options in ((), ("--allow-unjudged", everything)):
@@ -111,7 +114,7 @@ def test_an_unknown_limit_is_refused(robot: Robot, tmp_path: Path) -> None:
 
 
 def oracle(t: np.ndarray, q: np.ndarray, bound: float, resolution: float) -> str:
-    """Judge the speed of one joint over every pair of points, n² of them."""
+    """Judge the speed of one joint over all n² pairs of points."""
     late, early = np.triu_indices(len(t), 1)[::-1]
     distance = np.abs(q[late] - q[early])
     if np.any(distance - 2 * resolution > bound * (1 + 2e-6) * (t[late] - t[early])):
@@ -131,7 +134,7 @@ def oracle(t: np.ndarray, q: np.ndarray, bound: float, resolution: float) -> str
 def test_rounding_hides_no_speed(
     joint: int, digits: float, rate: float, factors: list[float], sizes: list[int]
 ) -> None:
-    """Speeds are stretches at many times the limit, written with few digits."""
+    """The speeds exceed the limit many times, and few digits are written."""
     robot = load_robot("vitreoretinal")
     bound = robot.joints[joint].velocity
     speed = bound * np.repeat(factors, sizes[: len(factors)])

@@ -1,4 +1,4 @@
-"""The check of a task: a shipped motion does what its own problem asks, and nothing else."""
+"""The check of a task: a shipped motion performs its own task, and no other."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def problem() -> Problem:
 
 @pytest.fixture(scope="module")
 def table() -> Trajectory:
-    """The shipped motion as a table: without its phases."""
+    """Return the shipped motion as a table without phases."""
     motion = load_plan(SHIPPED).motion
     return Trajectory(motion.breaks, motion.coefficients, ())
 
@@ -47,7 +47,7 @@ def asking(problem: Problem, *motion: object, **changes: object) -> Problem:
 
 
 def holding(motion: Trajectory, pauses: Iterable[tuple[int, float]]) -> Trajectory:
-    """Insert a rest before each piece with one of these indices, of a duration in s."""
+    """Return a motion with a rest of a duration in s before each piece with one of these indices."""
     breaks, pieces = list(motion.breaks), list(motion.coefficients)
     for k, pause in sorted(pauses, reverse=True):
         rest = np.zeros((6, 4))
@@ -162,7 +162,7 @@ def test_the_duration_of_the_whole_motion_counts(
 def test_a_table_that_leaves_its_line_is_noticed(
     table: Trajectory, problem: Problem, joint: int, aside: float
 ) -> None:
-    """Another joint moves to and fro during the tilt. Spin does not move the tip."""
+    """Another joint moves back and forth during the tilt. The spin does not move the tip."""
     k = knot(table)
     coefficients = table.coefficients.copy()
     shares = np.linspace(0.0, np.pi, k + 1)

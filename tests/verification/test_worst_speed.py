@@ -1,4 +1,4 @@
-"""The search for the worst speed of a range, on torques whose maxima are known."""
+"""The search for the worst speed in a range, for torques with known maxima."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ class Limits:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """Speeds that are checked, where torque has a maximum at 0.3 and would be larger only beyond full speed."""
+    """Return the speeds that are checked.
+
+    The torque has a maximum at 0.3, and grows beyond full speed.
+    """
     speeds: list[float] = []
 
     def torques(motion: object, robot: object, factors: np.ndarray, pause: float) -> object:
@@ -64,7 +67,10 @@ def test_no_speed_beyond_full_speed_is_the_worst(robot: Robot, asked: list[float
 
 
 def test_torques_of_a_slower_motion_are_those_of_its_samples(robot: Robot) -> None:
-    """A joint that accelerates evenly: torque follows from the law at each speed, and a pause cools the motor."""
+    """A joint accelerates evenly.
+
+    The law gives the torque at each speed, and a pause cools the motor.
+    """
     coefficients = np.zeros((2, 6, 4))
     coefficients[:, 0] = [0.3, 1.15, 0.1, -0.01]
     coefficients[0, 2, 0] = coefficients[1, 2, 0] = 0.4
@@ -93,7 +99,7 @@ def test_torques_of_a_slower_motion_are_those_of_its_samples(robot: Robot) -> No
 
 @pytest.mark.parametrize("last", [True, False])
 def test_a_jump_of_acceleration_counts_on_both_its_sides(robot: Robot, last: bool) -> None:
-    """A short hard piece at one end, between two of the instants that are looked at evenly."""
+    """A short piece with high acceleration lies between two of the evenly spaced instants."""
     h = 1e-4
     breaks = np.array([0.0, 1.0, 1.0 + h]) if last else np.array([0.0, h, 1.0 + h])
     coefficients = np.zeros((2, 6, 4))
@@ -134,7 +140,7 @@ def test_the_worst_speed_is_found_on_either_side_of_the_grid(
 def test_the_worst_factor_is_sought_between_the_neighbours_of_the_largest_value(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, best: float
 ) -> None:
-    """Each round looks closer, from the factor before the largest value to the one behind it."""
+    """Each round searches between the factors before and after the largest value."""
     looks = []
     low, high = 0.1, 1.0
     worst = low * (high / low) ** best

@@ -1,4 +1,4 @@
-"""Draw the motion of a plan as a film of the arm and the eye. No GPU and no network is needed."""
+"""Draw the motion of a plan as a film of the arm and the eye, without a GPU and a network."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ LINK, TAIL = 0.026, 0.030
 VIEW = (rotation([1, 0, 0], np.radians(20.0)) @ rotation([0, 0, 1], np.radians(-28.0)))[[0, 2]]
 """Orthonormal rows (2, 3) that project base coordinates onto the picture."""
 JOINT = {"linewidth": 5.0, "marker": "o", "markevery": [0], "markersize": 7, "mfc": "white"}
+"""Style of a line with a circle at its first point, which marks a joint."""
 LINES: tuple[Keywords, ...] = (
     {"color": "#4d5966", **JOINT},
     {"color": "#8694a3", **JOINT},
@@ -45,6 +46,7 @@ LINES: tuple[Keywords, ...] = (
 )
 """Styles of link 1, link 2 and the tool. A circle marks the joint at the beginning of a link."""
 LABEL: Keywords = {"ha": "center", "va": "bottom", "fontsize": 7}
+"""Style of a label."""
 
 
 @checked
@@ -80,7 +82,7 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     >>> files = film("results/eye_approach", "film")  # doctest: +SKIP
     """
     if speed <= 0.0:
-        raise ProblemError("no playback", key="speed", value=speed, allowed="above 0")
+        raise ProblemError("invalid speed", key="speed", value=speed, allowed="above 0")
     plan, path = as_plan(plan), Path(path)
     pictures = list(_pictures(plan, max(speed, plan.motion.duration / LONGEST)))
     with BytesIO() as file:
@@ -104,7 +106,17 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
 def _write(gif: bytes, path: Path) -> None:
     """Write a film as GIF or, with ffmpeg, as MP4.
 
-    `gif` is the content of the GIF file. Raises ExportError if ffmpeg is missing or fails.
+    Parameters
+    ----------
+    gif : bytes
+        Content of the GIF file.
+    path : Path
+        File to write. Its suffix selects the format.
+
+    Raises
+    ------
+    ExportError
+        If ffmpeg is missing or fails.
     """
     if path.suffix == ".gif":
         path.write_bytes(gif)
@@ -139,14 +151,14 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     Parameters
     ----------
     robot : Robot
-    q : (n, 4)
+    q : (n, 4) array
         Joint positions, rad and m.
 
     Returns
     -------
-    link1, link2 : (n, 61, 2)
+    link1, link2 : (n, 61, 2) arrays
         Points of the arcs that represent the links, m.
-    tool : (n, 2, 2)
+    tool : (n, 2, 2) array
         Both ends of the tool, m.
     """
     mechanism = Mechanism.from_robot(robot)
@@ -164,7 +176,15 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
 
 
 def still(plan: Plan) -> JsonObject:
-    """Return the lines of the mechanism at the start, halfway and at the end, for an SVG, in mm."""
+    """Return the lines of the mechanism at the start, halfway and at the end of a motion.
+
+    Returns
+    -------
+    dict
+        Coordinates for an SVG in mm. `reach` is the half width of the picture, `instants` contains
+        the time in s and the lines of each instant, and `eye` contains the centre and the radius of
+        the retina.
+    """
     t = plan.motion.duration * np.array([0.0, 0.5, 1.0])
     eye = plan.limits.eye
     to_svg = np.array([1e3, -1e3])  # From m to mm. The y-axis of an SVG points down.
@@ -180,7 +200,13 @@ def still(plan: Plan) -> JsonObject:
 def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
     """Yield the pictures of a film, with a common palette of 64 colours.
 
-    The left panel shows the arm. With an eye, the right panel shows the tool in the eye.
+    The left panel shows the arm. If there is an eye, the right panel shows the tool in the eye.
+
+    Parameters
+    ----------
+    plan : Plan
+    speed : float
+        Playback speed as a share of the planned speed.
     """
     from PIL import Image
 

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from ssm_planner.sizing import MotorRequirement
 
 SAMPLES = 1200
+"""Number of samples of a curve."""
 WIDE = 9.0
 """Width of the figures that `plan` writes, inches."""
 NARROW = 5.0
@@ -59,8 +60,15 @@ NEAR = 2.0
 def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> Figure:
     """Draw joint positions, velocities and accelerations over time, with dashed limits.
 
-    Revolute joints are on the left and the translation is on the right. `width` is in inches.
-    Figures narrower than NARROW have a single column of panels.
+    Revolute joints are on the left, and the translation is on the right. Figures narrower than
+    NARROW have a single column of panels.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    robot : Robot
+    width : float
+        Width of the figure, inches.
     """
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
@@ -128,8 +136,17 @@ def motors_figure(
 ) -> Figure:
     """Draw the motor torque over time and over motor speed for every driven joint.
 
-    The panels also state the RMS torque and the ratings of the motor. `width` is in inches. Figures
-    narrower than NARROW have a single column of panels.
+    The panels also state the RMS torque and the ratings of the motor. Figures narrower than NARROW
+    have a single column of panels.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    robot : Robot
+    requirements : sequence of MotorRequirement
+        Required torques and speeds, one for each driven joint.
+    width : float
+        Width of the figure, inches.
     """
     rows, narrow = len(requirements), width < NARROW
     letters = int((width if narrow else width / 2) * 72 / (LETTER * SIZE)) - 8
@@ -173,7 +190,8 @@ PLAN_FIGURES: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "moto
 def write_simulation_figures(result: SimulationResult, folder: Path) -> Files:
     """Write the figures of a simulation as PNG and PDF, and return their paths by name.
 
-    The figures are playback and, if the simulation contains several power losses, power_loss.
+    The figures are "playback" and, if the simulation contains several power losses, "power_loss".
+    Raises ExportError if a file cannot be written.
     """
     figures = {"playback": playback(result)}
     if len(result.losses.time) > 1:
@@ -182,7 +200,7 @@ def write_simulation_figures(result: SimulationResult, folder: Path) -> Files:
 
 
 def playback(result: SimulationResult) -> Figure:
-    """Draw following errors, motor torques and the distance between tip and plan over time."""
+    """Draw following errors, motor torques and the distance of the tip from the plan."""
     figure = new_figure(7.2, 6.6)
     errors, torques, tip = figure.subplots(3, 1, sharex=True)
     for motor in result.motors:
@@ -224,9 +242,10 @@ def _ratings_text(motor: Motor | None) -> str:
     if motor is None:
         return "no motor given"
     mark = ", placeholder figures" if motor.placeholder else ""
-    nominal, largest = 1e3 * motor.nominal_torque, 1e3 * motor.max_torque
-    return f"{motor.name}{mark}: nominal {nominal:.3g}, largest {largest:.3g} mN·m"
+    nominal, maximum = 1e3 * motor.nominal_torque, 1e3 * motor.max_torque
+    return f"{motor.name}{mark}: nominal {nominal:.3g}, largest {maximum:.3g} mN·m"
 
 
 def _label(robot: Robot, i: int) -> str:
+    """Return the number and the name of a joint for a label."""
     return f"joint {i + 1} ({robot.joints[i].name})"

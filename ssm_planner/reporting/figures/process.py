@@ -1,9 +1,9 @@
-"""Draw figures and judge durations in a child process while the planner works.
+"""Draw figures and compute second opinions in a child process while the planner works.
 
-The child imports matplotlib and toppra during the planning, and draws and judges during the check.
-It reads requests from its standard input. It writes every opinion to its standard output at once,
-and the content of the image files at the end. It opens no file and has no terminal, so it can be
-killed at any time.
+The child imports matplotlib and toppra during the planning, and works during the check. It reads
+requests from its standard input. It writes every opinion to its standard output at once, and the
+content of the image files at the end. It opens no files and is not connected to a terminal, so
+it can be killed at any time.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ TIMEOUT = 60.0
 OPINION = "opinion"
 """Name of the request for a second opinion."""
 _START = "from ssm_planner.reporting.figures.process import serve; serve()"
+"""Program of the child process."""
 
 Contents = dict[str, dict[str, bytes]]
 """Content by figure and file extension."""
@@ -52,10 +53,12 @@ Contents = dict[str, dict[str, bytes]]
 class _Plain(pickle.Pickler):
     """Pickler that converts sizing results to plain namespaces.
 
-    The child can then unpickle them without importing the sizing package and CasADi.
+    The child can then unpickle them without importing the sizing package and CasADi, which takes
+    long.
     """
 
     def reducer_override(self, value: object) -> Any:
+        """Reduce a sizing result to its attributes."""
         if type(value).__module__.startswith("ssm_planner.sizing."):
             return SimpleNamespace, (), vars(value)
         return NotImplemented
@@ -64,26 +67,30 @@ class _Plain(pickle.Pickler):
 class FigureProcess:
     """A child process that draws the figures of one plan and judges its duration.
 
-    If the process cannot start or fails, `result` returns no figures and `opinions` returns None.
-    The caller then does the work.
+    If the process cannot start or fails, `result` returns an empty dict and `opinions` returns
+    None. The caller then does the work. On exit from the context, the process is killed.
     """
 
     def __init__(self) -> None:
+        """Start the process, unless the computer has only one processor."""
         self._process = _start_process() if (os.cpu_count() or 1) > 1 else None
         # Writing to a full pipe blocks. A thread writes, so that the planner never waits.
         self._pipe = ThreadPoolExecutor(1)
         self._questions = 0
 
     def judge(self, trajectory: Trajectory, problem: Problem) -> None:
-        """Ask for the result of `second_opinions` and return immediately."""
+        """Request the result of `second_opinions` for a motion, and return immediately."""
         self._questions += 1
         self.draw(OPINION, trajectory, problem)
 
     def opinions(self) -> tuple[Opinion, ...] | None:
-        """Wait for the answer to the last question, and return it.
+        """Wait for the answer to the last request of `judge`, and return it.
 
-        The result is None if there was no question, or if the process failed or took longer than
-        TIMEOUT.
+        Returns
+        -------
+        tuple of Opinion or None
+            One opinion for each phase. None if `judge` was not called, or if the process failed or
+            took longer than TIMEOUT.
         """
         opinions = None
         try:
@@ -112,7 +119,11 @@ class FigureProcess:
     def result(self) -> Contents:
         """Wait for the requested figures, and return the content of their files.
 
-        The result is empty if the process failed or took longer than TIMEOUT.
+        Returns
+        -------
+        dict
+            Content by name of the figure and file extension. It is empty if the process failed or
+            took longer than TIMEOUT.
         """
         process = self._process
         if process is None:
@@ -125,12 +136,13 @@ class FigureProcess:
         return files
 
     def _read(self) -> tuple[Opinion, ...] | None:
-        """Return the next opinion. All figures follow when the standard input is closed."""
+        """Read the next opinion from the standard output of the child."""
         if self._process is None or self._process.stdout is None:
             return None
         return pickle.load(self._process.stdout)
 
     def _write(self, message: bytes) -> None:
+        """Write a request to the standard input of the child."""
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.write(message)
             self._process.stdin.flush()
@@ -139,6 +151,7 @@ class FigureProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Kill the process."""
         if self._process is not None:
             self._process.kill()
             self._pipe.submit(self._process.communicate)
@@ -148,7 +161,7 @@ class FigureProcess:
 def _start_process() -> subprocess.Popen[bytes] | None:
     """Start the child process.
 
-    Returns None if this fails or if the interpreter is embedded in another program.
+    Returns None if this fails, or if the interpreter is embedded in another program.
     """
     if not sys.executable or getattr(sys, "frozen", False):
         return None
@@ -166,7 +179,11 @@ def _start_process() -> subprocess.Popen[bytes] | None:
 
 
 def serve() -> None:
-    """Run the child process: answer questions at once, and write all figures at the end."""
+    """Run the child process.
+
+    It answers requests for opinions at once. When its standard input is closed, it writes all
+    figures and ends.
+    """
     gc.disable()  # Garbage collection would take a tenth of the time of this short process.
     answer = sys.stdout.buffer
     sys.stdout = sys.stderr
@@ -196,12 +213,13 @@ def serve() -> None:
 def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> Files:
     """Write the figures of a new plan as PNG.
 
-    The figures are motion and, if the robot has drives, motors.
+    The figures are "motion" and, if the robot has drives, "motors".
 
     Parameters
     ----------
     plan : Plan
     folder : Path
+        Existing folder of the files.
     drawer : FigureProcess, optional
         Process that may already have drawn the figures.
 
@@ -213,11 +231,11 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     Raises
     ------
     ExportError
-        If the plan has no trajectory, or if a file cannot be written.
+        If the plan does not contain a trajectory, or if a file cannot be written.
     """
     trajectory, robot = plan.trajectory, plan.problem.robot
     if trajectory is None:
-        raise ExportError("the plan has no trajectory to draw")
+        raise ExportError("the plan does not contain a trajectory to draw")
     arguments: dict[str, tuple[object, ...]] = {"motion": (trajectory, robot)}
     if plan.requirements:
         arguments["motors"] = trajectory, robot, plan.requirements

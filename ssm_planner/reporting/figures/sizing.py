@@ -40,13 +40,15 @@ if TYPE_CHECKING:
 
 PART_COLOURS = ("#56B4E9", "#009E73", "#0072B2", "#D55E00", "#E69F00")
 PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
+"""Colours and line styles of the parts of a motor torque."""
 
 
 def write_sizing_figures(sizing: Sizing, folder: Path) -> Files:
     """Write the figures of a sizing as PNG and PDF, and return their paths by name.
 
     The figures are payload_curves, torque_split and, if motors are assessed, operating_regions. If
-    the motion moves no driven joint, nothing is written.
+    the motion does not move a driven joint, nothing is written. Raises ExportError if a file cannot
+    be written.
     """
     if not sizing.joints:
         return {}
@@ -62,8 +64,8 @@ def write_sizing_figures(sizing: Sizing, folder: Path) -> Files:
 def payload_curves(sizing: Sizing) -> Figure:
     """Draw the motor torque over the motor speed.
 
-    Rotary joints are on the left and the translation is on the right. A broad bar at the peak shows
-    the range of the peak torque at the stated confidence.
+    Rotary joints are on the left, and the translation is on the right. A broad bar at the peak
+    shows the range of the peak torque at the stated confidence.
     """
     groups = []
     for slides in (False, True):
@@ -101,7 +103,8 @@ def torque_split_figure(sizing: Sizing) -> Figure:
 def operating_regions(sizing: Sizing) -> Figure:
     """Draw the motion of each joint in the speed–torque plane of each candidate motor.
 
-    The continuous region is shaded and the short-term region is outlined.
+    The continuous region of the motor is shaded, and the short-term region is outlined. A dotted
+    line shows the RMS torque of the motion.
     """
     verdicts = sizing.verdicts
     columns = min(len(verdicts), 3)
@@ -180,16 +183,18 @@ def _runs(direction: Array) -> list[Indices]:
 
 
 def _label(joint: JointSizing) -> str:
+    """Return the number and the name of a joint for a label."""
     return f"joint {JOINTS.index(joint.load.joint) + 1} ({joint.load.joint})"
 
 
 MODEL: Keywords = {"color": COLOURS[1], "linestyle": (0, (5, 3)), "linewidth": 1.4}
 MEASURED: Keywords = {"color": "black", "linewidth": 0.8}
 OUTLIER: Keywords = {"color": COLOURS[1], "marker": "x", "markersize": 7, "linestyle": "none"}
+"""Styles of the fitted law, of measurements and of outliers."""
 
 
 def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
-    """Draw a torque–velocity map with measurements, outliers, and the fitted law with its bands.
+    """Draw a torque–velocity map: measurements, outliers, and the fitted law with its bands.
 
     The bands contain 95 % of new recordings. The inner band applies to the mean of a recording, and
     the outer band to its samples, which contain ripple and noise.
@@ -226,9 +231,20 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
 
 
 def _bands(axes: Axes, drive: Drive, w: Array, load: float, with_labels: bool) -> None:
-    """Draw the bands that contain 95 % of new recordings at constant motor speeds w (n,), rad/s.
+    """Draw the bands that contain 95 % of new recordings at constant motor speeds.
 
-    A drive without a posterior has no bands. `load` is the load effort, N·m or N.
+    A drive without a posterior is drawn without bands.
+
+    Parameters
+    ----------
+    axes : Axes
+    drive : Drive
+    w : (n,) array
+        Motor speeds, rad/s.
+    load : float
+        Load effort, N·m or N.
+    with_labels : bool
+        Add the bands to the legend.
     """
     from ssm_planner.dynamics import friction_of
     from ssm_planner.identification import Motion, band_of, departure, map_torque
@@ -249,9 +265,17 @@ def _bands(axes: Axes, drive: Drive, w: Array, load: float, with_labels: bool) -
 
 
 def speeds_of_map(w: Array) -> tuple[Array, Array]:
-    """Return the backward and the forward speeds (200,) at which the fitted law is drawn.
+    """Return the backward and the forward speeds at which the fitted law is drawn.
 
-    They cover the range of the measured speeds w (n,), rad/s, with logarithmic spacing.
+    Parameters
+    ----------
+    w : (n,) array
+        Measured motor speeds in both directions, rad/s.
+
+    Returns
+    -------
+    backward, forward : (200,) arrays
+        Speeds with logarithmic spacing over the measured range, rad/s.
     """
     sides = (np.abs(w[np.sign(w) == sign]) for sign in (-1.0, 1.0))
     backward, forward = (np.geomspace(side.min(), side.max(), 200) for side in sides)
@@ -259,7 +283,10 @@ def speeds_of_map(w: Array) -> tuple[Array, Array]:
 
 
 def prediction_figure(prediction: Prediction) -> Figure:
-    """Draw the measured and the predicted motor torque over time, and the measured speed below."""
+    """Draw the measured and the predicted motor torque over time, and the speed below.
+
+    Shaded bands contain 95 % of the samples and of the means, if the drive states a posterior.
+    """
     figure = new_figure(7.2, 4.4)
     torque, speed = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     recording = prediction.recording

@@ -30,11 +30,15 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#000000")
 FIFTH = "#A0457E"
 """Colour of a fifth curve. Its line style differs from those of the joints."""
 DASHES = ("-", "--", "-.", ":")
+"""Line styles of joints 1 to 4."""
 LIMIT: Keywords = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
+"""Style of a line at a limit."""
 AXIS: Keywords = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 """Style of a line at zero."""
 SIZE = 9.0
+"""Font size, points."""
 DPI = 200
+"""Resolution of PNG files, pixels per inch."""
 LETTER = 0.58
 """Mean width of a letter as a share of the font size."""
 MARGIN = 0.05
@@ -47,7 +51,8 @@ PNG_HEADER = 33
 def unit_of(unit: str) -> tuple[str, float]:
     """Return the display unit of an SI unit, and the factor that converts SI values to it.
 
-    Degrees have the sign °, as in all pages and figures: "rad/s" gives ("°/s", 180/π).
+    Degrees have the symbol °, as in all pages and figures. For example, "rad/s" gives ("°/s",
+    180/π).
     """
     return display_unit(unit, "°")
 
@@ -55,8 +60,12 @@ def unit_of(unit: str) -> tuple[str, float]:
 def new_figure(width: float, height: float) -> Figure:
     """Create an empty figure that does not use pyplot's global state.
 
-    Matplotlib arranges the panels when it draws the figure, so that all labels fit. `width` and
-    `height` are in inches.
+    Matplotlib arranges the panels when it draws the figure, so that all labels fit.
+
+    Parameters
+    ----------
+    width, height : float
+        Size of the figure, inches.
     """
     figure = _empty_figure(width, height)
     figure.set_layout_engine("constrained")
@@ -95,14 +104,14 @@ def new_panels(
         Axes of the panels.
     """
     figure = _empty_figure(width, height)
-    left, right, below, above = edges
-    across = (width - left - right - (columns - 1) * gaps[0]) / columns
-    down = (height - below - above - (rows - 1) * gaps[1]) / rows
+    left_edge, right_edge, bottom_edge, top_edge = edges
+    across = (width - left_edge - right_edge - (columns - 1) * gaps[0]) / columns
+    down = (height - bottom_edge - top_edge - (rows - 1) * gaps[1]) / rows
     figure.subplots_adjust(
-        left=left / width,
-        right=1 - right / width,
-        bottom=below / height,
-        top=1 - above / height,
+        left=left_edge / width,
+        right=1 - right_edge / width,
+        bottom=bottom_edge / height,
+        top=1 - top_edge / height,
         wspace=gaps[0] / across,
         hspace=gaps[1] / down,
     )
@@ -110,6 +119,7 @@ def new_panels(
 
 
 def _empty_figure(width: float, height: float) -> Figure:
+    """Create a figure with a canvas for PNG files."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -119,7 +129,16 @@ def _empty_figure(width: float, height: float) -> Figure:
 
 
 def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
-    """Add labels and a light grid to a panel, and remove its frame at the top and on the right."""
+    """Add labels and a light grid to a panel, and remove its frame at the top and on the right.
+
+    Parameters
+    ----------
+    axes : Axes
+    x, y : str
+        Labels of the axes.
+    title : str, optional
+        Text above the panel.
+    """
     axes.set_xlabel(x, fontsize=SIZE)
     axes.set_ylabel(y, fontsize=SIZE)
     if title is not None:
@@ -130,11 +149,23 @@ def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
 
 
 def render_figure(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
-    """Render a figure, and return the content of its files by suffix, "png" and optionally "pdf".
+    """Render a figure as the content of its files.
 
-    Equal figures give equal bytes. PDF files embed TrueType fonts, and `about` becomes their
-    subject. The function calls the canvases directly, because Figure.savefig draws everything
-    twice.
+    Equal figures give equal bytes. PDF files embed TrueType fonts. The function calls the canvases
+    directly, because Figure.savefig draws everything twice.
+
+    Parameters
+    ----------
+    figure : Figure
+    pdf : bool
+        Render a PDF file, too.
+    about : str, optional
+        Subject of the PDF file.
+
+    Returns
+    -------
+    dict of bytes
+        Content by suffix, "png" and "pdf".
     """
     from matplotlib import rc_context
 
@@ -204,7 +235,15 @@ def save_rendered(files: Mapping[str, bytes], path: Path, about: str | None = No
 
 
 def png_with_text(png: bytes, key: str, text: str) -> bytes:
-    """Insert a text chunk (key and text) into a PNG image, after its header."""
+    """Insert a text chunk into a PNG image, after its header.
+
+    Parameters
+    ----------
+    png : bytes
+        Content of the PNG file.
+    key, text : str
+        Keyword and text of the chunk (PNG specification, tEXt).
+    """
     chunk = _chunk(b"tEXt", key.encode("ascii") + b"\0" + text.encode("latin-1"))
     return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]
 
@@ -212,8 +251,8 @@ def png_with_text(png: bytes, key: str, text: str) -> bytes:
 def _png(figure: Figure) -> bytes:
     """Render a figure as an opaque PNG image with a palette of 256 colours.
 
-    The palette reduces the file to a third of its size. The image is compressed by Python's zlib,
-    because the output of Pillow's own compressor depends on the processor.
+    The palette reduces the file to a third of its size. Python's zlib compresses the image, because
+    the output of Pillow's own compressor depends on the processor.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -236,29 +275,33 @@ def _png(figure: Figure) -> bytes:
     return PNG_SIGNATURE + b"".join(_chunk(*chunk) for chunk in (*chunks, (b"IEND", b"")))
 
 
-def _chunk(kind: bytes, content: bytes) -> bytes:
+def _chunk(chunk_type: bytes, content: bytes) -> bytes:
     """Return a chunk of a PNG file: length, type, content and checksum."""
-    body = kind + content
+    body = chunk_type + content
     return struct.pack(">I", len(content)) + body + struct.pack(">I", crc32(body))
 
 
 def legend(axes: Axes, **options: Any) -> None:
-    """Draw a legend inside a panel. `options` are those of `Axes.legend`."""
+    """Draw a legend inside a panel. The options are those of `Axes.legend`."""
     axes.legend(**{"fontsize": SIZE - 1, "frameon": False, **options})
 
 
 def zero_lines(axes: Axes, down: bool = False) -> None:
-    """Draw a horizontal line at zero and, if `down` is true, also a vertical line."""
+    """Draw a horizontal line at zero and, if `down` is true, a vertical line as well."""
     axes.axhline(0.0, **AXIS)
     if down:
         axes.axvline(0.0, **AXIS)
 
 
 def shade_phases(axes: Axes, trajectory: Trajectory, with_names: bool = False) -> None:
-    """Shade every second phase in a panel whose horizontal axis is the time.
+    """Shade every second phase in a panel whose horizontal axis is the time in s.
 
-    If `with_names` is true, write the name of each phase above the panel, in the longest form that
-    fits.
+    Parameters
+    ----------
+    axes : Axes
+    trajectory : Trajectory
+    with_names : bool
+        Write the name of each phase above the panel, in the longest form that fits.
     """
     size = SIZE - 1
     inches = axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * MARGIN))  # Inches per second.
@@ -279,7 +322,7 @@ def shade_phases(axes: Axes, trajectory: Trajectory, with_names: bool = False) -
 def fitting_name(name: str, letters: int) -> str:
     """Return the longest form of a phase's name that has at most `letters` letters.
 
-    The forms of "ring, spot 12" are "ring, spot 12", "spot 12", "12" and "".
+    For example, the forms of "ring, spot 12" are "ring, spot 12", "spot 12", "12" and "".
     """
     short_name = name.rpartition(", ")[2]
     number = short_name.rpartition(" ")[2]

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 AXES = ("ω₁\nθ₁ roll", "ω₂\nθ₂", "ω₃\nθ₃ spin\nθ₄ insertion")
 """Label of each axis with its joints."""
 CENTRED: Keywords = {"ha": "center", "va": "center", "fontsize": SIZE}
-"""Style of a label whose middle is at its place."""
+"""Style of a label whose middle is at the given position."""
 
 
 def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
@@ -56,8 +56,22 @@ def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
 def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> Files:
     """Write each figure as PNG and PDF into a folder, all at once.
 
-    Returns the paths by name: `<name>` for a PNG file and `<name>_pdf` for a PDF file. Raises
-    ExportError if a file cannot be written.
+    Parameters
+    ----------
+    figures : mapping of str to Figure
+        Figures by file name.
+    directory : str or Path
+        Folder, which is created.
+
+    Returns
+    -------
+    Files
+        Paths by name: `<name>` for a PNG file, and `<name>_pdf` for a PDF file.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     folder = Path(directory)
     paths: Files = {}
@@ -112,14 +126,17 @@ def axes_figure(mechanism: Mechanism) -> Figure:
 def great_arc(start: Array, end: Array) -> Array:
     """Interpolate along the shortest arcs between unit vectors.
 
+    The weights of both ends are sin((1 − s) θ)/sin θ and sin(s θ)/sin θ, where θ is the angle
+    between them (K. Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985).
+
     Parameters
     ----------
-    start, end : (..., 3)
-        Unit vectors at both ends of each arc.
+    start, end : (..., 3) arrays
+        Unit vectors at both ends of each arc, which must not be parallel.
 
     Returns
     -------
-    (..., 61, 3)
+    (..., 61, 3) array
         Unit vectors at equal distances along each arc.
     """
     angle = np.arccos(np.clip(np.sum(start * end, axis=-1), -1.0, 1.0))[..., None, None]
@@ -140,7 +157,10 @@ def reachable_set_figure(mechanism: Mechanism) -> Figure:
 
 
 def theta2_figure(mechanism: Mechanism) -> Figure:
-    """Draw θ2 over the tilt on both branches. The branches meet at the ends of the tilt range."""
+    """Draw θ2 over the tilt on both branches of the inverse kinematics.
+
+    The branches meet at the ends of the tilt range.
+    """
     figure = new_figure(6.0, 4.2)
     axes = figure.add_subplot()
     tilt = _tilts(mechanism)
@@ -200,9 +220,9 @@ def design_region_figure(
     ----------
     region : DesignRegion
         Region in rad. Its smallest α is marked.
-    built : (2,), optional
+    built : (float, float), optional
         Another design (α, β) to mark, rad.
-    size : (2,)
+    size : (float, float)
         Width and height of the figure, inches.
     """
     from matplotlib.patches import Polygon
@@ -303,7 +323,21 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
 
 
 def pointings(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
-    """Return the directions of ω3 (3, ...) in the base frame for tilts and rolls (...), rad."""
+    """Return the directions of ω3 in the base frame.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    tilt : array_like
+        Tilt angles, rad. They must broadcast to the shape of `roll`.
+    roll : (...) array
+        Roll angles, rad.
+
+    Returns
+    -------
+    (3, ...) array
+        Unit vectors.
+    """
     tilt = np.broadcast_to(np.asarray(tilt, dtype=float), roll.shape)
     points = np.stack((np.cos(tilt), np.sin(tilt) * np.sin(roll), -np.sin(tilt) * np.cos(roll)))
     return np.tensordot(mechanism.frame, points, axes=1)
@@ -316,10 +350,12 @@ def _tilts(mechanism: Mechanism) -> Array:
 
 
 def _mark_interval(axes: Any, mechanism: Mechanism) -> None:
+    """Draw vertical lines at both ends of the tilt range."""
     for tilt in np.degrees(tilt_interval(mechanism)):
         axes.axvline(tilt, color="0.7", linewidth=0.8, zorder=0)
 
 
 def _title(content: str, mechanism: Mechanism) -> str:
+    """Return a title that states α and β."""
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     return f"{content} (α = {alpha:.2f}°, β = {beta:.2f}°)"

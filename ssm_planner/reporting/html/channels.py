@@ -42,7 +42,7 @@ from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Arrays
 
 RATE, FEWEST, MOST = 400.0, 1200, 4000
-"""Samples per second of motion, and the smallest and largest number of samples in a page."""
+"""Samples per second of motion in a page, and the smallest and largest number of samples."""
 LOAD_RATE = 500.0
 """Rate at which motor loads are sampled, Hz. The instants of torque jumps are added."""
 CELSIUS = 273.15
@@ -83,14 +83,19 @@ def channels_of(plan: Plan, t: Array) -> Arrays:
     for load in loads:
         i = JOINTS.index(load.joint)
         curves = {f"w{i}": load.speed(), f"tau{i}": load.torque()}
-        curves |= {f"split{i}_{name}": part for name, part in torque_split(load).components()}
+        curves |= {
+            f"split{i}_{name}": component for name, component in torque_split(load).components()
+        }
         for name, values in curves.items():
             channels[name] = np.interp(t, load.t - load.t[0], values)
     return channels | _temperature_channels(loads, t, pause_of(plan.problem))
 
 
 def encode(channels: Arrays) -> dict[str, str]:
-    """Encode channels (n,) as base64 of little-endian doubles, which is exact and fast to read."""
+    """Encode channels (n,) for the scripts of a page.
+
+    Each channel becomes the base64 text of little-endian doubles, which is exact and fast to read.
+    """
     return {
         name: base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
         for name, values in channels.items()
@@ -98,15 +103,27 @@ def encode(channels: Arrays) -> dict[str, str]:
 
 
 def limited_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
-    """Return the kinds of tool speed that the page plots: the tip speed and all limited speeds."""
+    """Return the kinds of tool speed that the page plots: the tip speed and limited speeds."""
     return [TipSpeed, *(type(limit) for limit in limits.speeds if not isinstance(limit, TipSpeed))]
 
 
 def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -> Arrays:
-    """Return the channels (n,) of the tool in SI units.
+    """Return the channels of the tool.
 
     They contain the task coordinates, their limited rates, the tip position, the tool speeds and
     the clearances in the eye.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    samples : Samples
+        n samples of the joint motion.
+    limits : TaskLimits
+
+    Returns
+    -------
+    dict of (n,) arrays
+        Values in SI units by name of the channel.
     """
     task = task_from_joints(mechanism, samples.q)
     for column in (0, 2):
@@ -114,8 +131,8 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
     rates = task_rates(mechanism, samples.q, samples.qd)
     tip = tip_position(mechanism, samples.q)
     channels = {
-        kind.field: tool_speed(kind, mechanism, samples.q, samples.qd)
-        for kind in limited_speeds(limits)
+        speed_type.field: tool_speed(speed_type, mechanism, samples.q, samples.qd)
+        for speed_type in limited_speeds(limits)
     }
     channels |= {f"tip{i}": tip[:, i] for i in range(3)}
     channels |= {f"task{i}": task[:, i] for i in range(4)}
@@ -129,10 +146,24 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
 
 
 def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) -> Arrays:
-    """Return the winding and housing temperatures (n,) at t (n,), °C.
+    """Return the temperatures of the windings and housings of all motors.
 
-    They belong to the steady state of the motion that repeats after a pause (s). Motors without
-    thermal data or without a steady state have no such channels.
+    They belong to the steady state of a motion that repeats. Motors without thermal data, and
+    motors that overheat, are left out.
+
+    Parameters
+    ----------
+    loads : sequence of JointLoad
+        Loads of the motors.
+    t : (n,) array
+        Instants, s.
+    pause : float
+        Time before the motion repeats, s.
+
+    Returns
+    -------
+    dict of (n,) arrays
+        Temperatures in °C by name of the channel.
     """
     channels = {}
     for load in loads:

@@ -27,9 +27,22 @@ NAMES = ("A", "B")
 """Names of the two plans on the page."""
 
 
-def write_comparison(plan_a: Plan, plan_b: Plan, out: Path) -> Path:
-    """Write the comparison of two plans to the file `out`. Raises ExportError if this fails."""
-    return write_page(out, comparison_page(plan_a, plan_b), plan_a.sha256)
+def write_comparison(plan_a: Plan, plan_b: Plan, path: Path) -> Path:
+    """Write the page that compares two plans, and return its path.
+
+    Parameters
+    ----------
+    plan_a, plan_b : Plan
+        Plans with trajectories.
+    path : Path
+        File of the page.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
+    """
+    return write_page(path, comparison_page(plan_a, plan_b), plan_a.sha256)
 
 
 def comparison_page(plan_a: Plan, plan_b: Plan) -> str:
@@ -59,8 +72,8 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
     for plan, samples in zip(plans, channels, strict=True):
         # A limit cannot be active after the end of the plan.
         running = t <= plan.motion.duration + 1e-9
-        own_panels = panels_of(plan, {name: x[running] for name, x in samples.items()})
-        panels.append([*own_panels, *_margin_panels(plan, samples)])
+        plan_panels = panels_of(plan, {name: x[running] for name, x in samples.items()})
+        panels.append([*plan_panels, *_margin_panels(plan, samples)])
     return {
         "duration": duration,
         "ends": [plan.motion.duration for plan in plans],
@@ -72,9 +85,10 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
 
 
 def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
-    """Yield one panel per motor with the margin that torque and speed keep from their limits.
+    """Yield one panel for each motor with the margin of its torque and speed.
 
-    The function adds the margins (n,) to `samples`, as shares of the limits.
+    The margin is the smaller distance of both from their limits, as a share of the limit. The
+    function adds it to `samples` as a channel (n,).
     """
     for i, joint in enumerate(plan.robot.joints):
         if joint.motor is not None and f"tau{i}" in samples:
@@ -87,6 +101,7 @@ def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
 
 
 def _durations(plans: tuple[Plan, Plan]) -> Table:
+    """Build the table of durations, lower bounds and the gap between them."""
     gaps = [None if plan.gap is None else 100 * plan.gap for plan in plans]
     names = {"duration": "duration", "lower bound": "lower_bound", "toppra": "toppra_duration"}
     rows = [
@@ -98,7 +113,7 @@ def _durations(plans: tuple[Plan, Plan]) -> Table:
 
 
 def _limits(*certificates: Certificate | None) -> Table:
-    """Build the table of margins in both certificates, smallest margin first."""
+    """Build the table of the margins in both certificates, smallest margin first."""
     margins_a, margins_b = (_margins(certificate) for certificate in certificates)
     ordered = sorted((margin, key) for key, margin in [*margins_a.items(), *margins_b.items()])
     rows = []
@@ -110,12 +125,14 @@ def _limits(*certificates: Certificate | None) -> Table:
 
 
 def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
+    """Return the margin of each limit by its name and joint. An empty text means no joint."""
     if certificate is None:
         return {}
     return {(limit.name, limit.joint or ""): limit.margin for limit in certificate.limits}
 
 
 def _motors(plans: tuple[Plan, Plan]) -> Table:
+    """Build the table of the required torques and speeds of the motors in both plans."""
     sides = [{r.joint: r.to_dict() for r in plan.requirements} for plan in plans]
     rows = []
     for joint in sorted(sides[0].keys() | sides[1].keys()):
@@ -132,7 +149,14 @@ def _motors(plans: tuple[Plan, Plan]) -> Table:
 
 
 def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, str, str]:
-    """Format the values of A and B and the change from A to B, relative or absolute."""
+    """Format the values of A and B, and the change from A to B.
+
+    Parameters
+    ----------
+    values : sequence of two float or None
+    relative : bool
+        Give the change in per cent of A. Otherwise, give the difference.
+    """
     a, b = values
     change = NOTHING
     if a is not None and b is not None and (a or not relative):
@@ -148,19 +172,19 @@ def _merge(panels: Sequence[list[Panel]]) -> list[Panel]:
     """
     merged: dict[tuple[str, str], Panel] = {}
     for side, name in enumerate(NAMES[: len(panels)]):
-        kept = [panel for panel in panels[side] if panel["section"] not in LEFT_OUT]
-        for panel in chain.from_iterable(map(_split_by_series, kept)):
+        shown_panels = [panel for panel in panels[side] if panel["section"] not in LEFT_OUT]
+        for panel in chain.from_iterable(map(_split_by_series, shown_panels)):
             key = panel["section"], panel["channel"]
             shared = merged.setdefault(key, {**panel, "limits": [], "active": [], "sides": []})
             shared["sides"].append(side)
             for limit in panel["limits"]:
                 equal = [
-                    other
-                    for other in shared["limits"]
-                    if all(other[key] == limit[key] for key in ("name", "low", "high"))
+                    line
+                    for line in shared["limits"]
+                    if all(line[key] == limit[key] for key in ("name", "low", "high"))
                 ]
-                for other in equal:
-                    other["side"] = None
+                for line in equal:
+                    line["side"] = None
                 if not equal:
                     shared["limits"].append({**limit, "of": name, "side": side})
             for interval in panel["active"]:
@@ -172,12 +196,12 @@ def _merge(panels: Sequence[list[Panel]]) -> list[Panel]:
 def _split_by_series(panel: Panel) -> Iterator[Panel]:
     """Yield a separate panel for each series of a panel."""
     for series in panel["series"]:
-        own = {
-            key: [each for each in panel[key] if each["joint"] == series["joint"]]
+        entries = {
+            key: [item for item in panel[key] if item["joint"] == series["joint"]]
             for key in ("limits", "active")
         }
         title = panel["title"]
         if len(panel["series"]) > 1:
             title = f"{title.partition(':')[0]}: {series['label']}"
         content = {"title": title, "channel": series["channel"], "series": [series]}
-        yield {**panel, **content, **own, "missing": []}
+        yield {**panel, **content, **entries, "missing": []}

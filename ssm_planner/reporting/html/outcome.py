@@ -1,4 +1,4 @@
-"""Write the page of a command that has no special page."""
+"""Write the page of a command for which there is only a general template."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ def write_outcome(
     path : Path
         File of the page.
     title : str
+        Title of the page.
     conclusion : str
-        First sentence of the page.
-    lines : Iterable[str]
+        First sentence of the page. It must not be empty.
+    lines : iterable of str
         Text that the command prints in the terminal.
-    tables : Iterable[Table]
-    figures : Iterable[Path]
+    tables : iterable of Table
+    figures : iterable of Path
         PNG files that become part of the page. Other files are ignored.
-    steps : Sequence[str]
+    steps : sequence of str
         Texts of a slider.
 
     Raises
     ------
     ExportError
-        If the file cannot be written.
+        If the page cannot be written.
     """
     images = [
         (file.stem, base64.b64encode(file.read_bytes()).decode("ascii"))

@@ -1,6 +1,6 @@
 """Render self-contained pages from the templates in reporting/templates.
 
-Styles, scripts and data are inside the page. It loads nothing from the network.
+A page contains its styles, scripts and data. It loads nothing from the network.
 """
 
 from __future__ import annotations
@@ -36,9 +36,14 @@ def render(template: str, data: Any, **content: Any) -> str:
     template : str
         File name of the template.
     data : Any
-        JSON types for the scripts of the page.
+        Data for the scripts of the page, as JSON types.
     **content
         Values of the variables in the template, which escapes them.
+
+    Returns
+    -------
+    str
+        The document.
     """
     from markupsafe import Markup
 
@@ -53,26 +58,41 @@ def templates() -> Environment:
     return pages
 
 
-def write_page(out: Path, text: str, plan: str) -> Path:
+def write_page(path: Path, text: str, plan: str) -> Path:
     """Write a page atomically, and return its path.
 
-    `plan` is the SHA-256 of the plan that the page shows. Raises ExportError if the file cannot be
-    written.
+    Parameters
+    ----------
+    path : Path
+        File of the page.
+    text : str
+        The document.
+    plan : str
+        SHA-256 of the plan that the page shows.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
     """
-    with replacing_result(out, plan) as temporary:
+    with replacing_result(path, plan) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    return out
+    return path
 
 
 def safe_json(data: Any) -> str:
-    """Encode data as JSON for an HTML script element. The text cannot close this element."""
+    """Encode data as JSON for an HTML script element.
+
+    The characters <, > and & are escaped, so that the text cannot close this element. Raises
+    ValueError if the data contain NaN or an infinite number.
+    """
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 @cache
 def _asset(name: str) -> Markup:
-    """Return the content of a file in assets/. It is trusted and therefore not escaped."""
+    """Return the content of a file in assets/, which is trusted and therefore not escaped."""
     from markupsafe import Markup
 
     file = resources.files(PACKAGE).joinpath("assets", *name.split("/"))

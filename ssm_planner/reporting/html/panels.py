@@ -1,4 +1,7 @@
-"""Build the panels of a page. A panel has series, limits and the intervals of active limits."""
+"""Build the panels of a page.
+
+A panel is a plot with its series, its limits and the intervals in which these limits are active.
+"""
 
 from __future__ import annotations
 
@@ -52,6 +55,7 @@ GAP = 0.01
 GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
 """Indices, unit and title of the coordinates that share a panel."""
 TEMPERATURE = "Steady-state temperature of the repeated motion at 25\N{NO-BREAK SPACE}°C ambient"
+"""Heading of the panels of temperatures."""
 POINTS = 81
 """Number of speeds in the map of a motor."""
 
@@ -59,7 +63,17 @@ POINTS = 81
 def panels_of(plan: Plan, channels: Arrays) -> list[Panel]:
     """Build all panels of a plan, in the order of the page.
 
-    `channels` contains the sampled quantities (n,) by name, see `channels_of`.
+    Parameters
+    ----------
+    plan : Plan
+        A plan with a trajectory.
+    channels : dict of (n,) arrays
+        Sampled quantities by name, see `channels_of`.
+
+    Returns
+    -------
+    list of Panel
+        Panels in display units.
     """
     joints = plan.robot.joints
     kinds = [
@@ -160,14 +174,19 @@ def new_limit(
 def limit_line(limit: Limit, index: int, channel: str) -> JsonObject:
     """Return a limit of the problem in the form that the page reads.
 
-    `index` is the index of the colour. `channel` is the channel whose intervals at the limit are
-    marked.
+    Parameters
+    ----------
+    limit : Limit
+    index : int
+        Index of the colour.
+    channel : str
+        Channel whose intervals at the limit are marked.
     """
     low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # A speed is never negative.
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
-    of = limit.coordinate if isinstance(limit, TaskRange) else limit.joint or ""
+    owner = limit.coordinate if isinstance(limit, TaskRange) else limit.joint or ""
     line = new_limit(
-        limit.name, of, index=index, low=low, high=limit.high, channel=channel, size=size
+        limit.name, owner, index=index, low=low, high=limit.high, channel=channel, size=size
     )
     # The name of a range contains its coordinate.
     return {**line, "label": limit.name} if isinstance(limit, TaskRange) else line
@@ -176,7 +195,12 @@ def limit_line(limit: Limit, index: int, channel: str) -> JsonObject:
 def mark_active(panel: Panel, channels: Arrays) -> None:
     """Add to a panel the intervals in which one of its limits is active.
 
-    `channels` contains the sampled quantities (n,) by name.
+    Parameters
+    ----------
+    panel : Panel
+        The panel, which is changed.
+    channels : dict of (n,) arrays
+        Sampled quantities by name.
     """
     for limit in panel["limits"]:
         if limit["channel"] is None:
@@ -239,14 +263,20 @@ def active_intervals(
 
 
 def _runs(t: Array, active: Mask) -> list[Range]:
-    """Return the start and end time (s) of each run of true values (n,) at instants t (n,).
+    """Return the start and end times in s of all runs of true values.
 
     Runs with a gap shorter than GAP are merged.
+
+    Parameters
+    ----------
+    t : (n,) array
+        Instants, s.
+    active : (n,) array of bool
     """
     edges = np.flatnonzero(np.diff(np.concatenate(([0], active.astype(int), [0]))))
     runs: list[Range] = []
-    for begin, stop in zip(edges[::2], edges[1::2], strict=True):
-        start, end = float(t[begin]), float(t[stop - 1])
+    for first_index, end_index in zip(edges[::2], edges[1::2], strict=True):
+        start, end = float(t[first_index]), float(t[end_index - 1])
         if runs and start - runs[-1][1] < GAP:
             start = runs.pop()[0]
         runs.append((start, end))
@@ -254,7 +284,11 @@ def _runs(t: Array, active: Mask) -> list[Range]:
 
 
 def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
-    """Format every limit on the tool as cells of a table: name, lower bound, upper bound, unit."""
+    """Format every limit on the tool as cells of a table.
+
+    Each row contains the name, the lower bound, the upper bound and the unit. The name of a
+    clearance in the eye also states the radius to which it refers.
+    """
     radii = {}
     if limits.eye is not None:
         radii[RetinaClearance.name] = f", radius {1e3 * limits.eye.radius:g} mm"
@@ -269,37 +303,55 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
 
 
 def without_temperature(channels: Arrays, motors: dict[int, Motor]) -> list[str]:
-    """Return a reason for each motor (by joint index) whose temperature cannot be plotted.
+    """Return the reasons why temperatures of motors cannot be plotted.
 
-    `channels` contains the sampled quantities (n,) by name.
+    Parameters
+    ----------
+    channels : dict of (n,) arrays
+        Sampled quantities by name.
+    motors : dict of Motor
+        Motors by joint index.
+
+    Returns
+    -------
+    list of str
+        One reason for each motor without a temperature.
     """
     reasons = []
     for i, motor in motors.items():
         if f"winding{i}" not in channels:
             missing_values = missing(motor, *FIGURES)
-            reason = "the motor overheats and has no steady state"
+            reason = "the motor overheats without reaching a steady state"
             if missing_values:
-                reason = f"the motor file gives no {', '.join(missing_values)}"
+                reason = f"the motor file lacks {', '.join(missing_values)}"
             reasons.append(f"{JOINTS[i]}: {reason}".replace("_", " "))
     return reasons
 
 
 def motor_map(i: int, motor: Motor) -> JsonObject:
-    """Return the speed–torque curves of a motor at nominal voltage and 25 °C, as JSON types.
+    """Return the speed–torque curves of a motor at nominal voltage and 25 °C.
 
-    The curves are the largest and the continuous torque (mN·m) over the motor speed (rpm). `i` is
-    the index of the joint.
+    Parameters
+    ----------
+    i : int
+        Index of the joint.
+    motor : Motor
+
+    Returns
+    -------
+    dict
+        JSON types: the largest and the continuous torque in mN·m at POINTS motor speeds in rpm.
     """
     conditions = Conditions()
     speed = np.linspace(0.0, motor.max_speed, POINTS)
-    largest = available_torque(motor, conditions, speed)
-    continuous = np.minimum(largest, continuous_torque(motor, conditions.ambient) or 0.0)
+    available = available_torque(motor, conditions, speed)
+    continuous = np.minimum(available, continuous_torque(motor, conditions.ambient) or 0.0)
     return {
         "joint": i,
         "motor": motor.name,
         "placeholder": motor.placeholder,
         "speed": (RPM * speed).tolist(),
-        "largest": (1e3 * largest).tolist(),
+        "largest": (1e3 * available).tolist(),
         "continuous": (1e3 * continuous).tolist(),
     }
 
@@ -342,6 +394,7 @@ def _joint_panel(
 
 
 def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> list[Panel]:
+    """Build the panels of the speed and the torque of every motor."""
     panels = []
     driven = [i for i in range(4) if f"tau{i}" in channels]
     for name, limited, unit in (("w", MotorSpeed, "rpm"), ("tau", MotorTorque, "N·m")):
@@ -363,9 +416,12 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> list[Panel]:
 
 
 def split_panels(channels: Arrays) -> Iterator[Panel]:
-    """Yield one panel per driven joint that plots the components of its motor torque.
+    """Yield one panel for each driven joint with the components of its motor torque.
 
-    `channels` contains the sampled quantities (n,) by name.
+    Parameters
+    ----------
+    channels : dict of (n,) arrays
+        Sampled quantities by name.
     """
     for i, joint in enumerate(JOINTS):
         if f"split{i}_{PARTS[0]}" in channels:
@@ -376,10 +432,16 @@ def split_panels(channels: Arrays) -> Iterator[Panel]:
 
 
 def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[Panel]:
-    """Yield one panel per motor that plots its winding and housing temperature.
+    """Yield one panel for each motor with the temperatures of its winding and housing.
 
-    `channels` contains the sampled quantities (n,) by name. Motors without channels for their
-    temperatures are left out. `motors` contains the motors by joint index.
+    Motors without channels for their temperatures are left out.
+
+    Parameters
+    ----------
+    channels : dict of (n,) arrays
+        Sampled quantities by name.
+    motors : dict of Motor
+        Motors by joint index.
     """
     for i, motor in motors.items():
         series = [(f"winding{i}", "winding", 1), (f"housing{i}", "housing", 0)]
@@ -402,7 +464,11 @@ def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[P
 
 
 def tool_panels(limits: TaskLimits) -> list[Panel]:
-    """Build the panels of the tool: task coordinates, limited rates, tool speeds and clearances."""
+    """Build the panels of the tool.
+
+    They plot the task coordinates, their limited rates, the tool speeds and the clearances in the
+    eye.
+    """
     panels = []
     for indices, unit, title in GROUPS:
         series = [(f"task{i}", TASK[i], i) for i in indices]
@@ -422,23 +488,26 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
         panel = new_panel("Task coordinates", title, f"{unit}/s", series)
         panel["limits"] = [limit_line(rate, i, f"task_rate{i}") for i, rate in rates.items()]
         panels.append(panel)
-    for kind in limited_speeds(limits):
-        series = [(kind.field, "tip", 3)]
-        panel = new_panel("Tool tip", kind.name.capitalize(), kind.unit, series)
-        speed = next((limit for limit in limits.speeds if type(limit) is kind), None)
+    for speed_type in limited_speeds(limits):
+        series = [(speed_type.field, "tip", 3)]
+        panel = new_panel("Tool tip", speed_type.name.capitalize(), speed_type.unit, series)
+        speed = next((limit for limit in limits.speeds if type(limit) is speed_type), None)
         if speed is not None:
-            panel["limits"] = [limit_line(speed, 3, kind.field)]
+            panel["limits"] = [limit_line(speed, 3, speed_type.field)]
         panels.append(panel)
     return panels if limits.eye is None else panels + _eye_panels(limits.eye)
 
 
-def _in_order(limits: TaskLimits, kind: type[T], indices: list[int]) -> list[T]:
-    """Return the limits of one kind on the selected coordinates, in the order of TASK."""
-    by_coordinate = {limit.coordinate: limit for limit in limits.limits if isinstance(limit, kind)}
+def _in_order(limits: TaskLimits, limit_type: type[T], indices: list[int]) -> list[T]:
+    """Return the limits of one class on the selected coordinates, in the order of TASK."""
+    by_coordinate = {
+        limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
+    }
     return [by_coordinate[TASK[i]] for i in indices if TASK[i] in by_coordinate]
 
 
 def _eye_panels(eye: Eye) -> list[Panel]:
+    """Build the panels of the distances to the retina and to the lens."""
     retina, *lens = eye.limits
     panels = [new_panel("Tool tip", "Tip to retina", retina.unit, [("retina", "tip", 3)])]
     panels[0]["limits"] = [limit_line(retina, 3, "retina")]

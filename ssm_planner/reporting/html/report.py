@@ -1,4 +1,7 @@
-"""Write report.html, a self-contained page built only from plan.json."""
+"""Write report.html, the page of a plan.
+
+The page is self-contained, and its content follows from plan.json alone.
+"""
 
 from __future__ import annotations
 
@@ -55,8 +58,9 @@ from ssm_planner.units import display_unit
 from ssm_planner.verification import Certificate, LimitCheck
 
 JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
+"""Headings of the table of the joints."""
 TIGHTEST = 10
-"""Number of limits that the certificate always shows."""
+"""Number of limits that the page always shows."""
 MAX_CLAUSES = 5
 """Largest number of clauses in the sentence about the motion."""
 UNCHANGED = 1e-6
@@ -64,24 +68,39 @@ UNCHANGED = 1e-6
 NOTABLE = 0.15
 """Share of the duration during which a limit must be active to appear in the sentence."""
 JOINT_LIMITS = tuple(
-    kind.name for kind in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque)
+    limit.name for limit in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque)
 )
+"""Names of limits that apply to one joint."""
 LENGTHS = ("tip x", "y", "z", "depth", "q4")
 """Parts of a target whose unit is that of a length."""
 JOINT_POSITIONS = ("q1", "q2", "q3", "q4")
+"""Names of the joint positions in a target."""
 LimitRow = tuple[LimitCheck, tuple[str, ...]]
 """A limit of the certificate, and its cells from `limit_cells`."""
 Mark = tuple[str, str, str]
 """A verdict: its kind ("good", "bad" or "open"), a short text and the reason."""
 
 
-def write_report(plan: Plan, out: Path) -> Path:
-    """Write the report of a plan to the file `out`. Raises ExportError if this fails."""
-    return write_page(out, report_page(plan), plan.sha256)
+def write_report(plan: Plan, path: Path) -> Path:
+    """Write the report of a plan, and return its path.
+
+    Parameters
+    ----------
+    plan : Plan
+        A plan with a trajectory.
+    path : Path
+        File of the page.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
+    """
+    return write_page(path, report_page(plan), plan.sha256)
 
 
 def report_page(plan: Plan) -> str:
-    """Return the report of a plan as an HTML document."""
+    """Return the report of a plan with a trajectory as an HTML document."""
     data, sizing = report_data(plan), sizing_of(plan)
     return render(
         "report.html",
@@ -110,11 +129,23 @@ def report_page(plan: Plan) -> str:
     )
 
 
-def write_no_plan(plan: Plan, out: Path, changes: Sequence[tuple[str, float]] = ()) -> Path:
-    """Write the page of a problem that has no certified motion.
+def write_no_plan(plan: Plan, path: Path, changes: Sequence[tuple[str, float]] = ()) -> Path:
+    """Write the page of a problem without a certified motion, and return its path.
 
-    `changes` are changes of limits, in words, and the durations (s) of the motions that they
-    permit. The page has a slider for them. Raises ExportError.
+    Parameters
+    ----------
+    plan : Plan
+        The result of planning.
+    path : Path
+        File of the page.
+    changes : sequence of (str, float)
+        Changes of limits, in words, and the durations in s of the motions that they permit. The
+        page has a slider for them.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
     """
     reason = plan.reason
     if reason is None or plan.disagreements:
@@ -125,7 +156,7 @@ def write_no_plan(plan: Plan, out: Path, changes: Sequence[tuple[str, float]] = 
             conclusion += f" A change that permits a motion: {reason.relaxation}."
     steps = [f"{text}: the motion takes {format_fixed(time, 4)} s" for text, time in changes]
     return write_outcome(
-        out, plan.problem.name, conclusion, tables=problem_tables(plan), steps=steps
+        path, plan.problem.name, conclusion, tables=problem_tables(plan), steps=steps
     )
 
 
@@ -141,17 +172,24 @@ def problem_tables(plan: Plan) -> list[Table]:
 
 
 def repetition(duty: float | None) -> str:
-    """Describe how often the robot performs the motion.
+    """Describe how often the robot performs the motion, as the beginning of a sentence.
 
-    `duty` is the pause between two repetitions in s, or None for a single motion.
+    Parameters
+    ----------
+    duty : float or None
+        Pause between two repetitions, s. None means a single motion.
     """
     if duty is None:
-        return "The motion done once, from cold,"
+        return "The motion performed once, from a cold start,"
     return f"The motion repeated {f'after a pause of {duty:.6g} s' if duty else 'without pause'}"
 
 
 def report_data(plan: Plan) -> JsonObject:
-    """Return the data for the scripts of the page: channels, panels, phases, joints and scene."""
+    """Return the data for the scripts of the page as JSON types.
+
+    They contain the sampled quantities, the panels, phases, joints and stops of the tip, the maps
+    of the motors, and the scene of the 3D view. Times count from the start of the motion, s.
+    """
     channels = channels_of(plan, time_grid(plan.motion.duration))
     motors = {
         i: joint.motor
@@ -177,7 +215,16 @@ def report_data(plan: Plan) -> JsonObject:
 
 
 def sentence(plan: Plan, panels: list[Panel]) -> str:
-    """Describe in one sentence the motion, its duration and the limits that determine it."""
+    """Describe in one sentence the motion, its duration and the limits that determine it.
+
+    An example is "Tilts −85° → −135°, inserts 20 mm in 3.35 s; limited by the tip speed."
+
+    Parameters
+    ----------
+    plan : Plan
+    panels : list of Panel
+        Panels of the plan, which contain the intervals of active limits.
+    """
     groups: dict[str, list[PhaseSummary]] = {}
     for phase in plan.phases:
         # Phases of one scan or repetition have a common name before the comma.
@@ -200,7 +247,7 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
 
 
 def _changes(phase: PhaseSummary) -> Iterator[str]:
-    """Yield a clause for each task coordinate that a phase changes."""
+    """Yield a clause for each task coordinate that a phase changes, such as “inserts 20 mm”."""
     for name, start, end in zip(TASK, phase.task_start, phase.task_end, strict=True):
         change = abs(end - start)
         if change <= UNCHANGED:
@@ -213,9 +260,10 @@ def _changes(phase: PhaseSummary) -> Iterator[str]:
 
 
 def _limited_by(plan: Plan, panels: list[Panel]) -> str:
-    """Name at most two limits that are active longest, beginning with the longest.
+    """Name at most two limits that are active for the longest time.
 
-    Position limits are left out, because they do not determine the duration.
+    Position limits are left out, because they do not determine the duration. A limit must be active
+    for the share NOTABLE of the duration.
     """
     times: dict[str, dict[int, float]] = {}
     for interval in (interval for panel in panels for interval in panel["active"]):
@@ -223,17 +271,25 @@ def _limited_by(plan: Plan, panels: list[Panel]) -> str:
         if not name.endswith(("range", "position", "clearance")):
             by_joint = times.setdefault(name, {})
             by_joint[joint] = by_joint.get(joint, 0.0) + interval["end"] - interval["start"]
-    longest = {name: max(by_joint.values()) for name, by_joint in times.items()}
+    active_times = {name: max(by_joint.values()) for name, by_joint in times.items()}
     names = [
         name
-        for name in sorted(longest, key=lambda name: -longest[name])
-        if longest[name] > NOTABLE * plan.motion.duration
+        for name in sorted(active_times, key=lambda name: -active_times[name])
+        if active_times[name] > NOTABLE * plan.motion.duration
     ]
     return " and ".join(_of_joints(name, sorted(times[name])) for name in names[:2])
 
 
 def _of_joints(name: str, joints: list[int]) -> str:
-    """Name a limit together with the numbers of its joints. Limits of the tool have no joint."""
+    """Name a limit together with the numbers of its joints.
+
+    Parameters
+    ----------
+    name : str
+        Name of the limit.
+    joints : list of int
+        Indices of the joints. They are ignored for a limit of the tool.
+    """
     quantity = {"velocity": "speed"}.get(name, name)
     if name not in JOINT_LIMITS:
         return f"the {quantity}"
@@ -245,15 +301,24 @@ def _of_joints(name: str, joints: list[int]) -> str:
 def _is_spot(phase: PhaseSummary) -> bool:
     """Return True if the tool rests at a spot of a scan during the phase.
 
-    The name of such a phase begins with the name of the scan and a comma.
+    The name of such a phase consists of the name of the scan, a comma and the name of the spot.
     """
     return phase.task_start == phase.task_end and ", " in phase.name
 
 
 def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
-    """Return the tip position (m) at the end of every phase, and whether it is a spot of a scan.
+    """Return the tip positions at the ends of the phases.
 
-    Equal positions appear once.
+    Parameters
+    ----------
+    plan : Plan
+    channels : mapping of (n,) arrays
+        Sampled quantities of the plan, see `channels_of`.
+
+    Returns
+    -------
+    list of dict
+        Position in m, and whether it is a spot of a scan. Equal positions appear once.
     """
     spots = {phase.name for phase in plan.phases if _is_spot(phase)}
     t, start = channels["t"], float(plan.motion.breaks[0])
@@ -268,10 +333,15 @@ def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
 
 
 def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
-    """Group the limits of a certificate, and sort each group by margin, smallest first.
+    """Divide the limits of a certificate into three groups, each sorted by margin.
 
     The first group contains the tightest limits, among them all violated ones. The second group
-    contains the other limits, and the third one the limits on jumps.
+    contains the other limits, and the third group the limits on jumps that are kept.
+
+    Returns
+    -------
+    list of (str, list of LimitRow)
+        Heading and limits of each group.
     """
     limits = () if certificate is None else certificate.limits
     rows: list[LimitRow] = [
@@ -296,42 +366,46 @@ def verdict(plan: Plan) -> list[Mark]:
 
 
 def sizing_of(plan: Plan) -> JsonObject:
-    """Return the sizing of a plan with a trajectory, as `size --json` prints it."""
+    """Return the sizing of a plan with a trajectory, in the form that `size --json` prints."""
     assert plan.sizing is not None
     return plan.sizing.to_dict()
 
 
 def _certification(plan: Plan) -> Mark:
+    """Return the verdict on the certificate of a plan."""
     certificate = plan.certificate
     if certificate is None:
         return "bad", "Not certified", plan.uncertified_reason or "the plan has no certificate"
     if not certificate.passed:
-        worst = certificate.worst
-        joint = f" of joint {worst.joint}" if worst.joint else ""
-        return "bad", "Not certified", f"{worst.name}{joint} exceeded at {worst.time:.3f} s"
+        tightest = certificate.worst
+        joint = f" of joint {tightest.joint}" if tightest.joint else ""
+        return "bad", "Not certified", f"{tightest.name}{joint} exceeded at {tightest.time:.3f} s"
     if plan.disagreements:
         return "bad", "Not certified", plan.disagreements[0]
     return "good", "Certified", f"{len(certificate.limits)} limits kept"
 
 
 def _stops(plan: Plan) -> JsonObject | None:
-    """Summarise the controlled stops of a plan: the longest one and the one that travels farthest.
+    """Summarise the controlled stops of a plan.
 
-    The entry `longest` contains the start of a stop, s, and its duration, ms. The entry `farthest`
-    contains the start of a stop, s, and its travel, mm. The result is None if the plan has no
-    stops.
+    Returns
+    -------
+    dict or None
+        The entry `longest` contains the start of the longest stop in s and its duration in ms. The
+        entry `farthest` contains the start of the stop with the largest travel in s and its travel
+        in mm. The result is None if the plan does not contain stops.
     """
     stops = plan.stops
     if stops is None:
         return None
     broken = {f"{limit.name} {limit.joint or ''}".strip() for limit in stops.certificate.violations}
-    longest, farthest = int(np.argmax(stops.duration)), int(np.argmax(stops.travel))
+    longest_index, farthest_index = int(np.argmax(stops.duration)), int(np.argmax(stops.travel))
     return {
         "count": len(stops.time),
         "passed": stops.passed,
         "broken": sorted(broken),
-        "longest": (stops.time[longest], 1e3 * stops.duration[longest]),
-        "farthest": (stops.time[farthest], 1e3 * stops.travel[farthest]),
+        "longest": (stops.time[longest_index], 1e3 * stops.duration[longest_index]),
+        "farthest": (stops.time[farthest_index], 1e3 * stops.travel[farthest_index]),
     }
 
 
@@ -362,12 +436,13 @@ def _target(motion: JsonObject) -> str:
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:
+    """Format a joint as the cells of JOINT_COLUMNS."""
     unit, scale = display_unit(joint.unit, "°")
     low, high = (number(scale * end, 6) for end in joint.position)
     derivatives = ((joint.velocity, "/s"), (joint.acceleration, "/s²"), (joint.jerk, "/s³"))
-    largest = (
+    largest_values = (
         NOTHING if value is None else f"{number(scale * value, 6)} {unit}{per}"
         for value, per in derivatives
     )
     hardware = (NOTHING if item is None else item.name for item in (joint.drive, joint.motor))
-    return (joint.name, joint.kind, f"{low} … {high} {unit}", *largest, *hardware)
+    return (joint.name, joint.kind, f"{low} … {high} {unit}", *largest_values, *hardware)

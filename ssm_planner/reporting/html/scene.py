@@ -1,4 +1,7 @@
-"""Build the scene of the 3D view: axes, links, tilt band and eye, in m in the base frame."""
+"""Build the scene of the 3D view: axes, links, tilt band and eye.
+
+All coordinates are in m in the base frame, whose origin is the remote centre of motion (RCM).
+"""
 
 from __future__ import annotations
 
@@ -38,11 +41,11 @@ def mechanism_scene(
     Parameters
     ----------
     mechanism : Mechanism
-    ranges : Mapping[str, Range]
+    ranges : mapping of str to (float, float)
         Permitted ranges of task coordinates, rad or m.
-    sides : list[int], optional
-        Side of the RCM on which joints 1 and 2 are drawn: +1 in the direction of the joint axis,
-        −1 opposite to it (default).
+    sides : list of int, optional
+        Side of the RCM on which joints 1 and 2 are drawn. It is +1 in the direction of the joint
+        axis, and −1 opposite to it (default).
     eye : Eye, optional
         Eye with the retina and the lens.
     """
@@ -67,9 +70,18 @@ def mechanism_scene(
 def band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
     """Return the band of a sphere about the RCM that the tool axis reaches.
 
-    The vertices of the band form a grid whose rows have equal tilt. `tilt` and `roll` are the
-    ranges of these coordinates in rad. The result holds the numbers of rows and columns, and the
-    coordinates of the vertices in m, one after the other.
+    The vertices of the band form a grid whose rows have equal tilt.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    tilt, roll : (float, float)
+        Ranges of these coordinates, rad.
+
+    Returns
+    -------
+    dict
+        Numbers of rows and columns, and the coordinates of the vertices in m, one after the other.
     """
     roll = max(roll[0], -math.pi), min(roll[1], math.pi)
     rows, columns = (max(2, math.ceil((ends[1] - ends[0]) / STEP) + 1) for ends in (tilt, roll))
@@ -83,7 +95,7 @@ def band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
 def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:
     """Return on which side of the RCM links 1 and 2 have their centres of mass.
 
-    A side is +1 in the direction of the joint axis and −1 opposite to it.
+    A side is +1 in the direction of the joint axis, and −1 opposite to it.
     """
     axes = mechanism.omega1, mechanism.omega2
     return [

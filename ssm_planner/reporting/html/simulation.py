@@ -1,6 +1,7 @@
 """Write the page of a simulated playback.
 
-The page shows the planned and the simulated arm in one view, and plots the tracking errors.
+The page shows the planned and the simulated arm in one view. It also plots the tracking errors, the
+motor torques and the effect of power losses.
 """
 
 from __future__ import annotations
@@ -33,12 +34,24 @@ PLANNED, SIMULATED = range(2)
 """Indices of the two motions on the page."""
 
 
-def write_simulation_page(plan: Plan, result: SimulationResult, out: Path) -> Path:
-    """Write the page of a simulated playback to the file `out`. Raises ExportError if this fails.
+def write_simulation_page(plan: Plan, result: SimulationResult, path: Path) -> Path:
+    """Write the page of a simulated playback, and return its path.
 
-    `result` is the simulation of `plan`.
+    Parameters
+    ----------
+    plan : Plan
+        The plan that was simulated.
+    result : SimulationResult
+        Its simulation.
+    path : Path
+        File of the page.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
     """
-    return write_page(out, simulation_page(plan, result), plan.sha256)
+    return write_page(path, simulation_page(plan, result), plan.sha256)
 
 
 def simulation_page(plan: Plan, result: SimulationResult) -> str:
@@ -64,6 +77,7 @@ def simulation_data(plan: Plan, result: SimulationResult) -> JsonObject:
     """Return the data for the scripts of the page as JSON types.
 
     Both motions are sampled on the same time grid. After its end, the plan keeps its last position.
+    If the simulation played the plan at a lower speed, the page shows the slower plan.
     """
     if result.scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(result.scenario.speed))
@@ -84,12 +98,24 @@ def simulation_data(plan: Plan, result: SimulationResult) -> JsonObject:
 
 
 def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
-    """Return the channels of the simulated motion: values at t (n,) in SI units by name.
+    """Return the channels of the simulated motion.
 
-    The names are those of `channels_of`. An error is the simulated minus the planned value.
+    Parameters
+    ----------
+    plan : Plan
+    result : SimulationResult
+    t : (n,) array
+        Instants, s.
+
+    Returns
+    -------
+    dict of (n,) arrays
+        Values in SI units by name of the channel, with the names of `channels_of`. An error is the
+        simulated minus the planned value.
     """
 
     def resample(values: Array) -> Array:
+        """Interpolate columns of the result (samples, k) at t, (n, k)."""
         return np.column_stack([np.interp(t, result.time, column) for column in values.T])
 
     q = resample(result.q)
@@ -120,7 +146,7 @@ def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
     )
     tip["limits"] = [new_limit("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error)]
     losses = _panel(
-        "Power loss at this time", "Travel of the tip until it stands", "m", "travel", (SIMULATED,)
+        "Power loss at this time", "Travel of the tip until standstill", "m", "travel", (SIMULATED,)
     )
     errors, torques = [], []
     for motor in result.motors:
@@ -130,12 +156,21 @@ def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
         panel = _panel("Motor torque", joint.name, "N·m", f"tau{i}", (PLANNED, SIMULATED))
         limit = joint.find_limit(MotorTorque)
         panel["limits"] = [] if limit is None else [limit_line(limit, i, f"tau{i}")]
-        panel["missing"] = ["at rest the controller’s integrator pushes against static friction"]
+        panel["missing"] = ["at rest, the controller’s integrator acts against static friction"]
         torques.append(panel)
     return [*([losses] if len(result.losses.time) > 1 else []), tip, *errors, *torques]
 
 
 def _panel(section: str, title: str, unit: str, channel: str, sides: tuple[int, ...]) -> Panel:
+    """Build a panel with one channel.
+
+    Parameters
+    ----------
+    section, title, unit, channel : str
+        Heading, title, SI unit and channel of the panel.
+    sides : tuple of int
+        Indices of the motions that have this channel, PLANNED or SIMULATED.
+    """
     return {
         **new_panel(section, title, unit, [(channel, title, 0)]),
         "channel": channel,
