@@ -1,8 +1,9 @@
 """Compute the distance of the tip from the retina, and the clearance of the shaft from the lens.
 
-The remote centre is the origin of the base frame. Each function accepts NumPy arrays and CasADi
+The remote centre of motion is the origin of the base frame. The retina is a sphere with centre c
+and radius R, and the lens is an ellipsoid. Each function accepts NumPy arrays and CasADi
 expressions. The argument `xp` is namespace.NUMPY or namespace.casadi_namespace(), and `tip`
-contains the three components of the tip position in the base frame, m. The results have the shape
+contains the three components of the tip position p in the base frame, m. Each result has the shape
 of one component.
 """
 
@@ -21,11 +22,12 @@ NO_LENGTH = 1e-12
 
 
 def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
-    """Return the distance of the tip from the retina in m, which must be at least eye.clearance.
+    """Return the distance of the tip from the retina in m, which must be at least `eye.clearance`.
 
-    It is max(R − |p − c|, clearance + port − |p|), because the retina has a hole with the radius
-    `port` about the remote centre. The function is continuous but has kinks. The check uses it, and
-    the optimiser uses `retina_row`.
+    The instrument enters the eye through a hole of the retina about the remote centre with the
+    radius `port`. The distance is therefore max(R − |p − c|, clearance + port − |p|) with the tip
+    position p, the centre c and the radius R of the retina. The function is continuous but has
+    kinks, so only the check uses it. The optimiser uses the smooth `retina_row`.
     """
     depth = eye.radius - xp.sqrt(_square(_minus(tip, eye.centre)))
     at_port = eye.clearance + eye.port - xp.sqrt(_square(tip))
@@ -35,19 +37,19 @@ def retina_distance(xp: Namespace, eye: Eye, tip: Any) -> Any:
 def lens_ratio(xp: Namespace, lens: Lens, tip: Any) -> Any:
     """Return the factor ρ by which the lens must grow to touch the axis of the shaft.
 
-    A permitted ρ is at least `lens_limit`. The shaft in the eye is the segment from the remote
-    centre to the tip. In coordinates scaled by the semi-axes, the lens is the unit ball and ρ is
-    the distance of the segment from its centre.
+    A permitted ρ is at least `lens_limit`. The part of the shaft in the eye is the segment from the
+    remote centre to the tip. In coordinates that are scaled by the semi-axes, the lens is the unit
+    ball, and ρ is the distance of the segment from the centre of this ball.
     """
     return xp.sqrt(_lens_square(xp, lens, tip))
 
 
 def lens_limit(eye: Eye) -> float:
-    """Return the smallest allowed ρ: 1 + r/a for the shaft radius r and the smallest semi-axis a.
+    """Return the smallest permitted ρ of `lens_ratio`, which is 1 + r/a. Without a lens it is 1.
 
-    The lens E contains a ball of radius a, so (r/a) E contains a ball of radius r. E is convex, so
-    E + (r/a) E = (1 + r/a) E. A shaft axis outside (1 + r/a) E is therefore at least r away from E.
-    Without a lens the result is 1.
+    r is the radius of the shaft and a the smallest semi-axis of the lens E. The lens contains a
+    ball of radius a, so (r/a) E contains a ball of radius r. E is convex, so E + (r/a) E = (1 +
+    r/a) E. A shaft axis outside (1 + r/a) E is therefore at least r away from E.
     """
     if eye.lens is None:
         return 1.0
@@ -55,9 +57,11 @@ def lens_limit(eye: Eye) -> float:
 
 
 def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]]:
-    """Return the value and the smallest allowed value of each eye limit, by the name of the limit.
+    """Return the value and the smallest permitted value of each eye limit, by the name of the
+    limit.
 
-    The value for the retina is a distance in m. The value for the lens, if there is one, is ρ.
+    The value of the retina is a distance in m (`retina_distance`). The value of the lens, if the
+    eye has one, is the ratio ρ of `lens_ratio`.
     """
     limits = {RetinaClearance.name: (retina_distance(xp, eye, tip), eye.clearance)}
     if eye.lens is not None:
@@ -66,23 +70,26 @@ def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]
 
 
 def retina_row(xp: Namespace, eye: Eye, tip: Any) -> Any:
-    """Return |p − c|²/(R − clearance)² − 1, which must be ≤ 0 beyond the port.
+    """Return |p − c|²/(R − clearance)² − 1, which the optimiser keeps ≤ 0 beyond the port.
 
-    The row is smooth, unlike `retina_distance`.
+    p is the tip, and c and R are centre and radius of the retina. The expression is smooth, unlike
+    `retina_distance`.
     """
     return _square(_minus(tip, eye.centre)) / (eye.radius - eye.clearance) ** 2 - 1.0
 
 
 def lens_row(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:
-    """Return 1 − (ρ / lens_limit)², which must be ≤ 0.
+    """Return 1 − (ρ / lens_limit)² with ρ of `lens_ratio`, which the optimiser keeps ≤ 0.
 
-    The row is continuously differentiable once, except for a tip at the remote centre.
+    The expression is continuously differentiable, except for a tip at the remote centre.
     """
     return 1.0 - _lens_square(xp, lens, tip) / lens_limit(eye) ** 2
 
 
 def eye_rows(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
-    """Return the rows of all eye limits, by the name of the limit. Each row must be ≤ 0."""
+    """Return the left-hand sides of the optimiser's constraints row ≤ 0, by the name of the eye
+    limit.
+    """
     rows = {RetinaClearance.name: retina_row(xp, eye, tip)}
     if eye.lens is not None:
         rows[LensClearance.name] = lens_row(xp, eye, eye.lens, tip)
@@ -92,14 +99,16 @@ def eye_rows(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
 def _lens_square(xp: Namespace, lens: Lens, tip: Any) -> Any:
     """Return ρ², the square of `lens_ratio`."""
     scale = (lens.frame / lens.semi_axes).T.tolist()
-    offset = [-_dot(row, lens.centre.tolist()) for row in scale]
-    shaft = [_dot(row, tip) for row in scale]
+    offset = [-_dot(axis, lens.centre.tolist()) for axis in scale]
+    shaft = [_dot(axis, tip) for axis in scale]
     length = _square(shaft)
     # The perpendicular from the centre of the lens to a shaft without a length is not determined.
     # The smallest divisor NO_LENGTH keeps the value and its derivatives finite.
     foot = -_dot(offset, shaft) / xp.where(length > NO_LENGTH, length, 1.0)
     foot = xp.where(foot > 0.0, xp.where(foot < 1.0, foot, 1.0), 0.0)
-    return _square([b + foot * s for b, s in zip(offset, shaft, strict=True)])
+    return _square(
+        [start + foot * direction for start, direction in zip(offset, shaft, strict=True)]
+    )
 
 
 def _minus(tip: Any, centre: Any) -> list[Any]:

@@ -1,6 +1,7 @@
-"""Evaluate closed forms for many mechanisms at once, as arrays over α, home tilt and home roll.
+"""Evaluate closed forms for many mechanisms at once, for design studies.
 
-Design studies use these functions.
+A family is a set of mechanisms that differ in the angle α, the home tilt and the home roll. The
+module `mechanism` explains the symbols.
 """
 
 from __future__ import annotations
@@ -18,10 +19,16 @@ from ssm_planner.typing import Array, record
 
 @record
 class Family:
-    """n mechanisms with ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(ψ_h) Ry(φ_h) x.
+    """Set of n mechanisms with ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(ψ_h) Ry(φ_h) x.
 
-    The angles `alpha`, `home_tilt` and `home_roll` are in rad, (n,). `insertion_sign` is the sign
-    in depth = insertion_sign · θ4.
+    Parameters
+    ----------
+    alpha : (n,)
+        Angle α between the axes of joints 1 and 2, rad.
+    home_tilt, home_roll : (n,)
+        Tilt φ_h and roll ψ_h of the tool at q = 0, rad.
+    insertion_sign : int
+        Sign in depth = insertion_sign · θ4.
     """
 
     alpha: Array
@@ -37,17 +44,17 @@ class Family:
 
     @cached_property
     def omega1(self) -> Array:
-        """Axis of joint 1, (n, 3)."""
+        """Unit vectors of the axis of joint 1, (n, 3)."""
         return np.tile([1.0, 0.0, 0.0], (len(self.alpha), 1))
 
     @cached_property
     def omega2(self) -> Array:
-        """Axis of joint 2, (n, 3)."""
+        """Unit vectors of the axis of joint 2, (n, 3)."""
         return np.column_stack((np.cos(self.alpha), np.sin(self.alpha), np.zeros_like(self.alpha)))
 
     @cached_property
     def omega3(self) -> Array:
-        """Axis of joint 3, (n, 3)."""
+        """Unit vectors of the axis of joint 3, (n, 3)."""
         sine = np.sin(self.home_tilt)
         return np.column_stack(
             (np.cos(self.home_tilt), np.sin(self.home_roll) * sine, -np.cos(self.home_roll) * sine)
@@ -65,42 +72,53 @@ class Family:
 
     @cached_property
     def delta(self) -> Array:
-        """Angle δ (n,), see the module `mechanism`."""
+        """Angle δ (n,), rad: the θ2 at which the angle between ω1 and the tool axis is smallest."""
         component = np.sin(self.alpha) * self.omega3[:, 0] - np.cos(self.alpha) * self.omega3[:, 1]
         return np.arctan2(self.omega3[:, 2], component)
 
     @cached_property
     def tilt_magnitudes(self) -> tuple[Array, Array]:
-        """Smallest and largest |φ|, each (n,) (paper, eq. 9)."""
+        """Smallest and largest magnitude of the tilt, each (n,), rad (paper, eq. 9)."""
         total = self.alpha + self.beta
         return np.abs(self.alpha - self.beta), np.minimum(total, 2.0 * np.pi - total)
 
     def boundary_distance(self, tilts: Array) -> Array:
-        """Return the smallest distance (n,) of signed tilts (k,) from the workspace boundary, rad.
+        """Return the smallest distance (n,) of the given tilts from the ends of each tilt range,
+        rad.
 
-        The distance is negative outside the workspace.
+        `tilts` (k,) are signed, in rad. The distance is negative for a mechanism that cannot reach
+        all of them. It is −∞ if they require the other sign of tilt than home and the mechanism
+        cannot cross zero.
         """
         low, high = self.tilt_magnitudes
         size = np.abs(tilts)
         margin = np.minimum(size.min() - low, high - size.max())
         sides = np.unique(np.sign(tilts))
-        elsewhere = self.side != sides[0] if len(sides) == 1 else np.full(len(low), True)
-        return np.where(elsewhere & (low > 0), -np.inf, margin)
+        other_side = self.side != sides[0] if len(sides) == 1 else np.full(len(low), True)
+        return np.where(other_side & (low > 0), -np.inf, margin)
 
     def joints(self, task: Array, branch: int) -> Array:
-        """Return joints (n, k, 4) for task coordinates (k, 4).
+        """Return the joint positions (n, k, 4) of every mechanism for task coordinates, rad and m.
 
-        `branch` is +1 for the branch of the home configuration, and −1 for the other branch.
+        Parameters
+        ----------
+        task : (k, 4)
+            Roll, tilt and spin in rad, depth in m.
+        branch : int
+            +1 for the branch of the inverse kinematics on which q = 0 lies, −1 for the other
+            branch.
         """
         columns = [np.asarray(column)[None, :] for column in np.asarray(task, dtype=float).T]
-        home = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]
-        broadcast_family = cast(Mechanism, _Wide(self))
-        theta = joints_of_task(NUMPY, broadcast_family, cast(Any, tuple(columns)), branch * home)
+        home_branch = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]
+        broadcast_family = cast(Mechanism, _BroadcastFamily(self))
+        theta = joints_of_task(
+            NUMPY, broadcast_family, cast(Any, tuple(columns)), branch * home_branch
+        )
         return np.stack(np.broadcast_arrays(*theta), axis=-1)
 
 
-class _Wide:
-    """Family with the attributes that `joints_of_task` reads from a mechanism.
+class _BroadcastFamily:
+    """View of a family as the argument `mechanism` of `joints_of_task`.
 
     The attributes have the shape (n, 1), so that they broadcast over k points.
     """

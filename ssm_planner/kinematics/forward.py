@@ -1,10 +1,11 @@
 """Compute forward kinematics, Jacobians and tool speeds by the product of exponentials (eq. 2).
 
-The equation numbers are those of the paper. The matrix e^{ω̂θ} is linear in (1, cos θ, sin θ). The
-orientation R is therefore a constant matrix times the 27 products of these terms for three joints.
-The tool axis and the Jacobian columns need nine products. One matrix product evaluates a block of
-configurations that fits into the cache. Functions whose names end with _symbolic express the same
-equations for one configuration in CasADi.
+The equation numbers are those of the paper. The rotation e^{ω̂θ} about an axis ω is linear in the
+terms 1, cos θ and sin θ. The orientation R of the tool is therefore a constant matrix times the 27
+products of these terms for three joints. The tool axis and the columns of the Jacobian need the
+nine products of two joints. One matrix product evaluates a block of configurations that fits into
+the cache. Functions whose names end with _symbolic express the same equations for one configuration
+in CasADi.
 """
 
 from __future__ import annotations
@@ -35,7 +36,27 @@ Temporary arrays then stay in the cache, and BLAS starts no threads.
 
 
 def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
-    """Return the tool pose (R (n, 3, 3), p (n, 3)) for joints q (n, 4), rad and m (eq. 2)."""
+    """Compute the tool pose by forward kinematics (paper, eq. 2).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (n, 4)
+        Joint positions, rad and m.
+
+    Returns
+    -------
+    R : (n, 3, 3)
+        Rotations from the tool frame to the base frame.
+    p : (n, 3)
+        Tip positions in the base frame, m.
+
+    Raises
+    ------
+    GeometryError
+        If the shape is wrong or a value is not finite.
+    """
     q = batch("q", q, 4)
     rotations = np.empty((len(q), 9))
     positions = np.empty((len(q), 3))
@@ -57,9 +78,12 @@ def tip_position(mechanism: Mechanism, q: ArrayLike) -> Array:
 
 
 def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return the space Jacobian (n, 6, 4) for joints q (n, 4).
+    """Return the space Jacobian (n, 6, 4) for joint positions q (n, 4), rad and m.
 
-    Column i is Ad(e^{ξ̂1θ1} … e^{ξ̂(i−1)θ(i−1)}) ξ_i as (v, omega).
+    Column i is the twist (v, ω) of joint i in the base frame: ω is the angular velocity of the
+    tool, and v is the velocity of the point of the tool that is at the origin, both for unit
+    velocity of the joint. In the notation of Murray, Li and Sastry (eq. 3.54), it is Ad(e^{ξ̂1θ1} …
+    e^{ξ̂(i−1)θ(i−1)}) ξ_i.
     """
     q = batch("q", q, 4)
     jacobians = np.empty((len(q), 24))
@@ -72,7 +96,7 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
 
 
 def _terms(angle: Array) -> Array:
-    """Return the terms (1, cos θ, sin θ) of n angles as rows, (3, n)."""
+    """Return the rows 1, cos θ and sin θ (3, n) for n angles θ in rad."""
     terms = np.empty((3, len(angle)))
     terms[0] = 1.0
     np.cos(angle, out=terms[1])
@@ -81,14 +105,19 @@ def _terms(angle: Array) -> Array:
 
 
 def _products(a: Array, b: Array) -> Array:
-    """Return the products of each row of a with each row of b, (rows of a · rows of b, n)."""
+    """Return the products of each row of `a` with each row of `b`, (rows of a · rows of b, n)."""
     return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
 
 
 def _pose(
-    mechanism: Mechanism, theta4: Array, elbow: Array, three: Array, *, results: tuple[Array, Array]
+    mechanism: Mechanism,
+    theta4: Array,
+    products_12: Array,
+    terms_3: Array,
+    *,
+    results: tuple[Array, Array],
 ) -> None:
-    """Write the orientation (n, 9) and the tip position (n, 3) into `results`.
+    """Compute orientations and tip positions, and write them into given arrays.
 
     Parameters
     ----------
@@ -97,19 +126,23 @@ def _pose(
     theta4 : (n,)
         Positions of joint 4, m.
     elbow : (9, n)
-        Products of the terms of joints 1 and 2.
+        Products of the terms (1, cos θ, sin θ) of joint 1 and joint 2.
     three : (3, n)
         Terms of joint 3.
     results : ((n, 9), (n, 3))
-        Arrays that receive R and p.
+        Arrays that receive the rows of R one after the other, and the tip positions in m.
     """
     rotations, positions = results
-    np.matmul(_products(elbow, three).T, mechanism.orientation_terms, out=rotations)
+    np.matmul(_products(products_12, terms_3).T, mechanism.orientation_terms, out=rotations)
     np.multiply(rotations[:, 2::3], theta4[:, np.newaxis], out=positions)
 
 
 def _space_terms(mechanism: Mechanism) -> Array:
-    """Return the constant (9, 24) that maps products of joints 1 and 2 to the space Jacobian."""
+    """Return the constant matrix (9, 24) that turns products of terms into space Jacobians.
+
+    The 9 rows belong to the products of the terms (1, cos θ, sin θ) of joints 1 and 2, and the 24
+    columns to the entries of a Jacobian (6, 4).
+    """
     term_1, term_2, _ = mechanism.exponentials
     terms = np.zeros((3, 3, 6, 4))
     terms[0, 0, 3:, 0] = mechanism.omega1
@@ -121,20 +154,25 @@ def _space_terms(mechanism: Mechanism) -> Array:
 
 
 def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
-    """Return (R (3, 3), p (3, 1)) for joints q (4, 1) (paper, eq. 2)."""
+    """Return the tool pose (R (3, 3), p (3, 1)) in CasADi for joints q (4, 1) (paper, eq. 2).
+
+    R rotates from the tool frame to the base frame, and p is the tip position in m.
+    """
     axes = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
     turn_1, turn_2, turn_3 = (rotation_symbolic(axis, q[i]) for i, axis in enumerate(axes))
-    elbow = turn_1 @ turn_2
-    return elbow @ turn_3 @ constant(mechanism.tool_home), elbow @ constant(mechanism.omega3) * q[3]
+    rotation_12 = turn_1 @ turn_2
+    return rotation_12 @ turn_3 @ constant(mechanism.tool_home), rotation_12 @ constant(
+        mechanism.omega3
+    ) * q[3]
 
 
 def tip_position_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
-    """Return the tip position p (3, 1) for joints q (4, 1)."""
+    """Return the tip position (3, 1) in the base frame, m, in CasADi for joints q (4, 1)."""
     return forward_symbolic(mechanism, q)[1]
 
 
 def tip_jacobian(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
-    """Return the Jacobian ∂p/∂q (3, 4) of the tip position for joints q (4,)."""
+    """Return the Jacobian ∂p/∂q (3, 4) of the tip position p in CasADi for joints q (4, 1)."""
     import casadi
 
     return casadi.jacobian(tip_position_symbolic(mechanism, q), q)
@@ -143,24 +181,38 @@ def tip_jacobian(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
 JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] = {
     TipSpeed: tip_jacobian
 }
-"""Function that returns the Jacobian J(q) (k, 4) in CasADi by kind of speed limit.
+"""Jacobian J(q) (k, 4) of each kind of speed limit, as a function that returns a CasADi expression.
 
-The limit applies to |v| with v = J(q) q̇.
+The limit applies to the speed |J(q) q̇|.
 """
 
 
 def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd: Array) -> Array:
-    """Return the limited speed |J(q) q̇| (n,) in SI units for joints q and joint rates qd (n, 4)."""
+    """Return the speed of the tool (n,) to which a kind of speed limit applies, in SI units.
+
+    Parameters
+    ----------
+    limit_type : type of SpeedLimit
+        Kind of limit. Its entry J in JACOBIANS defines the speed |J(q) q̇|.
+    mechanism : Mechanism
+        Axes and tool frame.
+    q, qd : (n, 4)
+        Joint positions in rad and m, and joint velocities.
+    """
     from ssm_planner.codegen import call
 
     return call(_speed(limit_type, mechanism), q, qd)[0][:, 0]
 
 
 def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
-    """Return the bounds of the speed limits (kinds,) in the order of JACOBIANS.
+    """Return the largest permitted speeds (kinds,) in SI units, in the order of JACOBIANS.
 
-    Kinds without a limit get the value `unlimited`. Raises ProblemError for a kind without a
-    Jacobian.
+    Kinds of speed without a limit get the value `unlimited`.
+
+    Raises
+    ------
+    ProblemError
+        If JACOBIANS lacks the kind of a limit.
     """
     bounds = {type(limit): limit.largest for limit in limits}
     for limit_type in bounds:
@@ -171,7 +223,7 @@ def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
 
 @lru_cache(maxsize=16)
 def _speed(limit_type: type[SpeedLimit], mechanism: Mechanism) -> casadi.Function:
-    """Build the function of q and qd that returns the limited speed."""
+    """Build the CasADi function of q and qd (4,) that returns the limited speed."""
     import casadi
 
     q = casadi.SX.sym("q", 4)

@@ -1,7 +1,8 @@
 """Solve the inverse kinematics in closed form on every branch, for batches of targets.
 
-Targets are task coordinates or tip positions. The closed forms of Paden–Kahan subproblems 2 and 1,
-which give θ1 to θ3, are in `task.joints_of_task`. The depth gives θ4 (subproblem 3′).
+Targets are task coordinates or tip positions. `task.joints_of_task` contains the closed forms for
+θ1 to θ3, which solve the subproblems 2 and 1 of Paden and Kahan. The depth gives θ4 (subproblem 3′
+of the paper). A branch, +1 or −1, is one of the two solutions for a tilt.
 """
 
 from __future__ import annotations
@@ -38,11 +39,30 @@ def inverse_task(
     limits: ArrayLike | None = None,
     reference: ArrayLike | None = None,
 ) -> Solutions:
-    """Return the joints of task coordinates (roll, tilt, spin, depth) (n, 4) on both branches.
+    """Compute the joint positions for task coordinates on both branches.
 
-    The tilt may have either sign. Roll and spin are not wrapped, so θ1 and θ3 are continuous in
-    them. A tilt outside the workspace is moved to the nearer end. The arguments `limits` and
-    `reference` have the same meaning as in `inverse_tip`.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    task : (n, 4)
+        Roll, tilt and spin in rad, depth in m. The tilt may have either sign. Roll and spin are not
+        wrapped, so θ1 and θ3 are continuous in them.
+    limits : (4, 2), optional
+        Lowest and highest joint positions, rad and m.
+    reference : (4,), optional
+        Joint positions. The solutions are sorted by their distance to it.
+
+    Returns
+    -------
+    Solutions
+        Two solutions for each target. A tilt outside the workspace is replaced by the nearest tilt
+        inside, and the errors state the remaining distance.
+
+    Raises
+    ------
+    GeometryError
+        If two axes are parallel, or a target is not finite or has a tilt outside [−π, π].
     """
     _refuse_parallel(mechanism)
     task = task_batch("task", task)
@@ -55,9 +75,9 @@ def inverse_task(
         roll, tilt, spin, depth = task[block].T
         clipped = np.clip(np.abs(tilt), low, high)
         error = np.abs(np.abs(tilt) - clipped)
-        closest = roll, np.copysign(clipped, tilt), spin, depth * np.cos(error)
+        nearest_task = roll, np.copysign(clipped, tilt), spin, depth * np.cos(error)
         for k, branch in enumerate(BRANCHES):
-            for i, angle in enumerate(joints_of_task(NUMPY, mechanism, closest, branch)):
+            for i, angle in enumerate(joints_of_task(NUMPY, mechanism, nearest_task, branch)):
                 joints[block, k, i] = angle
         orientation_error[block] = error
         tip_error[block] = np.abs(depth * np.sin(error))
@@ -72,13 +92,14 @@ def inverse_tip(
     limits: ArrayLike | None = None,
     reference: ArrayLike | None = None,
 ) -> Solutions:
-    """Return up to four solutions for each tip position (n, 3) in m with spin (n,) in rad.
+    """Compute up to four joint solutions for each tip position.
 
-    The distance of the tip from the RCM has two depths as solutions (subproblem 3′ of the paper),
-    and each depth has two branches of the inverse kinematics, +1 and −1. The order of the solutions
-    is (depth > 0, +1), (depth > 0, −1), (depth < 0, +1), (depth < 0, −1). A tip at the RCM does not
-    determine the direction of the tool. The tool then has the direction of `reference`, or of home
-    without a reference, and the two solutions with depth < 0 do not count as reaching the tip.
+    The tool can reach a tip from both sides of the RCM, so there are two depths (subproblem 3′ of
+    the paper). Each depth has two branches. The solutions are ordered as (depth > 0, +1), (depth >
+    0, −1), (depth < 0, +1), (depth < 0, −1). A tip at the RCM does not determine the direction of
+    the tool. The tool then has the direction of `reference`, or that at q = 0 without a reference,
+    and the two solutions with depth < 0 are marked as not reaching the tip, because they repeat the
+    others.
 
     Parameters
     ----------
@@ -92,6 +113,16 @@ def inverse_tip(
         Lowest and highest joint positions, rad and m.
     reference : (4,), optional
         Joint positions. The solutions are sorted by their distance to it.
+
+    Returns
+    -------
+    Solutions
+        Four solutions for each tip.
+
+    Raises
+    ------
+    GeometryError
+        If a shape is wrong, a value is not finite, or two axes are parallel.
     """
     tip = batch("tip", tip, 3)
     spins = np.asarray(spin, dtype=float)
@@ -103,19 +134,22 @@ def inverse_tip(
     spins = np.broadcast_to(spins, len(tip))
     distance = np.linalg.norm(tip, axis=1)
     at_rcm = distance <= TOLERANCE
-    pair = []
+    solutions_of_depth = []
     for depth in (distance, -distance):
         task = np.column_stack((*_pointing(mechanism, tip, depth, at_rcm, reference), spins, depth))
-        pair.append(inverse_task(mechanism, task))
-    pair[1].reaches[at_rcm] = False
-    of_all = {
-        name: np.concatenate([getattr(half, name) for half in pair], axis=1) for name in OF_EACH
+        solutions_of_depth.append(inverse_task(mechanism, task))
+    solutions_of_depth[1].reaches[at_rcm] = False
+    fields = {
+        name: np.concatenate([getattr(half, name) for half in solutions_of_depth], axis=1)
+        for name in OF_EACH
     }
     result = Solutions(
-        **of_all,
-        reachable=pair[0].reachable | pair[1].reachable,
-        orientation_error=np.minimum(pair[0].orientation_error, pair[1].orientation_error),
-        tip_error=np.minimum(pair[0].tip_error, pair[1].tip_error),
+        **fields,
+        reachable=solutions_of_depth[0].reachable | solutions_of_depth[1].reachable,
+        orientation_error=np.minimum(
+            solutions_of_depth[0].orientation_error, solutions_of_depth[1].orientation_error
+        ),
+        tip_error=np.minimum(solutions_of_depth[0].tip_error, solutions_of_depth[1].tip_error),
     )
     return select(result, limits, reference)
 
@@ -127,7 +161,17 @@ def _solutions(
     limits: ArrayLike | None,
     reference: ArrayLike | None,
 ) -> Solutions:
-    """Return the joints (n, 2, 4) of both branches as solutions, marked by limits and sorted."""
+    """Combine the joints of both branches to solutions, mark those within limits, and sort them.
+
+    Parameters
+    ----------
+    joints : (n, 2, 4)
+        Joint positions of both branches, rad and m.
+    orientation_error, tip_error : (n,)
+        Angle and distance by which the solutions miss the target, rad and m.
+    limits, reference : optional
+        See `inverse_tip`.
+    """
     reachable = (orientation_error <= TOLERANCE) & (tip_error <= TOLERANCE)
     shape = joints.shape[:2]
     result = Solutions(
@@ -149,17 +193,29 @@ def _pointing(
     at_rcm: Mask,
     reference: ArrayLike | None,
 ) -> tuple[Array, Array]:
-    """Return roll and tilt of the tool for tip positions at given depths.
+    """Return the roll and the tilt, each (n,) in rad, with which the tool reaches tip positions.
 
-    At the RCM, they are those of the reference or, without one, those of home.
+    Parameters
+    ----------
+    mech : Mechanism
+        Axes and tool frame.
+    tip : (n, 3)
+        Tip positions in the base frame, m.
+    depth : (n,)
+        Signed depth of each tip, m.
+    at_rcm : (n,)
+        Mask of the tips at the RCM. They get roll and tilt of `reference` or, without one, of q =
+        0.
+    reference : (4,), optional
+        Joint positions, rad and m.
     """
-    u = (
+    direction = (
         mech.frame.T
         @ (tip * np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)[:, np.newaxis]).T
     )
-    around = np.hypot(u[1], u[2])
-    roll, tilt = roll_and_tilt(NUMPY, mech, u, around)
-    roll = np.where(around > 0.0, roll, 0.0)
+    lateral = np.hypot(direction[1], direction[2])
+    roll, tilt = roll_and_tilt(NUMPY, mech, direction, lateral)
+    roll = np.where(lateral > 0.0, roll, 0.0)
     reference_task = np.array([[mech.home_roll, mech.home_tilt, 0.0, 0.0]])
     if reference is not None and at_rcm.any():
         reference_task = task_from_joints(mech, reference)
@@ -169,7 +225,9 @@ def _pointing(
 
 
 def _refuse_parallel(mech: Mechanism) -> None:
-    """Raise GeometryError if two adjacent axes are parallel."""
+    """Raise GeometryError if two adjacent axes are parallel, because the solution is not unique
+    then.
+    """
     for name, angle, joints in (("alpha", mech.alpha, "1 and 2"), ("beta", mech.beta, "2 and 3")):
         if math.sin(angle) < PARALLEL:
             raise GeometryError(

@@ -1,11 +1,18 @@
 """Describe the geometry of the serial spherical mechanism.
 
-Three revolute axes meet in the remote centre of motion (RCM). The fourth joint translates along the
-third axis.
+Three revolute axes meet in one point, the remote centre of motion (RCM). The fourth joint
+translates the tool along the third axis. The symbols of this package are:
 
-The axes ω1, ω2 and the tool axis form a spherical triangle. Its sides are α (ω1 to ω2), β (ω2 to
-the tool) and |φ| (ω1 to the tool). Its angle at ω2 is |x| with x = θ2 − δ. With c = cos(x/2) and s
-= sin(x/2):
+    ω1, ω2, ω3   unit vectors of the revolute axes at q = 0, in the base frame
+    θ1 … θ4      positions of the joints, rad and m
+    α, β         angles between ω1 and ω2, and between ω2 and ω3
+    ψ, φ, σ      roll, tilt and spin of the tool
+    t            unit vector in the plane of ω1 and ω2, perpendicular to ω1, on the side of ω2
+    n            ω1 × t
+
+ω1, ω2 and the tool axis form a spherical triangle with the sides α, β and |φ|, where |φ| is the
+angle between ω1 and the tool axis. The angle of the triangle at ω2 is |x| with x = θ2 − δ, and δ is
+the θ2 with the smallest |φ|. With c = cos(x/2) and s = sin(x/2):
 
     cos φ = cos(α − β) c² + cos(α + β) s²          (f(θ2) in eq. 4 of the paper)
     e^{ω̂2 θ2} ω3 = cos φ ω1 + P t + Q n
@@ -16,9 +23,10 @@ In the tool frame, ω1 has the azimuth η = atan2(F, E) about the tool axis. The
 
     E = sin(α − β) c² − sin(α + β) s²,   F = −2 sin α s c
 
-It follows that roll = θ1 + ζ ± 90° with ζ = atan2(Q, P), and spin = θ3 − η + constant. Tilt depends
-on θ2 alone. The functions of the triangle accept NumPy arrays and CasADi expressions (`xp`). They
-use half angles and atan2 instead of acos, so they stay accurate where the triangle degenerates.
+It follows that ψ = θ1 + ζ ± 90° with ζ = atan2(Q, P), and σ = θ3 − η + constant. The tilt depends
+on θ2 alone. The functions of the triangle accept NumPy arrays and CasADi expressions; the argument
+`xp` selects the library. They use half angles and atan2 instead of acos, so they stay accurate
+where the triangle degenerates to an arc.
 """
 
 from __future__ import annotations
@@ -44,9 +52,10 @@ ROTATION_TOLERANCE = 2.5e-7
 
 @record
 class Mechanism:
-    """The joint axes at q = 0 in the base frame and the angles that follow from them.
+    """Joint axes of the robot at q = 0 in the base frame, and the angles between them.
 
-    Units are SI and radians. Build a mechanism with `from_geometry` or `from_angles`.
+    Units are SI and radians. The symbols are explained at the top of this module. Build a mechanism
+    with `from_robot`, `from_geometry` or `from_angles`.
     """
 
     omega1: Array
@@ -75,10 +84,15 @@ class Mechanism:
 
     @classmethod
     def from_geometry(cls, geometry: Geometry) -> Mechanism:
-        """Build the mechanism of a robot file.
+        """Build the mechanism from the `geometry` section of a robot file.
 
         The axes are normalised, and the z column of the tool frame is set to the third axis
         exactly.
+
+        Raises
+        ------
+        GeometryError
+            If `tool_home` is not a rotation, or its z column differs from the third axis.
         """
         vectors = geometry.omega1, geometry.omega2, geometry.omega3, geometry.tool_home
         omega1, omega2, omega3, tool_home = (
@@ -98,17 +112,20 @@ class Mechanism:
         tool_home: ArrayLike | None = None,
         insertion_sign: int = -1,
     ) -> Mechanism:
-        """Build a mechanism for design studies: ω1 = x, t = y, ω2 = (cos α, sin α, 0).
+        """Build a mechanism from its angles, for design studies.
+
+        The base frame is chosen such that ω1 = x, t = y and ω2 = (cos α, sin α, 0).
 
         Parameters
         ----------
         alpha, beta : float
-            Angles between the axes in [0, π] rad.
+            Angles between the axes of joints 1 and 2, and of joints 2 and 3, in [0, π] rad.
         home_tilt : float, optional
             Tilt at q = 0 in [−π, π] rad. The default is the middle of the tilt range on the
             negative side. The roll at q = 0 lies in [−90°, 90°].
         tool_home : (3, 3), optional
-            Tool frame at q = 0. By default, the tool's y axis is the tilt axis at roll 0.
+            Rotation from the tool frame to the base frame at q = 0. By default, the tool's y axis
+            is the tilt axis at roll 0.
         insertion_sign : int
             Sign in depth = insertion_sign · θ4.
 
@@ -141,17 +158,17 @@ class Mechanism:
 
     @cached_property
     def alpha(self) -> float:
-        """Angle between ω1 and ω2, in [0, π]."""
+        """Angle α between the axes of joints 1 and 2, in [0, π] rad."""
         return _angle(self.omega1, self.omega2)
 
     @cached_property
     def beta(self) -> float:
-        """Angle between ω2 and ω3, in [0, π]."""
+        """Angle β between the axes of joints 2 and 3, in [0, π] rad."""
         return _angle(self.omega2, self.omega3)
 
     @cached_property
     def frame(self) -> Array:
-        """Rotation (3, 3) base ← (ω1, t, n) with n = ω1 × t."""
+        """Rotation (3, 3) whose columns are ω1, t and n = ω1 × t in the base frame."""
         return read_only_array(
             np.column_stack((self.omega1, self.tilt_axis, np.cross(self.omega1, self.tilt_axis))),
             (3, 3),
@@ -159,10 +176,10 @@ class Mechanism:
 
     @cached_property
     def tip_axes(self) -> Array:
-        """Rows ω1, t × ω1 and ω1 × (t × ω1), (3, 3).
+        """Rows ω1, t × ω1 and ω1 × (t × ω1) in the base frame, (3, 3).
 
-        The first row is the tool axis at roll 0 and tilt 0. The second is the direction in which it
-        tilts.
+        The first row is the tool axis at roll 0 and tilt 0. The tool tilts from there in the
+        direction of the second row.
         """
         across = np.cross(self.tilt_axis, self.omega1)
         return read_only_array([self.omega1, across, np.cross(self.omega1, across)], (3, 3))
@@ -174,9 +191,8 @@ class Mechanism:
 
     @cached_property
     def delta(self) -> float:
-        """Angle δ in [−π, π], which is the θ2 at which the tool is nearest to ω1.
-
-        At this angle, x = θ2 − δ is zero.
+        """Angle δ in [−π, π] rad: the θ2 at which the angle between ω1 and the tool axis is
+        smallest.
         """
         return -math.atan2(
             -float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ self.toward_omega1)
@@ -184,40 +200,50 @@ class Mechanism:
 
     @cached_property
     def home_branch(self) -> int:
-        """Branch of the home configuration: the sign of sin(θ2 − δ), or +1 on the boundary."""
+        """Branch of the configuration q = 0: the sign of sin(θ2 − δ), or +1 if the sine is zero."""
         return -1 if math.sin(self.delta) > 0.0 else 1
 
     def branch_of(self, q: Array) -> Array:
-        """Return the branch of the inverse kinematics for joints q (..., 4), which is ±1.
+        """Return the branch of the inverse kinematics on which joints q (..., 4) lie.
 
-        It is the sign of sin(θ2 − δ).
+        The branch, +1 or −1, is the sign of sin(θ2 − δ). A sine of zero counts as −1.
         """
         return np.where(np.sin(q[..., 1] - self.delta) > 0.0, 1, -1)
 
     @cached_property
     def home_roll(self) -> float:
-        """Roll ψ_h in (−90°, 90°] with ω3 = e^{ω̂1 ψ_h} e^{t̂ φ_h} ω1."""
+        """Roll ψ_h in (−90°, 90°] at q = 0, rad.
+
+        It satisfies ω3 = e^{ω̂1 ψ_h} e^{t̂ φ_h} ω1, where φ_h is `home_tilt`.
+        """
         along_t = self.omega3 @ self.tilt_axis
         along_n = self.omega3 @ self.frame[:, 2]
         return math.atan2(self.side * along_t, -self.side * along_n) + 0.0
 
     @cached_property
     def home_tilt(self) -> float:
-        """Tilt φ_h: the signed angle from ω1 to ω3 about the tilt axis rolled by ψ_h."""
+        """Tilt φ_h at q = 0, rad.
+
+        It is the signed angle from ω1 to ω3 about the axis t, which the roll ψ_h has turned about
+        ω1.
+        """
         return self.side * _angle(self.omega1, self.omega3)
 
     @cached_property
     def exponentials(self) -> Array:
-        """Terms E (3, 3, 3, 3) with e^{ω̂_i θ_i} = E[i, 0] + cos θ_i E[i, 1] + sin θ_i E[i, 2]."""
+        """Constant matrices E (3, 3, 3, 3) of the rotations about the axes of joints i = 1, 2, 3.
+
+        e^{ω̂_i θ_i} = E[i − 1, 0] + cos θ_i E[i − 1, 1] + sin θ_i E[i − 1, 2].
+        """
         terms = [exponential_terms(axis) for axis in (self.omega1, self.omega2, self.omega3)]
         return read_only_array(terms, (3, 3, 3, 3))
 
     @cached_property
     def orientation_terms(self) -> Array:
-        """Constant factors (27, 9) of the tool orientation R.
+        """Constant factors (27, 9) that give the tool orientation R.
 
-        Each entry of R is a linear combination of the products of (1, cos θ_i, sin θ_i) of joints 1
-        to 3.
+        Each of the nine entries of R is a linear combination of the 27 products of one term (1, cos
+        θ_i or sin θ_i) for each joint i = 1, 2, 3.
         """
         term_1, term_2, term_3 = self.exponentials
         terms = np.einsum("aij,bjk,ckl,lm->abcim", term_1, term_2, term_3, self.tool_home)
@@ -225,18 +251,20 @@ class Mechanism:
 
     @cached_property
     def tool_on_omega1(self) -> Array:
-        """Orientation (3, 3) of a tool without spin that points along ω1.
+        """Orientation (3, 3) of the tool when roll, tilt and spin are zero: the tool points along
+        ω1.
 
-        It is e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0.
+        It is e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 with the home roll ψ_h, the home tilt φ_h and R_0 =
+        `tool_home`.
         """
         back = rotation(self.tilt_axis, -self.home_tilt) @ rotation(self.omega1, -self.home_roll)
         return read_only_array(back @ self.tool_home, (3, 3))
 
     @cached_property
     def tool_angle(self) -> float:
-        """Angle ρ about the tool axis at θ2 = δ.
+        """Angle ρ about the tool axis at θ2 = δ, rad.
 
-        It is measured from the side of ω2 that faces ω1 to the tool's x axis.
+        It is measured from the direction in which ω1 lies, as seen from ω2, to the tool's x axis.
         """
         pointing = math.cos(self.beta) * self.omega2 + math.sin(self.beta) * self.toward_omega1
         zero = math.cos(self.beta) * self.toward_omega1 - math.sin(self.beta) * self.omega2
@@ -245,7 +273,7 @@ class Mechanism:
 
     @cached_property
     def spin_offset(self) -> float:
-        """Constant in spin = θ3 − η + constant that makes the spin zero at home."""
+        """Constant in σ = θ3 − η + constant, rad. It makes the spin σ zero at q = 0."""
         on_omega1 = self.frame.T @ self.tool_on_omega1[:, 0]
         kappa = math.atan2(float(on_omega1[2]), float(on_omega1[1]))
         half = -self.delta / 2.0
@@ -266,10 +294,20 @@ def check_angles(alpha: float, beta: float) -> None:
 
 @lru_cache(maxsize=32)
 def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
-    """Build the mechanism, or return the cached one for equal geometry.
+    """Build a mechanism from its axes, or return the cached one for equal geometry.
 
-    Objects that depend on a mechanism are cached by its identity. The arguments are bytes because
-    −0.0 and 0.0 compare equal but give different results.
+    Other caches use the identity of a mechanism as their key, so equal geometry must give the same
+    object. The arguments are the bytes of float arrays because −0.0 and 0.0 compare equal but give
+    different results.
+
+    Parameters
+    ----------
+    axes : bytes of (3,) arrays
+        The axes ω1, ω2 and ω3. They need not be unit vectors.
+    tool_home : bytes of a (3, 3) array
+        Rotation from the tool frame to the base frame at q = 0.
+    insertion_sign : int
+        Sign in depth = insertion_sign · θ4.
     """
     vectors = map(np.frombuffer, axes)
     omega1, omega2, omega3 = (axis / np.linalg.norm(axis) for axis in vectors)
@@ -285,9 +323,19 @@ def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
 
 
 def _tool_home(value: ArrayLike, omega3: Array) -> Array:
-    """Return R_0 with its z column set to omega3 exactly.
+    """Check the tool frame at q = 0, and set its z column to ω3 exactly.
 
-    Raises GeometryError if they disagree or if the value is not a rotation.
+    Parameters
+    ----------
+    value : (3, 3)
+        Rotation from the tool frame to the base frame.
+    omega3 : (3,)
+        Unit vector of the third axis.
+
+    Raises
+    ------
+    GeometryError
+        If `value` is not a rotation, or its z column differs from ω3 by more than 1e-6.
     """
     matrix = np.asarray(value, dtype=float)
     defect = np.abs(matrix.T @ matrix - np.eye(3)).max()
@@ -304,14 +352,18 @@ def _tool_home(value: ArrayLike, omega3: Array) -> Array:
 
 
 def _angle(a: Array, b: Array) -> float:
-    """Return the angle between two unit vectors. The result is accurate near 0 and π."""
+    """Return the angle between two unit vectors (3,) in rad.
+
+    Unlike acos, the formula stays accurate near 0 and π.
+    """
     return 2.0 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
 
 
 def _side(along_t: float, along_n: float) -> int:
-    """Return the sign of the tilt φ for which sin φ (sin ψ, −cos ψ) points along (t, n).
+    """Return the sign, ±1, of the tilt φ at q = 0 whose roll ψ lies in (−90°, 90°].
 
-    The roll ψ lies in (−90°, 90°].
+    The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n). `along_t` and `along_n` are its
+    components along t and n.
     """
     if abs(along_n) > PARALLEL:
         return -1 if along_n > 0.0 else 1
@@ -319,22 +371,26 @@ def _side(along_t: float, along_n: float) -> int:
 
 
 def _omega3(alpha: float, beta: float, tilt: float) -> Array:
-    """Return the tool axis for a tilt in a mechanism with ω1 = x and t = y.
+    """Return the tool axis (3,) with a given tilt in a mechanism with ω1 = x and t = y.
 
-    It equals e^{ω̂2 θ2} ω3 in the equations of this module. The roll lies in [−90°, 90°].
+    The result is e^{ω̂2 θ2} ω3 of the equations at the top of this module, on the branch that gives
+    a roll in [−90°, 90°]. All angles are in rad.
     """
     half = abs(tilt) / 2.0
     cosine2, sine2 = elbow_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
     x = math.copysign(
         2.0 * math.atan2(math.sqrt(max(sine2, 0.0)), math.sqrt(max(cosine2, 0.0))), tilt
     )
-    on_omega1 = math.cos(alpha) * math.cos(beta) + math.sin(alpha) * math.sin(beta) * math.cos(x)
-    on_t = math.sin(alpha) * math.cos(beta) - math.cos(alpha) * math.sin(beta) * math.cos(x)
-    return np.array([on_omega1, on_t, -math.sin(beta) * math.sin(x)])
+    along_omega1 = math.cos(alpha) * math.cos(beta) + math.sin(alpha) * math.sin(beta) * math.cos(x)
+    along_t = math.sin(alpha) * math.cos(beta) - math.cos(alpha) * math.sin(beta) * math.cos(x)
+    return np.array([along_omega1, along_t, -math.sin(beta) * math.sin(x)])
 
 
 def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
-    """Return |φ| in [0, π] for x = θ2 − δ (paper, eq. 4). The result is accurate at both ends."""
+    """Return |φ| in [0, π] for x = θ2 − δ (paper, eq. 4).
+
+    The formula is accurate at both ends of the range, where acos would lose half of the digits.
+    """
     c = xp.cos(x / 2.0)
     s = xp.sin(x / 2.0)
     half_difference = (alpha - beta) / 2.0
@@ -345,11 +401,27 @@ def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
 
 
 def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) -> tuple[Any, Any]:
-    """Return (C², S²), proportional to cos²(x/2) and sin²(x/2), from the cosine and sine of φ/2.
+    """Compute, up to a common factor, cos²(x/2) and sin²(x/2) for a tilt φ, with x = θ2 − δ.
 
-    C² = sin((α + β + φ)/2) sin((α + β − φ)/2) and S² = sin((φ + α − β)/2) sin((φ − α + β)/2).
-    Each vanishes at one end of the workspace and is negative beyond it. Their sum is sin α sin β
-    times the squared norm of (cosine, sine).
+        C² = sin((α + β + φ)/2) sin((α + β − φ)/2)
+        S² = sin((φ + α − β)/2) sin((φ − α + β)/2)
+
+    Each of the two vanishes at one end of the tilt range and is negative beyond it. Their sum is
+    sin α sin β times the squared norm of (cosine, sine).
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    alpha, beta : float or array
+        Angles α and β, rad.
+    cosine, sine : array or expression
+        cos(φ/2) and sin(φ/2), or both times a common factor.
+
+    Returns
+    -------
+    (C², S²)
+        Proportional to cos²(x/2) and sin²(x/2).
     """
     half_difference = (alpha - beta) / 2.0
     half_sum = (alpha + beta) / 2.0
@@ -361,10 +433,18 @@ def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) 
 
 
 def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any, Any]:
-    """Return the azimuths (ζ, η) in rad for c = cos(x/2) and s = sin(x/2).
+    """Return the azimuths (ζ, η) in rad of the tool axis about ω1 and of ω1 about the tool axis.
 
-    Both azimuths are continuous on a branch. A common positive factor of c and s does not change
-    them.
+    Both are defined at the top of this module. They are continuous on a branch.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    alpha, beta : float or array
+        Angles α and β, rad.
+    c, s : array or expression
+        cos(x/2) and sin(x/2) with x = θ2 − δ. A common positive factor does not change the result.
     """
     minus = xp.sin(alpha - beta) * (c * c)
     plus = xp.sin(alpha + beta) * (s * s)

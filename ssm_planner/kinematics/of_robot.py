@@ -1,4 +1,4 @@
-"""Provide tool poses, joints of task coordinates and the workspace of a robot to users."""
+"""Compute tool poses, joint solutions and the workspace of a robot, for users of the package."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ssm_planner.problem import Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, Mask, Range, record
 
-SAME = 1e-7
+EQUAL_JOINTS = 1e-7
 """Largest difference of the joints (rad, m) of two solutions that are considered equal."""
 
 
 @record
 class ToolPose(ShortRepr):
-    """Pose of the tool in the base frame, rad and m, in one or in n configurations.
+    """Pose of the tool in the base frame, in one or in n configurations, rad and m.
 
     Examples
     --------
@@ -42,9 +42,10 @@ class ToolPose(ShortRepr):
 
 @record
 class JointSolutions(ShortRepr):
-    """All joint solutions for one point in task coordinates, or for n points, rad and m.
+    """Joint solutions for one point in task coordinates, or for n points, rad and m.
 
-    Solutions within the joint ranges come first. Results for n points have n as the first length.
+    Solutions within the joint ranges come first. The arrays for n points have n as the first
+    length.
 
     Examples
     --------
@@ -56,7 +57,8 @@ class JointSolutions(ShortRepr):
     """
 
     joints: Array
-    """Joints (k, 4). If the point is outside the workspace, they reach the nearest point inside."""
+    """Joint positions (k, 4). For a point outside the workspace, they reach the nearest one inside.
+    """
     in_limits: Mask
     """True if the solution is within the joint ranges, (k,)."""
     reachable: bool | Mask
@@ -66,10 +68,10 @@ class JointSolutions(ShortRepr):
     tip_error: float | Array
     """Distance between the requested and the reached tip position, m."""
     boundary_distance: float | Array
-    """Tilt between the point and the workspace boundary, rad. Negative outside."""
+    """Angle by which the tilt may change until it leaves the workspace, rad. Negative outside."""
 
     def to_dict(self) -> JsonObject:
-        """Return the object that `ik --json` prints."""
+        """Return the content of the output of `ik --json`, rad and m."""
         return {
             "reachable": self.reachable,
             "branches": self.joints.tolist(),
@@ -81,7 +83,7 @@ class JointSolutions(ShortRepr):
 
 @record
 class Workspace(ShortRepr):
-    """Tilts that the tool of a robot can reach, rad.
+    """Range of the tilts that the tool of a robot reaches, and the angles that determine it, rad.
 
     Examples
     --------
@@ -97,16 +99,18 @@ class Workspace(ShortRepr):
     beta: float
     """Angle between the axis of joint 2 and the tool."""
     tilt_range: Range
+    """Smallest and largest signed tilt."""
     home_roll: float
     """Roll at q = 0."""
     home_tilt: float
+    """Tilt at q = 0."""
     extremes: tuple[Extreme, ...]
-    """Configurations with the smallest and the largest tilt."""
+    """Configurations with the smallest and the largest magnitude of the tilt."""
     side: int
-    """Sign of the tilt on the home side."""
+    """Sign of the tilt at q = 0, +1 or −1."""
 
     def to_dict(self) -> JsonObject:
-        """Return the object that `workspace --json` prints."""
+        """Return the content of the output of `workspace --json`, rad."""
         return {
             "alpha": self.alpha,
             "beta": self.beta,
@@ -126,7 +130,7 @@ class Workspace(ShortRepr):
 
 @checked
 def fk(robot: Robot, q: ArrayLike) -> ToolPose:
-    """Return the tool pose for joints q (forward kinematics; paper, eq. 2).
+    """Compute the tool pose for joint positions (forward kinematics; paper, eq. 2).
 
     Parameters
     ----------
@@ -281,7 +285,7 @@ def ik(
     for k, solution in enumerate(joints[0]):
         allowed = bool(in_limits[0, k]) or not within_limits
         if allowed and not any(
-            np.abs(solution - joints[0, earlier]).max() <= SAME for earlier in distinct
+            np.abs(solution - joints[0, earlier]).max() <= EQUAL_JOINTS for earlier in distinct
         ):
             distinct.append(k)
     return JointSolutions(
@@ -296,9 +300,9 @@ def ik(
 
 @checked
 def workspace(robot: Robot) -> Workspace:
-    """Return the tilts that a robot reaches, in closed form (paper, §II-B).
+    """Compute the range of tilts that a robot reaches, in closed form (paper, §II-B).
 
-    See `design_region` for the robots that reach a given range.
+    `design_region` solves the inverse problem: it computes the robots that reach a given range.
 
     Examples
     --------

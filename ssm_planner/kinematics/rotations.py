@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def hat(omega: ArrayLike) -> Array:
-    """Return the matrix (..., 3, 3) of the cross product ω × · for ω (..., 3)."""
+    """Return the matrix ω̂ (..., 3, 3) of the cross product: ω̂ a = ω × a, for ω (..., 3)."""
     omega = np.asarray(omega, dtype=float)
     x = omega[..., 0]
     y = omega[..., 1]
@@ -30,23 +30,31 @@ def hat(omega: ArrayLike) -> Array:
 
 
 def exponential_terms(omega: ArrayLike) -> Array:
-    """Return E (3, 3, 3) with e^{ω̂θ} = E[0] + cos θ E[1] + sin θ E[2] for a unit vector ω (3,)."""
+    """Return the constant matrices E (3, 3, 3) of the rotations about a unit vector ω (3,).
+
+    The rotation by θ is e^{ω̂θ} = E[0] + cos θ E[1] + sin θ E[2].
+    """
     omega = np.asarray(omega, dtype=float)
     projection = np.outer(omega, omega)
     return np.stack((projection, np.eye(3) - projection, hat(omega)))
 
 
 def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
-    """Return e^{ω̂θ} (..., 3, 3) for a unit axis (3,) and angles (...)."""
+    """Return the rotation matrices (..., 3, 3) about a unit axis (3,) by angles (...) in rad."""
     angle = np.asarray(angle, dtype=float)
     monomials = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=-1)
     return np.tensordot(monomials, exponential_terms(omega), axes=1)
 
 
 def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
-    """Return e^{ω̂θ} (3, 3) in CasADi for a unit axis (3,) and an expression θ.
+    """Return the rotation matrix (3, 3) about a unit axis in CasADi.
 
-    The axis is numeric or symbolic.
+    Parameters
+    ----------
+    omega : (3,) array or (3, 1) expression
+        Unit axis.
+    angle : float or expression
+        Angle, rad.
     """
     import casadi
 
@@ -61,7 +69,8 @@ def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
 
 
 def constant(value: Any) -> Any:
-    """Return a sparse CasADi constant without the entries that are rounding errors of zero.
+    """Convert an array to a sparse CasADi constant, and drop entries that are rounding errors of
+    zero.
 
     CasADi expressions are returned unchanged.
     """
@@ -75,10 +84,23 @@ def constant(value: Any) -> Any:
 
 
 def batch(name: str, value: ArrayLike, width: int) -> Array:
-    """Return the argument as rows of finite numbers (n, width).
+    """Check an argument, and return it as rows of finite numbers (n, width).
 
-    A single row becomes a batch of one. Raises GeometryError for another shape or a value that is
-    not finite.
+    A single row (width,) becomes a batch of one.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the message.
+    value : array-like
+        Value of the argument.
+    width : int
+        Required length of a row.
+
+    Raises
+    ------
+    GeometryError
+        If the shape is wrong or a value is not finite.
     """
     try:
         array = np.asarray(value, dtype=float)
@@ -100,7 +122,7 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
 def finite(name: str, array: Array) -> None:
     """Raise GeometryError with the index of the first value that is not finite.
 
-    The array may have any shape.
+    `name` is the name of the argument in the message. The array may have any shape.
     """
     if not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])

@@ -18,25 +18,25 @@ WEIGHTS = (1.0, 1.0, 1.0, 10.0)
 
 
 OF_EACH = ("joints", "branch", "reaches", "in_limits")
-"""Fields of Solutions that have an entry for each solution of a target."""
+"""Fields of Solutions with the shape (n, k, …), which have an entry for each solution."""
 
 
 @record
 class Solutions:
-    """All solutions of the inverse kinematics for n targets, k for each target."""
+    """Solutions of the inverse kinematics for n targets, with k solutions for each target."""
 
     joints: Array
     """Joints (n, k, 4) in rad and m."""
     branch: NDArray[np.int_]
-    """Sign of sin(θ2 − δ), (n, k)."""
+    """Branch of each solution: the sign of sin(θ2 − δ) with `Mechanism.delta`, (n, k)."""
     reaches: Mask
-    """True if the solution reaches its target and not only the nearest pose, (n, k)."""
+    """True if the solution reaches the target itself and not only the nearest pose, (n, k)."""
     in_limits: Mask
     """True if the solution is within the joint limits, (n, k). True if no limits were given."""
     reachable: Mask
     """True if the target is in the workspace, (n,).
 
-    If it is not, `joints` reach the nearest pose that is.
+    For other targets, `joints` reach the nearest pose in the workspace.
     """
     orientation_error: Array
     """Angle between the requested and the reached tool axis, (n,), rad."""
@@ -52,9 +52,16 @@ class Solutions:
 def select(
     solutions: Solutions, limits: ArrayLike | None, reference: ArrayLike | None
 ) -> Solutions:
-    """Mark solutions by joint limits (4, 2), and sort them by the distance to a reference (..., 4).
+    """Mark the solutions within joint limits, and sort them by their distance to a reference.
 
-    Either argument may be None.
+    Parameters
+    ----------
+    solutions : Solutions
+        Solutions of n targets.
+    limits : (4, 2) or None
+        Lowest and highest joint positions, rad and m. None leaves the marks unchanged.
+    reference : (4,) or (n, 4) or None
+        Joint positions, rad and m. None leaves the order unchanged.
     """
     if limits is not None:
         solutions = within_limits(solutions, limits, reference)
@@ -66,11 +73,24 @@ def select(
 def within_limits(
     solutions: Solutions, limits: ArrayLike, reference: ArrayLike | None = None
 ) -> Solutions:
-    """Mark the solutions that are within limits (4, 2), rad and m.
+    """Mark the solutions that are within joint limits.
 
     Revolute joints are moved by whole turns into their limits. If several positions are possible,
-    the one nearest to `reference` (4,) or (n, 4) is selected, or without a reference the one
-    nearest to the middle.
+    the one nearest to the reference is selected.
+
+    Parameters
+    ----------
+    solutions : Solutions
+        Solutions of n targets.
+    limits : (4, 2)
+        Lowest and highest joint positions, rad and m.
+    reference : (4,) or (n, 4), optional
+        Joint positions, rad and m. The default is the middle of the limits.
+
+    Raises
+    ------
+    GeometryError
+        If the limits or the reference are invalid.
     """
     bounds = joint_limits("limits", limits)
     joints = solutions.joints.copy()
@@ -82,10 +102,19 @@ def within_limits(
 def by_distance(
     solutions: Solutions, reference: ArrayLike, limits: ArrayLike | None = None
 ) -> Solutions:
-    """Sort the solutions by the distance to `reference` (4,) or (n, 4), valid solutions first.
+    """Sort the solutions of each target by their distance to a reference, valid solutions first.
 
-    Revolute joints are moved by whole turns next to the reference, within `limits` if they are
-    given.
+    Revolute joints are moved by whole turns as close as possible to the reference. The distance is
+    Euclidean with the factors WEIGHTS.
+
+    Parameters
+    ----------
+    solutions : Solutions
+        Solutions of n targets.
+    reference : (4,) or (n, 4)
+        Joint positions, rad and m.
+    limits : (4, 2), optional
+        Lowest and highest joint positions, within which joints are moved.
     """
     bounds = (
         np.tile((-np.inf, np.inf), (4, 1)) if limits is None else joint_limits("limits", limits)
@@ -95,16 +124,21 @@ def by_distance(
     _shift_into_range(joints, centres, bounds)
     distance = np.linalg.norm((joints - centres) * WEIGHTS, axis=2)
     order = np.lexsort((distance, ~solutions.valid), axis=1)
-    of_row = np.arange(len(joints))[:, np.newaxis]
+    rows = np.arange(len(joints))[:, np.newaxis]
     shifted = replace(solutions, joints=joints)
-    return replace(shifted, **{name: getattr(shifted, name)[of_row, order] for name in OF_EACH})
+    return replace(shifted, **{name: getattr(shifted, name)[rows, order] for name in OF_EACH})
 
 
 def joint_limits(name: str, value: ArrayLike) -> Array:
-    """Return checked limits (4, 2), lower and upper. Joints without limits have infinite ones.
+    """Check joint limits, and return them as an array (4, 2) of lower and upper limits.
 
-    Raises GeometryError for a wrong shape, for a lower limit above the upper one, or for values
-    that seem to be in degrees.
+    Joints without limits have infinite ones. `name` is the name of the argument in messages.
+
+    Raises
+    ------
+    GeometryError
+        If the shape is wrong, a lower limit is above the upper one, or the values seem to be in
+        degrees.
     """
     limits = np.asarray(value, dtype=float)
     if limits.shape != (4, 2):
@@ -128,7 +162,7 @@ def joint_limits(name: str, value: ArrayLike) -> Array:
 
 
 def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
-    """Shift each angle by whole turns into (centre − π, centre + π], rad.
+    """Shift angles by whole turns into the interval (centre − π, centre + π], rad.
 
     The shapes of both arguments broadcast.
     """
@@ -136,7 +170,20 @@ def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
 
 
 def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
-    """Return the positions to which joints are moved by whole turns, (n or 1, 1, 4)."""
+    """Return the joint positions near which whole turns shall place each joint, (n or 1, 1, 4).
+
+    They are the reference or, without one, the middle of the limits. A joint with only one finite
+    limit has this limit as its centre, and a joint without limits has 0.
+
+    Parameters
+    ----------
+    bounds : (4, 2)
+        Lowest and highest joint positions, rad and m.
+    reference : (4,) or (n, 4) or None
+        Joint positions, rad and m.
+    count : int
+        Number n of targets.
+    """
     if reference is None:
         low, high = bounds.T
         low, high = np.where(np.isfinite(low), low, high), np.where(np.isfinite(high), high, low)
@@ -151,9 +198,18 @@ def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
 
 
 def _shift_into_range(joints: Array, centres: Array, bounds: Array) -> None:
-    """Move revolute joints by whole turns as close as possible to their centres, in place.
+    """Move revolute joints by whole turns as close as possible to given positions, in place.
 
-    A joint is kept within its bounds if whole turns can achieve this.
+    Positions within the bounds take precedence, if whole turns can reach them.
+
+    Parameters
+    ----------
+    joints : (n, k, 4)
+        Joint positions, which are changed.
+    centres : (n or 1, 1, 4)
+        Positions of `_centres`.
+    bounds : (4, 2)
+        Lowest and highest joint positions.
     """
     for i in range(3):
         angle = nearest_turn(joints[..., i], centres[..., i])

@@ -1,7 +1,8 @@
 """Convert between task coordinates (roll, tilt, spin, depth) and joints in closed form.
 
-`joints_of_task`, `task_of_joints` and `task_rates_of_joints` contain each equation once, for NumPy
-arrays and CasADi expressions (`xp`). The other functions apply them to NumPy batches (n, 4) or, if
+The module `mechanism` explains the symbols. `joints_of_task`, `task_of_joints` and
+`task_rates_of_joints` contain each equation once, for NumPy arrays and CasADi expressions; the
+argument `xp` selects the library. The other functions apply them to NumPy batches (n, 4) or, if
 their names end with _symbolic, to CasADi vectors (4, 1).
 """
 
@@ -29,9 +30,25 @@ Four = Sequence[Any] | Array
 
 
 def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any) -> tuple[Any, ...]:
-    """Return (θ1, θ2, θ3, θ4) for (roll, tilt, spin, depth) on one branch.
+    """Compute the joint positions for task coordinates on one branch.
 
-    The result is continuous along any path on the branch. Roll and spin are not wrapped.
+    The result is continuous along any path on the branch, because roll and spin are not wrapped.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    mechanism : Mechanism
+        Axes and tool frame.
+    task : four arrays or expressions
+        Roll, tilt and spin in rad, depth in m.
+    branch : int, array or expression
+        Sign of sin(θ2 − δ), +1 or −1.
+
+    Returns
+    -------
+    (θ1, θ2, θ3, θ4)
+        Joint positions in rad and m, each with the shape of the task coordinates.
     """
     roll, tilt, spin, depth = task
     mech = mechanism
@@ -49,26 +66,57 @@ def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any)
 
 
 def task_of_joints(xp: Namespace, mechanism: Mechanism, q: Four) -> tuple[Any, ...]:
-    """Return (roll, tilt, spin, depth) of joints. The tilt is on the home side.
+    """Compute the task coordinates of joint positions.
 
-    Roll and spin are not wrapped.
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : four arrays or expressions
+        Joint positions, rad and m.
+
+    Returns
+    -------
+    (roll, tilt, spin, depth)
+        Task coordinates in rad and m. The tilt has the sign of the home tilt. Roll and spin are not
+        wrapped.
     """
     theta1, theta2, theta3, theta4 = q
-    mech = mechanism
-    x = theta2 - mech.delta
-    zeta, eta = azimuths(xp, mech.alpha, mech.beta, xp.cos(x / 2.0), xp.sin(x / 2.0))
-    roll = theta1 + zeta + mech.side * math.pi / 2.0
-    tilt = mech.side * tilt_magnitude(xp, mech.alpha, mech.beta, x)
-    return roll, tilt, theta3 - eta + mech.spin_offset, mech.insertion_sign * theta4
+    x = theta2 - mechanism.delta
+    zeta, eta = azimuths(xp, mechanism.alpha, mechanism.beta, xp.cos(x / 2.0), xp.sin(x / 2.0))
+    roll = theta1 + zeta + mechanism.side * math.pi / 2.0
+    tilt = mechanism.side * tilt_magnitude(xp, mechanism.alpha, mechanism.beta, x)
+    return roll, tilt, theta3 - eta + mechanism.spin_offset, mechanism.insertion_sign * theta4
 
 
 def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four) -> tuple[Any, ...]:
-    """Return the time derivative of `task_of_joints`.
+    """Compute the time derivatives of the task coordinates of `task_of_joints`.
 
-    With x, P, E of mechanism.py and P² + Q² = sin² φ: dφ/dx = sin α sin β sin x / sin φ on the home
-    side, dζ/dx = −E sin β / sin² φ, dη/dx = −P sin α / sin² φ. The rates grow without bound towards
-    a tilt of 0 or 180°, where roll and spin are the same rotation. Exactly at such a tilt, the
-    result is the derivative for θ2 at rest.
+    With x = θ2 − δ, the azimuths ζ and η, and P, Q and E of the module `mechanism`, where P² + Q² =
+    sin² φ:
+
+        dφ/dx = sin α sin β sin x / sin φ   on the home side
+        dζ/dx = −E sin β / sin² φ
+        dη/dx = −P sin α / sin² φ
+
+    The rates grow without bound towards a tilt of 0 or 180°, where roll and spin are the same
+    rotation. Exactly at such a tilt, the result is the derivative for θ2 at rest.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    mechanism : Mechanism
+        Axes and tool frame.
+    q, qd : four arrays or expressions each
+        Joint positions in rad and m, and joint velocities.
+
+    Returns
+    -------
+    tuple of four
+        Rates of roll, tilt, spin and depth, rad/s and m/s.
     """
     mech, (speed1, speed2, speed3, speed4) = mechanism, qd
     x = q[1] - mech.delta
@@ -89,16 +137,33 @@ def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four)
 def roll_and_tilt(
     xp: Namespace, mechanism: Mechanism, pointing: Any, around: Any
 ) -> tuple[Any, Any]:
-    """Return roll and tilt of a tool that has the direction (x, y, z) in `mechanism.frame`.
+    """Return roll and tilt in rad of a tool that points in a given direction.
 
-    The argument `around` is √(y² + z²) and must not be zero.
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    mechanism : Mechanism
+        Axes and tool frame.
+    pointing : three arrays or expressions
+        Components x, y and z of the direction in `mechanism.frame`. Its length does not matter.
+    around : array or expression
+        √(y² + z²), which must not be zero.
     """
     side, (axial, y, z) = mechanism.side, pointing
     return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, axial)
 
 
 def task_batch(name: str, value: ArrayLike) -> Array:
-    """Return task coordinates (n, 4). Raises GeometryError for a tilt outside [−π, π]."""
+    """Check task coordinates, and return them as rows (n, 4), rad and m.
+
+    `name` is the name of the argument in messages.
+
+    Raises
+    ------
+    GeometryError
+        If the shape is wrong, a value is not finite, or a tilt is outside [−π, π].
+    """
     task = batch(name, value, 4)
     rows = np.flatnonzero(np.abs(task[:, 1]) > math.pi + 1e-9)
     if rows.size:
@@ -110,11 +175,25 @@ def task_batch(name: str, value: ArrayLike) -> Array:
 
 
 def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None = None) -> Array:
-    """Return (roll, tilt, spin, depth) (n, 4) for joints q (n, 4).
+    """Compute the task coordinates of joint positions, with wrapped roll and spin.
 
-    Two sets of task coordinates describe a pose, (ψ, φ, σ) and (ψ + π, −φ, σ + π). The result has
-    the sign of the home tilt. Roll and spin are in (−π, π]. If task coordinates `near` (n, 4) or
-    (4,) are given, roll and spin are shifted by whole turns next to them.
+    Two sets of task coordinates describe the same pose: (ψ, φ, σ) and (ψ + π, −φ, σ + π) for roll,
+    tilt and spin. The result is the one whose tilt has the sign of the home tilt.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (n, 4)
+        Joint positions, rad and m.
+    near : (4,) or (n, 4), optional
+        Task coordinates next to which roll and spin are shifted by whole turns. Without them, roll
+        and spin are in (−π, π].
+
+    Returns
+    -------
+    (n, 4)
+        Roll, tilt, spin in rad and depth in m.
     """
     q = batch("q", q, 4)
     task = np.stack(task_of_joints(NUMPY, mechanism, q.T), axis=1)
@@ -125,10 +204,17 @@ def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None 
 
 
 def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
-    """Return the rates of (roll, tilt, spin, depth) (n, 4) for joints q and joint rates qd (n, 4).
+    """Return the rates of roll, tilt, spin and depth (n, 4) in rad/s and m/s.
 
-    Units are rad/s and m/s. The rates of roll and spin grow without bound as the tilt approaches 0
-    or 180°, where both are the same rotation.
+    The rates of roll and spin grow without bound as the tilt approaches 0 or 180°, where both are
+    the same rotation.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q, qd : (n, 4)
+        Joint positions in rad and m, and joint velocities.
     """
     q = batch("q", q, 4)
     qd = batch("qd", qd, 4)
@@ -136,10 +222,24 @@ def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
 
 
 def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]:
-    """Return the tool pose (R (n, 3, 3), p (n, 3)) for task coordinates (n, 4).
+    """Compute the tool pose for task coordinates.
 
-    The tilt may have either sign. The orientation is R = e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1
-    ψ_h} R_0 Rz(σ).
+    With roll ψ, tilt φ, spin σ, and the home roll ψ_h and home tilt φ_h, the orientation is R =
+    e^{ω̂1 ψ} e^{t̂ φ} e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 Rz(σ), where R_0 is `tool_home`.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    task : (n, 4)
+        Roll, tilt and spin in rad, depth in m. The tilt may have either sign.
+
+    Returns
+    -------
+    R : (n, 3, 3)
+        Rotations from the tool frame to the base frame.
+    p : (n, 3)
+        Tip positions in the base frame, m.
     """
     task = task_batch("task", task)
     pointing = rotation(mechanism.omega1, task[:, 0]) @ rotation(mechanism.tilt_axis, task[:, 1])
@@ -149,9 +249,10 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
 
 
 def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
-    """Return the tip position (n, 3) of `pose_from_task` for task coordinates (n, 4).
+    """Return the tip positions (n, 3) in m for task coordinates (n, 4), rad and m.
 
-    The formula is shorter because t̂ is perpendicular to ω1.
+    The result is that of `pose_from_task` without the orientation. The formula is shorter because
+    the tilt axis is perpendicular to ω1.
     """
     roll, tilt, _, depth = np.ascontiguousarray(task.T)
     axial, across, normal = (axis[:, None] for axis in mechanism.tip_axes)
@@ -164,7 +265,7 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
 def joints_from_task_symbolic(
     mechanism: Mechanism, task: casadi.SX, branch: int, reference: Any | None = None
 ) -> casadi.SX:
-    """Return joints (4, 1) for (roll, tilt, spin, depth) on a branch.
+    """Return the joint positions (4, 1) for task coordinates on one branch, in CasADi.
 
     Parameters
     ----------
@@ -175,13 +276,15 @@ def joints_from_task_symbolic(
     branch : int
         Sign of sin(θ2 − δ), +1 or −1. δ (`mechanism.delta`) is the θ2 with the largest cos φ.
     reference : (4, 1), optional
-        Joints, rad and m. Each revolute joint is moved next to its reference by whole turns.
+        Joint positions, rad and m. Each revolute joint is moved next to its reference by whole
+        turns.
 
     Returns
     -------
     (4, 1) expression
-        Joints, which are continuous along any path inside the workspace. They are NaN outside.
-        Their derivatives are infinite at the boundary, like those of the mechanism.
+        Joint positions in rad and m, which are continuous along any path inside the workspace. They
+        are NaN outside. Their derivatives are infinite at the boundary, like those of the
+        mechanism.
     """
     import casadi
 
@@ -196,9 +299,18 @@ def joints_from_task_symbolic(
 def task_of_tip_symbolic(
     mechanism: Mechanism, tip: casadi.SX, roll: casadi.SX, spin: casadi.SX
 ) -> casadi.SX:
-    """Return (roll, tilt, spin, depth) (4, 1) for a tip (3, 1) beyond the remote centre.
+    """Return the task coordinates (4, 1) of a tool whose tip is at a given point, in CasADi.
 
-    The resulting roll is within half a turn of `roll`.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    tip : (3, 1)
+        Tip position in the base frame, m. The tip is beyond the remote centre (depth > 0).
+    roll : expression
+        The resulting roll is within half a turn of this angle, rad.
+    spin : expression
+        Spin of the tool, rad, which the tip does not determine.
     """
     import casadi
 
@@ -211,15 +323,15 @@ def task_of_tip_symbolic(
 
 
 def roll_of_tip(mechanism: Mechanism, tip: Array) -> float:
-    """Return the roll of the tool whose tip is at a point (3,) beyond the remote centre."""
+    """Return the roll in rad of a tool whose tip is at a point (3,) beyond the remote centre, m."""
     pointing = mechanism.insertion_sign * (mechanism.frame.T @ tip)
     return float(roll_and_tilt(NUMPY, mechanism, pointing, np.hypot(*pointing[1:]))[0])
 
 
 def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
-    """Return (roll, tilt, spin, depth) (4, 1) for joints (4, 1), with the tilt on the home side.
+    """Return roll, tilt, spin and depth (4, 1) for joint positions (4, 1), in CasADi.
 
-    Roll and spin are not wrapped.
+    The tilt has the sign of the home tilt. Roll and spin are not wrapped.
     """
     import casadi
 
@@ -227,7 +339,10 @@ def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
 
 
 def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> casadi.SX:
-    """Return the rates of (roll, tilt, spin, depth) (4, 1) in rad/s and m/s on any branch."""
+    """Return the rates of roll, tilt, spin and depth (4, 1) in rad/s and m/s, in CasADi.
+
+    `q` and `qd` (4, 1) are joint positions and joint velocities on either branch.
+    """
     import casadi
 
     return casadi.vertcat(
@@ -235,14 +350,23 @@ def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> ca
     )
 
 
-def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
-    """Return the joint rates q̇ (4,) that change the task coordinates at `rate` (4,).
+def joint_rates(mechanism: Mechanism, q: Array, task_velocity: Array) -> Array:
+    """Return the joint velocities (4,) that change the task coordinates at given rates.
 
-    The joints `q` (4,) are in rad and m. The result is zero for a rate of zero.
+    The result is exactly zero for rates of zero, also where the Jacobian is singular.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (4,)
+        Joint positions, rad and m.
+    rate : (4,)
+        Rates of roll, tilt, spin and depth, rad/s and m/s.
     """
-    if not np.any(rate):
+    if not np.any(task_velocity):
         return np.zeros(4)
     jacobian = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T
-    qd = np.asarray(np.linalg.solve(jacobian, rate), dtype=float)
+    qd = np.asarray(np.linalg.solve(jacobian, task_velocity), dtype=float)
     qd[np.abs(qd) < 1e-12 * np.abs(qd).max()] = 0.0
     return qd

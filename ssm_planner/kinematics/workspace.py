@@ -1,12 +1,13 @@
 """Compute the workspace in closed form (paper, §II-B): extreme tilts, design regions, tilt rates.
 
-Tilt is the signed angle φ between ω1 and the tool. It depends on θ2 alone. Each tilt inside the
-workspace has two solutions θ2, one on each branch. The branches meet at the extremes of φ, where
-dφ/dθ2 = 0.
+The module `mechanism` explains the symbols. The tilt φ is the signed angle between ω1 and the tool.
+It depends on θ2 alone. Each tilt inside the workspace has two solutions θ2, one on each branch. The
+branches meet at the extremes of φ, where dφ/dθ2 = 0.
 
-The magnitude |φ| ranges from |α − β| to α + β, folded at π (eq. 9). The angles (α, β) reach a
-range with a = min |φ| and b = max |φ| if |α − β| ≤ a and b ≤ α + β ≤ 2π − b. In the plane of α and
-β, this is a rectangle whose sides are at 45° to the axes.
+The magnitude |φ| ranges from |α − β| to α + β (eq. 9). A sum above π counts as 2π minus the sum. A
+mechanism with the angles α and β therefore reaches all tilts with a ≤ |φ| ≤ b if |α − β| ≤ a and b
+≤ α + β ≤ 2π − b. In the plane of α and β, these conditions describe a rectangle whose sides are at
+45° to the axes.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ GRID = 20001
 
 @record
 class Extreme(ShortRepr):
-    """A configuration of extreme tilt (paper, eqs. 6–9).
+    """Configuration in which the tilt is smallest or largest (paper, eqs. 6–9).
 
     Examples
     --------
@@ -43,27 +44,28 @@ class Extreme(ShortRepr):
     """
 
     theta2: float
-    """Angle θ_r in (−π, π]."""
+    """Position θ_r of joint 2 in (−π, π] rad."""
     c1: float
+    """Coefficient of ω1 in the tool axis c1 ω1 + c2 ω2."""
     c2: float
-    """Coefficients in e^{ω̂2 θ_r} v4 = c1 ω1 + c2 ω2."""
+    """Coefficient of ω2 in the tool axis."""
     direction: Array
-    """Tool axis e^{ω̂2 θ_r} v4, (3,)."""
+    """Tool axis for θ1 = 0 and θ2 = θ_r, a unit vector (3,) in the base frame."""
     tilt: float
-    """Magnitude |φ_r| in [0, π]."""
+    """Magnitude of the tilt in [0, π] rad."""
 
 
 def tilt_magnitudes(alpha: float, beta: float) -> Range:
-    """Return the smallest and the largest |φ| in [0, π] (paper, eq. 9).
+    """Return the smallest and the largest magnitude of the tilt in [0, π] rad (paper, eq. 9).
 
-    They are |α − β| and α + β, folded at π, for any α and β in [0, π]. If one of the angles is 0 or
-    π, both results are equal.
+    They are |α − β| and α + β, or 2π − (α + β) if the sum exceeds π. `alpha` and `beta` are in [0,
+    π] rad. If one of them is 0 or π, both results are equal.
     """
     return abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - (alpha + beta))
 
 
 def tilt_interval(mechanism: Mechanism) -> Range:
-    """Return the range (low, high) of the signed tilt on the home side.
+    """Return the range (low, high) of the tilt in rad, with the sign that the tilt has at q = 0.
 
     For the vitreoretinal robot it is (−139.778°, −79.778°).
     """
@@ -72,11 +74,15 @@ def tilt_interval(mechanism: Mechanism) -> Range:
 
 
 def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
-    """Return the configurations with the smallest and the largest |φ| (paper, eq. 8).
+    """Compute the configurations with the smallest and the largest |φ| (paper, eq. 8).
 
-    e^{ω̂2 θ_r} v4 = ± (sin β / sin α) ω1 + (sin(α ∓ β) / sin α) ω2, with the upper signs for the
-    smallest |φ|. Raises GeometryError if ω1 and ω2, or ω2 and ω3, are parallel, because φ is then
-    constant.
+    The tool axis is ± (sin β / sin α) ω1 + (sin(α ∓ β) / sin α) ω2, with the upper signs for the
+    smallest |φ|.
+
+    Raises
+    ------
+    GeometryError
+        If ω1 and ω2, or ω2 and ω3, are parallel, because φ is then constant.
     """
     alpha = mechanism.alpha
     beta = mechanism.beta
@@ -96,10 +102,23 @@ def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
 
 
 def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
-    """Return the θ2 with a tilt φ, in the interval δ + branch · [0, π] and in the shape of `tilt`.
+    """Return the positions θ2 of joint 2 in rad for tilts in rad, in the shape of `tilt`.
 
-    The branch is +1 or −1, the sign of sin(θ2 − δ). A tilt outside the workspace gives the θ2 of
-    the nearest tilt inside.
+    θ2 lies in the interval from δ (`mechanism.delta`) to δ + branch · π.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes of the robot.
+    tilt : array-like
+        Tilts, rad. A tilt outside the workspace gives the θ2 of the nearest tilt inside.
+    branch : int
+        Sign of sin(θ2 − δ), +1 or −1.
+
+    Raises
+    ------
+    GeometryError
+        If the branch is neither +1 nor −1.
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     half = np.clip(np.abs(np.asarray(tilt, dtype=float)), low, high) / 2.0
@@ -111,9 +130,14 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
 
 
 def magnitude_range(name: str, tilt_range: Range) -> Range:
-    """Return the smallest and the largest |φ| of a signed tilt range.
+    """Return the smallest and the largest |φ| of a range of signed tilts, rad.
 
-    Raises GeometryError if the range is invalid.
+    `name` is the name of the range in the message.
+
+    Raises
+    ------
+    GeometryError
+        If the range is reversed or outside [−π, π].
     """
     low, high = (float(end) for end in tilt_range)
     if not -math.pi <= low <= high <= math.pi:
@@ -125,7 +149,7 @@ def magnitude_range(name: str, tilt_range: Range) -> Range:
 
 
 def check_branch(branch: int) -> int:
-    """Return the branch. Raises GeometryError unless it is +1 or −1."""
+    """Return the branch unchanged. Raises GeometryError unless it is +1 or −1."""
     if branch not in (1, -1):
         raise GeometryError(
             f"branch = {branch!r}: must be 1 or -1, the sign of sin(theta2 - delta)"
@@ -134,9 +158,10 @@ def check_branch(branch: int) -> int:
 
 
 def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
-    """Return the angle in rad from tilts of any shape to the nearer end of the workspace.
+    """Return the angles in rad from tilts to the nearer end of the tilt range, in the shape of
+    `tilt`.
 
-    The angle is negative outside the workspace.
+    An angle is negative outside the workspace. Raises GeometryError for a tilt outside [−π, π].
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     magnitude = np.abs(_tilts(tilt))
@@ -144,25 +169,27 @@ def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
 
 
 def smallest_singular_value(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return the smallest singular value (n,) of the Jacobian's angular part at q (n, 4).
+    """Return the smallest singular value (n,) of the angular part of the Jacobian.
 
-    The columns of the angular part are the three revolute axes. The value is dimensionless, depends
-    on θ2 alone, and is zero at the workspace boundary, where the axes are coplanar.
+    The columns of the angular part are the three revolute axes. The value is dimensionless and
+    depends on θ2 alone. It is zero at the workspace boundary, where the axes are coplanar. `q` (n,
+    4) are joint positions, rad and m.
     """
     values = np.linalg.svd(space_jacobian(mechanism, q)[:, 3:, :3], compute_uv=False)
     return np.asarray(values[:, 2], dtype=float)
 
 
 def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Array:
-    """Return (dθ1/dφ, dθ2/dφ, dθ3/dφ) (..., 3) at constant roll and spin for tilts (...).
+    """Return (dθ1/dφ, dθ2/dφ, dθ3/dφ) (..., 3) at constant roll and spin for tilts (...) in rad.
 
-    With x = θ2 − δ and P, E of mechanism.py, for |φ| on the home side:
+    With x = θ2 − δ, and P and E of the module `mechanism`, the derivatives on the home side are
 
-        dθ2/dφ = sin φ / (sin α sin β sin x)
-        dθ1/dφ = E / (sin α sin x sin φ)
-        dθ3/dφ = −P / (sin β sin x sin φ)
+        dθ2/d|φ| = sin |φ| / (sin α sin β sin x)
+        dθ1/d|φ| = E / (sin α sin x sin |φ|)
+        dθ3/d|φ| = −P / (sin β sin x sin |φ|)
 
-    The result is infinite at the workspace boundary and NaN outside.
+    The result is infinite at the workspace boundary and NaN outside. `branch` is the sign of sin x,
+    +1 or −1. Raises GeometryError for another branch or a tilt outside [−π, π].
     """
     alpha = mechanism.alpha
     beta = mechanism.beta
@@ -175,18 +202,18 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
         product = math.sin(alpha) * math.sin(beta)
         sin_x = check_branch(branch) * 2.0 * np.sqrt(c2 * s2) / product
         sin_x = np.where((c2 < 0.0) | (s2 < 0.0), np.nan, sin_x)
-        on_t = (math.sin(alpha - beta) * c2 + math.sin(alpha + beta) * s2) / product
-        tilted_component = (math.sin(alpha - beta) * c2 - math.sin(alpha + beta) * s2) / product
+        P = (math.sin(alpha - beta) * c2 + math.sin(alpha + beta) * s2) / product
+        E = (math.sin(alpha - beta) * c2 - math.sin(alpha + beta) * s2) / product
         sin_tilt = np.sin(np.abs(tilts))
-        joint_1 = tilted_component / (math.sin(alpha) * sin_x * sin_tilt)
+        joint_1 = E / (math.sin(alpha) * sin_x * sin_tilt)
         joint_2 = sin_tilt / (product * sin_x)
-        joint_3 = -on_t / (math.sin(beta) * sin_x * sin_tilt)
+        joint_3 = -P / (math.sin(beta) * sin_x * sin_tilt)
     side = np.where(tilts < 0.0, -1.0, 1.0)
     return np.stack((joint_1, joint_2, joint_3), axis=-1) * side[..., np.newaxis]
 
 
 def _tilts(value: ArrayLike) -> Array:
-    """Return checked tilts, rad. Raises GeometryError if one is outside [−π, π]."""
+    """Return tilts as an array of any shape, rad. Raises GeometryError for one outside [−π, π]."""
     tilts = np.asarray(value, dtype=float)
     if not np.all(np.abs(tilts) <= math.pi + 1e-9):
         raise GeometryError(
@@ -197,19 +224,35 @@ def _tilts(value: ArrayLike) -> Array:
 
 @frozen
 class TiltRateBound:
-    """Bound on the tilt rate (rad/s), its tilt (rad) and the limiting joint."""
+    """Bound on the tilt rate, and the place at which it applies."""
 
     rate: float
+    """Bound on the magnitude of the tilt rate, rad/s."""
     tilt: float
+    """Tilt at which the bound is reached, rad."""
     joint: str
+    """Name of the joint that limits the rate."""
 
 
 def tilt_rate_bound(mechanism: Mechanism, ends: Range, acceleration: float) -> TiltRateBound:
-    """Bound the tilt rate between two tilts (rad) at rest under a joint acceleration (rad/s²).
+    """Bound the tilt rate of a motion from rest to rest between two tilts.
 
-    Roll and spin are constant. A joint that starts or ends at rest satisfies q̇² ≤ 2·q̈_max·travel.
-    Therefore φ̇ ≤ √(2·q̈_max·min(travel to either end)) / |dq/dφ| for joints 1 to 3. Raises
-    GeometryError unless both tilts are inside the workspace, where the joint speeds are bounded.
+    Roll and spin are constant. A joint that starts or ends at rest satisfies q̇² ≤ 2 · q̈_max ·
+    travel. Therefore φ̇ ≤ √(2 · q̈_max · min(travel to either end)) / |dq/dφ| for joints 1 to 3.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes of the robot.
+    ends : (float, float)
+        Tilts at both ends, rad.
+    acceleration : float
+        Largest acceleration q̈_max of every joint, rad/s².
+
+    Raises
+    ------
+    GeometryError
+        If a tilt is not inside the workspace. At its boundary, joint speeds are unbounded.
     """
     low, high = tilt_interval(mechanism)
     if not low < min(ends) < max(ends) < high:
@@ -221,7 +264,8 @@ def tilt_rate_bound(mechanism: Mechanism, ends: Range, acceleration: float) -> T
     half = [
         float(np.interp(column[-1] / 2, column, tilt)) for column in _travel(mechanism, tilt)[1].T
     ]
-    tilt = np.sort(np.append(tilt, half))  # joints are fastest half way
+    # The speed that a joint can reach is largest in the middle of its travel.
+    tilt = np.sort(np.append(tilt, half))
     slope, travel = _travel(mechanism, tilt)
     speed = np.sqrt(2 * acceleration * np.minimum(travel, travel[-1] - travel))
     rates = speed / np.maximum(slope, 1e-12)
@@ -230,9 +274,10 @@ def tilt_rate_bound(mechanism: Mechanism, ends: Range, acceleration: float) -> T
 
 
 def _travel(mechanism: Mechanism, tilt: Array) -> tuple[Array, Array]:
-    """Return |dq/dφ| and the travel since the first tilt for joints 1 to 3, each (n, 3).
+    """Return |dq/dφ| and the travel of joints 1 to 3 since the first tilt, each (n, 3).
 
-    The tilts `tilt` (n,) in rad are monotonic.
+    `tilt` (n,) contains monotonic tilts in rad. The travel in rad follows from the trapezoidal
+    rule.
     """
     slope = np.abs(joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch))
     step = (slope[1:] + slope[:-1]) / 2 * np.abs(np.diff(tilt))[:, None]
@@ -245,7 +290,7 @@ ROUNDING = 1e-12
 
 @record
 class DesignRegion(ShortRepr):
-    """All angles (α, β), rad, whose workspace contains a tilt range with a margin.
+    """Region of all angles (α, β) of mechanisms that reach a tilt range with a margin, rad.
 
     Examples
     --------
@@ -257,37 +302,46 @@ class DesignRegion(ShortRepr):
     """
 
     tilt_range: Range
+    """Smallest and largest signed tilt, rad."""
     margin: float
+    """Required distance of both tilts from the workspace boundary, rad."""
     vertices: Array
-    """Corners (α, β) in order, (4, 2), the one with the smallest α first.
+    """Corners (α, β) in rad in the order along the border, (4, 2), beginning at the smallest α.
 
     The shape is (0, 2) for an empty region.
     """
 
     @property
     def empty(self) -> bool:
-        """True if no angles reach the range with the margin."""
+        """True if no mechanism reaches the range with the margin."""
         return len(self.vertices) == 0
 
     @property
     def smallest_alpha(self) -> tuple[float, float]:
-        """The (α, β) with the smallest α, which is the most compact design. (nan, nan) if empty."""
+        """The corner (α, β) with the smallest α, rad, which is the most compact design.
+
+        Both values are NaN if the region is empty.
+        """
         if self.empty:
             return (math.nan, math.nan)
         return (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
 
     def contains(self, alpha: float, beta: float) -> bool:
-        """Return True if the angles (α, β) reach the range with the margin."""
+        """Return True if a mechanism with the angles (α, β) in rad reaches the range with the
+        margin.
+        """
         return design_margin(alpha, beta, self.tilt_range) >= self.margin - ROUNDING
 
 
 @checked
 def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> DesignRegion:
-    """Return all (α, β) that reach the signed tilts [tilt_low, tilt_high].
+    """Compute all angles (α, β) of mechanisms that reach a range of tilts.
 
-    The corner with the smallest α is ((b − a)/2 + margin, (a + b)/2), for example (30°, 110°) for
-    (−140°, −80°). A range through φ = 0 needs α = β. Without a margin, this corner has the ends of
-    the range on the workspace boundary, where joint speeds are unbounded. A design that is to be
+    α is the angle between the axes of joints 1 and 2, and β that between the axes of joints 2 and
+    3. With a and b, the smallest and the largest |tilt| of the range, the corner with the smallest
+    α is ((b − a)/2 + margin, (a + b)/2), for example (30°, 110°) for the tilts (−140°, −80°). A
+    range that contains the tilt 0 needs α = β. Without a margin, the ends of the range are on the
+    workspace boundary for this corner, where joint speeds are unbounded. A design that is to be
     built therefore needs a margin.
 
     Parameters
@@ -317,25 +371,26 @@ def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> Des
     low, high = magnitude_range("tilt range", (tilt_low, tilt_high))
     if not 0.0 <= margin <= math.pi:
         raise GeometryError(f"margin = {margin!r}: must be in [0, pi] rad")
-    difference = low - margin
-    low_sum = high + margin
-    if difference < 0.0 or low_sum > math.pi:
+    largest_difference = low - margin
+    smallest_sum = high + margin
+    if largest_difference < 0.0 or smallest_sum > math.pi:
         return DesignRegion((tilt_low, tilt_high), margin, np.empty((0, 2)))
-    high_sum = 2.0 * math.pi - low_sum
+    largest_sum = 2.0 * math.pi - smallest_sum
     corners = (
-        (low_sum, -difference),
-        (low_sum, difference),
-        (high_sum, difference),
-        (high_sum, -difference),
+        (smallest_sum, -largest_difference),
+        (smallest_sum, largest_difference),
+        (largest_sum, largest_difference),
+        (largest_sum, -largest_difference),
     )
     vertices = np.array([((total + gap) / 2.0, (total - gap) / 2.0) for total, gap in corners])
     return DesignRegion((tilt_low, tilt_high), margin, vertices)
 
 
 def design_margin(alpha: float, beta: float, tilt_range: Range) -> float:
-    """Return the tilt in rad by which the workspace of (α, β) exceeds both ends of a range.
+    """Return the angle in rad by which the workspace of (α, β) exceeds both ends of a tilt range.
 
-    The margin is negative if the range is not reached.
+    The angle is negative if the workspace does not contain the range. `alpha`, `beta` and the range
+    are in rad. Raises GeometryError if an angle is out of range.
     """
     check_angles(alpha, beta)
     low, high = magnitude_range("tilt_range", tilt_range)
