@@ -1,14 +1,15 @@
 """Model the control cascade of a motor controller in CasADi.
 
 The cascade consists of a position PID loop with feed-forward, a current loop, the supply voltage
-and the encoder. The position loop (maxon, EPOS4 Application Notes, "Controller Architecture") uses
-the error e = demanded − measured motor angle:
+and the encoder. The position loop (maxon, EPOS4 Application Notes, "Controller Architecture")
+computes the demanded current from the error e = demanded − measured motor angle:
 
     i_demand = P·e + I·∫e dt + D·ė filtered + FF_v·w + FF_a·ẇ + torque offset / k
 
-The filter of the derivative has the time constant D / (10 P). The current follows its demand with a
-lag. Two limits apply to the current: the largest current of the power stage, and the current that
-the supply voltage U can drive through the winding against the back-EMF: |k·w + R·i| ≤ U.
+w is the demanded motor speed, and k the torque constant. The filter of the derivative has the time
+constant D / (10 P). The current follows its demand with a lag. Two limits apply to the current: the
+largest current of the power stage, and the current that the supply voltage U can drive through the
+winding resistance R against the back-EMF k·w, that is |k·w + R·i| ≤ U.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ INTEGRAL_SHARE = 0.1
 
 @frozen
 class Electrics:
-    """Motor winding and power stage of one drive."""
+    """Electrical data of the motor winding and of the power stage of one drive."""
 
     torque_constant: float
-    """k, N·m/A, and V·s/rad."""
+    """Torque constant k, N·m/A, which is also the back-EMF constant, V·s/rad."""
     resistance: float
     """Resistance R of the winding, ohm. 0 if the motor file does not state it."""
     voltage: float
@@ -59,10 +60,15 @@ class Gains:
     """Gains of one position loop, in A and rad at the motor."""
 
     p: float
+    """Proportional gain P, A/rad."""
     i: float
+    """Integral gain I, A/(rad·s)."""
     d: float
+    """Derivative gain D, A·s/rad."""
     ff_velocity: float
+    """Velocity feed-forward FF_v, A·s/rad."""
     ff_acceleration: float
+    """Acceleration feed-forward FF_a, A·s²/rad."""
 
 
 @frozen
@@ -80,9 +86,12 @@ class LoopStep:
 
 
 def electrics_of(joint: Joint, controller: Controller) -> Electrics:
-    """Return the winding and the supply of a joint's motor.
+    """Collect the electrical data of a joint's motor and of its supply.
 
-    Raises ProblemError if the joint lacks a motor or the motor file lacks the torque constant.
+    Raises
+    ------
+    ProblemError
+        If the joint lacks a motor, or the motor file lacks the torque constant.
     """
     motor = joint.motor
     if motor is None or motor.torque_constant is None:
@@ -105,19 +114,21 @@ def electrics_of(joint: Joint, controller: Controller) -> Electrics:
 
 @lru_cache
 def bandwidth_of(period: float, lag: float) -> float:
-    """Return the bandwidth (Hz) at which the default position loop has the phase margin MARGIN.
+    """Return the bandwidth in Hz at which the default position loop has the phase margin MARGIN.
 
-    With P, I and D from `gains_of`, the inertia cancels out of the open loop, which is
+    With the gains of `gains_of`, the inertia cancels out of the open loop, which is
 
-        (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) / s².
+        (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) / s²
 
-    Half a sampling period and the lag of the current delay this loop.
+    with ω = 2π · bandwidth, the damping ratio ζ = DAMPING and the time constant T_f of the
+    derivative filter. Half a sampling period and the lag of the current delay this loop, so the
+    phase margin falls as the bandwidth grows. Bisection finds the bandwidth.
 
     Parameters
     ----------
-    period
+    period : float
         Sampling period of the position loop, s.
-    lag
+    lag : float
         Time constant of the current loop, s.
     """
     low, high = 1e-3 / period, 1.0 / period
@@ -128,10 +139,18 @@ def bandwidth_of(period: float, lag: float) -> float:
 
 
 def phase_margin(bandwidth: float, period: float, lag: float) -> float:
-    """Return the phase margin (degrees) of the default position loop, see `bandwidth_of`.
+    """Return the phase margin in degrees of the default position loop of `bandwidth_of`.
 
-    `bandwidth` is in Hz, and the sampling `period` and the `lag` of the current are in s. The
-    result is −180 if the loop is unstable.
+    The closed loop is unstable if the margin is negative.
+
+    Parameters
+    ----------
+    bandwidth : float
+        Bandwidth of the loop, Hz.
+    period : float
+        Sampling period of the position loop, s.
+    lag : float
+        Time constant of the current loop, s.
     """
     omega = 2.0 * math.pi * bandwidth
     s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
@@ -149,15 +168,18 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
 
 
 def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gains:
-    """Return the gains of a joint's position loop.
+    """Compute the gains of a joint's position loop that the controller file does not state.
 
-    Gains that the controller file does not state are computed from the bandwidth of the loop. With
-    the torque constant k, the input inertia J and ω = 2π·bandwidth, they are P = J·ω²/k,
-    D = 2·0.7·J·ω/k and I = 0.1·ω·P. If the controller receives no torque offsets, FF_v = b_v/k and
-    FF_a = J/k. Otherwise both are 0, because the offsets contain these torques.
+    With the torque constant k, the input inertia J, the viscous friction b_v and ω = 2π ·
+    bandwidth, the default gains are P = J·ω²/k, D = 2·0.7·J·ω/k and I = 0.1·ω·P. If the controller
+    receives no torque offsets, FF_v = b_v/k and FF_a = J/k. Otherwise both are 0, because the
+    offsets contain these torques.
 
-    Raises ProblemError if the joint lacks a drive, or if the drive file does not state the inertia
-    that the default gains need.
+    Raises
+    ------
+    ProblemError
+        If the joint lacks a drive, or if the drive file does not state the inertia that the default
+        gains need.
     """
     drive, axis = joint.drive, controller.axis(joint.name)
     if drive is None:
@@ -186,9 +208,11 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
 
 
 def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the smallest and the largest possible current (A) at the motor speed w (rad/s).
+    """Return the smallest and the largest possible current in A at the motor speed w, rad/s.
 
-    The power stage and the supply voltage minus the back-EMF limit the current.
+    The power stage limits the current, and so does the supply voltage minus the back-EMF. If the
+    resistance of the winding is not known (0), the voltage only prevents currents that would
+    accelerate the motor beyond its no-load speed.
     """
     low, high = ca.SX(-electrics.max_current), ca.SX(electrics.max_current)
     if not math.isfinite(electrics.voltage):
@@ -211,29 +235,31 @@ def loop_step(
     w: ca.SX,
     feedforward: ca.SX,
 ) -> LoopStep:
-    """Build CasADi expressions for one period of the position loop and the current loop.
+    """Advance the position loop and the current loop of one motor by one sampling period, in
+    CasADi.
 
-    While the current is limited, the integral changes only if this reduces the demanded current.
+    While the current is limited, the integral term changes only if this reduces the demanded
+    current (anti-windup).
 
     Parameters
     ----------
     gains, electrics
-        Gains of the loop, and the motor winding with its supply.
-    period
-        Period of the loop, s.
-    error
-        (2,), demanded − measured motor angle now and one period ago, rad.
-    previous
-        (3,), current, integral term and derivative term, A.
-    w
+        Gains of the position loop, and electrical data of motor and supply.
+    period : float
+        Sampling period of the loop, s.
+    error : (2,)
+        Demanded − measured motor angle now and one period ago, rad.
+    previous : (3,)
+        Current, integral term and derivative term after the last period, A.
+    w : expression
         Motor speed, rad/s.
-    feedforward
+    feedforward : expression
         Feed-forward current, A.
 
     Returns
     -------
     LoopStep
-        State of the loop after the period.
+        State of the loops after the period.
     """
     current, integral, derivative = ca.vertsplit(previous)
     filter_time = gains.d / (FILTER * gains.p) if gains.p > 0 else period
@@ -251,6 +277,6 @@ def loop_step(
 
 
 def encoder(angle: ca.SX, counts_per_turn: int) -> ca.SX:
-    """Return the motor angle (rad) rounded to the increments of an encoder."""
+    """Round a motor angle in rad to the increments of an encoder, and return it in rad."""
     increment = 2.0 * math.pi / counts_per_turn
     return increment * ca.floor(angle / increment + 0.5)

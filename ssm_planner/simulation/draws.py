@@ -1,4 +1,4 @@
-"""Simulate one playback many times at once, with random friction from the data of drive files."""
+"""Simulate one playback many times at once, with random friction from the drive files."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from ssm_planner.simulation.playback import CURRENT, TRIP, Commands, ControlledA
 from ssm_planner.typing import Array, JsonObject, Keywords, Mask, record
 
 SEED = 20_261_122
+"""Seed of the random numbers. With a fixed seed, equal calls give equal results."""
 TIP_INTERVAL = 5
 """Number of periods between two evaluations of the tip position."""
 PROGRESS_INTERVAL = 1000
@@ -59,12 +60,14 @@ class Draws(ShortRepr):
 
     @property
     def passed(self) -> Mask:
-        """Mask (n,) of playbacks without saturated motor, tripped drive and excessive tip error."""
+        """Mask (n,) of the playbacks without a saturated motor, a tripped drive or a large tip
+        error.
+        """
         failed = self.saturated.any(axis=1) | self.tripped.any(axis=1)
         return ~failed & (self.tip_error <= self.tip_limit)
 
     def to_dict(self) -> JsonObject:
-        """Return the object `draws` in the output of `simulate --json`, in SI units.
+        """Return the content of the key `draws` in the output of `simulate --json`, in SI units.
 
         Tip errors and torques are given by their quantiles at 2.5, 50 and 97.5 %.
         """
@@ -87,23 +90,25 @@ def drawn_frictions(
 ) -> tuple[Array, tuple[str, ...]]:
     """Draw random friction parameters for every joint.
 
-    The parameters follow the posterior or the covariance of each drive file. Parameters with a
-    range have a uniform distribution. Every call returns the same numbers.
+    The parameters follow the distribution in each drive file, which is a posterior or a covariance.
+    Parameters with a range have a uniform distribution. The seed is fixed, so every call returns
+    the same numbers.
 
     Parameters
     ----------
-    robot
+    robot : Robot
         Robot with its drives.
-    count
+    count : int
         Number of draws.
-    spread
-        Relative range of parameters whose uncertainty the drive file omits.
+    spread : float, optional
+        Relative range of parameters whose uncertainty the drive file omits. None keeps these
+        parameters constant.
 
     Returns
     -------
     frictions : (count, 28)
         Parameters in the layout of `ArmPlant.friction`.
-    notes
+    notes : tuple of str
         Remarks on drive files that omit the uncertainty.
 
     Raises
@@ -153,65 +158,70 @@ def play_draws(
 
     Parameters
     ----------
-    arm
+    arm : ControlledArm
         The simulated arm.
-    start
-        Initial state, (44,).
-    commands
-        Commands of m periods.
-    offsets
-        Encoder offsets of `ControlledArm.offsets`, (4,), rad.
-    friction
-        Friction parameters, (n, 28).
-    planned
-        Planned joint positions, (m, 4), rad or m.
-    tip_limit
-        Permitted tip error, m.
-    progress
+    start : (44,)
+        Initial state.
+    commands : Commands
+        Commands in m periods.
+    offsets : (4,)
+        Offsets of the encoders, see `ControlledArm.offsets`, rad.
+    friction : (n, 28)
+        Friction parameters, one row for each playback.
+    planned : (m, 4)
+        Planned joint positions, rad and m.
+    tip_limit : float
+        Largest permitted tip error, m.
+    progress : callable
         Called with each step.
 
     Returns
     -------
     Draws
-        Result of each playback.
+        Results of the n playbacks. A playback that diverges has an infinite tip error.
     """
     count = len(friction)
     full_step, half_steps = Vectorised(arm.control_step), Vectorised(arm.control_step_in_halves)
     needs_halves, table = arm.needs_half_steps(commands), commands.table()
-    x = np.tile(start, (count, 1))
+    states = np.tile(start, (count, 1))
     width = table.shape[1]
     inputs = _inputs(width, offsets, friction)
     mechanism = Mechanism.from_robot(arm.robot)
     targets = tip_position(mechanism, planned[::TIP_INTERVAL])
-    constants = [getattr(arm.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
-    tip, peak, error = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 4))
+    torque_constants = [getattr(arm.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
+    tip, peak, following_error = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 4))
     saturated = np.zeros((count, 4), dtype=bool)
-    for m, row in enumerate(table):
-        if m % PROGRESS_INTERVAL == 0:
-            progress(Step(f"playing {count} frictions", m, len(table)))
-        if m % TIP_INTERVAL == 0:
-            departure = tip_position(mechanism, x[:, Q]) - targets[m // TIP_INTERVAL]
-            tip = np.fmax(tip, np.linalg.norm(departure, axis=1))
+    for period, row in enumerate(table):
+        if period % PROGRESS_INTERVAL == 0:
+            progress(Step(f"playing {count} frictions", period, len(table)))
+        if period % TIP_INTERVAL == 0:
+            tip_deviation = tip_position(mechanism, states[:, Q]) - targets[period // TIP_INTERVAL]
+            tip = np.fmax(tip, np.linalg.norm(tip_deviation, axis=1))
         inputs[:, :width] = row
-        step = half_steps if needs_halves[m] else full_step
-        x, following, cut_current = step(np.asfortranarray(x), inputs)
-        peak = np.fmax(peak, np.abs(x[:, CURRENT]))
-        error = np.fmax(error, np.abs(following))
+        step = half_steps if needs_halves[period] else full_step
+        states, following, cut_current = step(np.asfortranarray(states), inputs)
+        peak = np.fmax(peak, np.abs(states[:, CURRENT]))
+        following_error = np.fmax(following_error, np.abs(following))
         saturated |= cut_current > 0
-    tip[~np.all(np.isfinite(x[:, W]), axis=1)] = np.inf
+    tip[~np.all(np.isfinite(states[:, W]), axis=1)] = np.inf
     return Draws(
         friction,
         tip,
-        peak_torque=peak * constants,
-        following_error=error,
+        peak_torque=peak * torque_constants,
+        following_error=following_error,
         saturated=saturated,
-        tripped=x[:, TRIP] > 0,
+        tripped=states[:, TRIP] > 0,
         tip_limit=tip_limit,
     )
 
 
 def _inputs(width: int, offsets: Array, friction: Array) -> Array:
-    """Return the inputs (n, 57) of one period, whose first `width` columns are still to be set."""
+    """Allocate the inputs (n, 57) of one period, and fill in encoder offsets and friction
+    parameters.
+
+    The caller writes the commands of each period into the first `width` columns, which are not
+    initialised.
+    """
     count = len(friction)
     columns = [np.empty((count, width)), np.tile(offsets, (count, 1)), friction]
     return np.asfortranarray(np.hstack(columns))

@@ -1,4 +1,8 @@
-"""Advance a simulated drive by one step, in CasADi. The drive slides, stops or rests."""
+"""Advance a simulated drive by one time step, in CasADi.
+
+A drive slides, or comes to a stop within the step, or rests (stiction). These are the three modes
+of Coulomb friction.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,7 @@ class DriveStep:
     mean: ca.SX
     """Mean motor speed in the step, rad/s."""
     rest: ca.SX
-    """Time since the drive stopped, s."""
+    """Time since the drive stopped, s. 0 while it moves."""
     loss: ca.SX
     """Energy that friction dissipates in the step, J."""
 
@@ -40,29 +44,30 @@ def drive_step(
     h: float,
     middle: ca.SX | None = None,
 ) -> DriveStep:
-    """Advance a drive by one step with constant motor torque and constant effort on its output.
+    """Advance a drive by one time step with constant motor torque and constant effort on its
+    output.
 
     If the sign of the speed would change, the step ends at speed zero, and the next step determines
     whether the drive stays at rest. The speed is linear within a step, so the mean speed determines
-    the energies of the step. Frictional memory is not modelled.
+    the energies of the step. The model neglects frictional memory.
 
     Parameters
     ----------
-    drive
-        The drive.
-    w
+    drive : Drive
+        Drive with its friction.
+    w : expression
         Motor speed, rad/s. Exactly 0 means that the drive rests.
-    rest
+    rest : expression
         Time since the drive stopped, s.
-    tau
+    tau : expression
         Motor torque, N·m.
-    load
-        Effort on the output, N·m or N.
-    h
+    load : expression
+        Effort on the output of the drive, N·m or N.
+    h : float
         Duration of the step, s.
-    middle
-        Motor speed at which friction is evaluated, rad/s. The default is `w`. With the speed in
-        the middle of the step, the method is of second order.
+    middle : expression, optional
+        Motor speed at which friction is evaluated, rad/s. The default is `w`. With the speed in the
+        middle of the step, the method is of second order.
 
     Returns
     -------
@@ -81,8 +86,8 @@ def drive_step(
     stops = sign * free_speed <= 0
     end_speed = ca.if_else(ca.logic_or(sign == 0, stops), 0, free_speed)
     # A drive that stops reaches speed zero before the step ends.
-    share = ca.if_else(stops, ca.fmin(ca.fmax(-w / ca.if_else(wd == 0, 1, h * wd), 0), 1), 1)
-    mean = 0.5 * (w + end_speed) * share
+    moving_share = ca.if_else(stops, ca.fmin(ca.fmax(-w / ca.if_else(wd == 0, 1, h * wd), 0), 1), 1)
+    mean = 0.5 * (w + end_speed) * moving_share
     qd, qdd = mean / drive.ratio, wd / drive.ratio
     torque = moving_torque(drive, effort, speed, wd, direction=sign, mu=mu)
     # The energy that leaves the drive or accelerates the output and the second nut is not lost.
@@ -96,10 +101,21 @@ def drive_step(
 def stalled(
     drive: Drive, step: DriveStep, blocked: ca.SX, *, w: ca.SX, load: ca.SX, tau: ca.SX, h: float
 ) -> DriveStep:
-    """Replace the step of a drive if its motor is blocked.
+    """Replace the step of a drive whose motor is blocked.
 
-    A blocked motor (`blocked` is 1) stops at once, and loses its energy. The step of a free motor
-    (`blocked` is 0) does not change. The other arguments are those of `drive_step`.
+    A blocked motor stops at once and loses its kinetic energy.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    step : DriveStep
+        Step of the drive with a free motor.
+    blocked : expression
+        1 for a blocked motor, 0 for a free one. The step of a free motor is returned unchanged.
+    w, load, tau, h
+        Motor speed before the step in rad/s, effort on the output in N·m or N, motor torque in N·m,
+        and duration of the step in s.
     """
     mean = 0.5 * w
     loss = h * (tau * mean - load * mean / drive.ratio) + 0.5 * moving_inertia(drive) * w**2
@@ -112,5 +128,8 @@ def stalled(
 
 
 def moving_inertia(drive: Drive) -> float:
-    """Return the inertia of all parts that move with the motor, reduced to its shaft, kg·m²."""
+    """Return the inertia that the motor accelerates, reduced to its shaft, kg·m².
+
+    It contains the input, the output and the second nut of the drive.
+    """
     return drive.input_inertia + (drive.output_inertia + drive.second_nut_mass) / drive.ratio**2

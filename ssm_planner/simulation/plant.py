@@ -1,13 +1,14 @@
 """Model the arm as rigid bodies that self-locking drives move through springs and dampers.
 
-If the drives were rigid, the motion of the arm would not be unique: the inertia of the load can
-make the effective inertia of a drive negative (dynamics/transmission.py), as for joints 1 and 2 of
-the published robot. Every real gearbox has some compliance and backlash at its output. With
-compliance, each drive slides under a load that changes smoothly, so the model describes standstill,
-breakaway and jamming exactly. Joints without a drive have prescribed accelerations.
+With rigid drives, the motion of the arm would not be unique, because the inertia of the load can
+make the effective inertia of a drive negative (dynamics/transmission.py). Joints 1 and 2 of the
+published robot are such cases. Every real gearbox has some compliance and backlash at its output.
+With compliance, each drive slides under a load that changes smoothly, so the model determines
+standstill, breakaway and jamming uniquely. The accelerations of joints without a drive are
+prescribed.
 
-The integrator takes midpoint steps in CasADi. It accumulates the energies, so that their balance
-can be checked.
+The integrator takes midpoint steps in CasADi. It sums up the energies, so that their balance can be
+checked.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ DAMPING_RATIO = 0.3
 
 @record
 class Compliance:
-    """Spring, damper and backlash between each drive and its joint. Arrays are (4,)."""
+    """Springs, dampers and backlash between the drives and the joints, arrays (4,)."""
 
     stiffness: Array
     """Stiffness, N·m/rad, and N/m for joint 4."""
@@ -51,32 +52,33 @@ class Compliance:
         """Compute stiffness and damping from the natural frequencies of the joints.
 
         The default values and the damping ratio DAMPING_RATIO are assumptions, not measurements.
-        The joints are free of backlash.
+        The result has no backlash.
 
         Parameters
         ----------
-        body
+        body : RigidBody
             Rigid bodies of the robot.
-        q
-            Joint positions at which the frequencies apply, (4,), rad and m.
-        frequency
-            Natural frequency of each joint with locked drives, Hz.
+        q : (4,)
+            Joint positions at which the frequencies apply, rad and m.
+        frequency : (4,)
+            Natural frequency of each joint while its drive is locked, Hz.
         """
         inertia = np.diag(body.mass_matrix(np.reshape(q, (1, 4)))[0])
         omega = 2.0 * math.pi * np.asarray(frequency)
         return cls(inertia * omega**2, 2.0 * DAMPING_RATIO * inertia * omega)
 
     def stretch(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
-        """Return the deflection of a joint's spring.
+        """Return the deflection of the spring of a joint, rad or m, in the shape of `twist`.
 
-        It is the twist between drive and joint without the free play, and 0 within the free play.
+        The spring deflects by the part of the twist that exceeds half the backlash. Within the
+        backlash, the deflection is 0.
 
         Parameters
         ----------
-        k
+        k : int
             Index of the joint, from 0.
-        twist
-            Position of the drive's output minus position of the joint, any shape, rad or m.
+        twist : array or expression
+            Position of the drive's output minus position of the joint, rad or m.
         """
         free = 0.5 * float(self.backlash[k])
         if free == 0.0:
@@ -86,14 +88,14 @@ class Compliance:
 
 
 FRICTION = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "b_ov")
-"""Names of the parameters in Friction that may differ between simulations."""
+"""Names of the friction parameters that are inputs of the step function."""
 
 Q, QD, MOTOR, W, INTEGRAL, REST, ENERGY = (slice(4 * k, 4 * k + 4) for k in range(7))
-"""Slices of a state (28,).
+"""Slices of a state (28,) of the arm. Each has four entries.
 
 They contain joint positions, joint velocities, motor angles, motor speeds, integral terms of the
-controllers, times at rest, and energies. The four energies are those of motors, of prescribed
-accelerations, of friction and of dampers.
+controllers, times since the drives stopped, and energies. The four energies are the work of the
+motors, the work of prescribed accelerations, and the losses in the friction and in the dampers.
 """
 STATE = 28
 """Length of a state."""
@@ -108,7 +110,7 @@ Each correction reduces the error of the energy balance to a tenth.
 
 @frozen
 class _Forces:
-    """Efforts in a step and the resulting motion of the drives, as expressions (4,)."""
+    """Efforts on the joints in a step, and the resulting motion of the drives: expressions (4,)."""
 
     load: ca.SX
     """Effort of spring and damper on each joint, N·m or N."""
@@ -125,16 +127,16 @@ class _Forces:
 
 
 class ArmPlant:
-    """Simulation model of an arm with motor torques as inputs.
+    """Simulation model of an arm whose inputs are the motor torques.
 
     Parameters
     ----------
-    robot
+    robot : Robot
         Robot with its drives.
-    compliance
+    compliance : Compliance or None
         Springs, dampers and backlash. None means the assumed values of `Compliance.of_frequency`.
-    h
-        Duration of a step, s.
+    h : float
+        Duration of a time step, s.
     """
 
     def __init__(self, robot: Robot, compliance: Compliance | None, h: float) -> None:
@@ -144,37 +146,58 @@ class ArmPlant:
         self.driven = tuple(k for k, joint in enumerate(robot.joints) if joint.drive is not None)
 
     def at_rest(self, q: Array) -> Array:
-        """Return the state (28,) of the arm at rest at q (4,). The weight deflects the springs."""
+        """Return the state (28,) of the arm at rest at joint positions q (4,), rad and m.
+
+        The springs are deflected such that they carry the weight.
+        """
         return self.in_motion(q, np.zeros(4), np.zeros(4))
 
     def in_motion(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Return the state (28,) of the arm in the motion q, qd, qdd (4,).
+        """Return the state (28,) of an arm that already moves.
 
-        The loads of this motion deflect the springs.
+        The springs are deflected such that they transmit the efforts of the motion: each motor is
+        ahead of its joint by effort / stiffness plus half the backlash.
+
+        Parameters
+        ----------
+        q, qd, qdd : (4,)
+            Joint positions, velocities and accelerations, in rad and m.
         """
-        load = self.body.inverse_dynamics(*(np.reshape(x, (1, 4)) for x in (q, qd, qdd)))[0]
+        effort = self.body.inverse_dynamics(*(np.reshape(x, (1, 4)) for x in (q, qd, qdd)))[0]
         state = np.zeros(STATE)
         state[Q], state[QD] = q, qd
         for k in self.driven:
-            backlash = 0.5 * self.compliance.backlash[k] * np.sign(load[k])
-            twist = load[k] / self.compliance.stiffness[k] + backlash
+            backlash = 0.5 * self.compliance.backlash[k] * np.sign(effort[k])
+            twist = effort[k] / self.compliance.stiffness[k] + backlash
             state[MOTOR][k] = self.drive(k).ratio * (q[k] + twist)
             state[W][k] = self.drive(k).ratio * qd[k]
+        # A drive at rest has rested long enough for its static friction to be fully developed.
         state[REST] = np.where(state[W] == 0.0, 1e6, 0.0)
         return state
 
     def step_function(self) -> ca.Function:
-        """Build the CasADi function that advances a state by one step of the midpoint rule.
+        """Build the CasADi function that advances the arm by one step of the midpoint rule.
 
-        The forces at the start give the positions and speeds in the middle of the step, and these
+        The forces at the start of the step give the positions and speeds in its middle, and these
         give the forces of the step. The forces are then corrected CORRECTIONS times for the speeds
         that result from them. Inertia and weight are evaluated once, at the first estimate of the
         middle.
 
-        The function has five arguments. The state (28,) and the motor torques (4,) come first. The
-        third argument contains prescribed accelerations (4,), which apply to joints without a
-        drive. The argument `blocked` (4,) is 1 for a blocked motor, and `friction` (28,) has the
-        layout of the method `friction`. The function returns the state (28,) after the step.
+        Returns
+        -------
+        casadi.Function
+            It returns the state (28,) after the step, for these arguments:
+
+            x : (28,)
+                State before the step.
+            tau : (4,)
+                Motor torques, N·m.
+            locked : (4,)
+                Prescribed accelerations of joints without a drive, rad/s² or m/s².
+            blocked : (4,)
+                1 for a blocked motor, otherwise 0.
+            friction : (28,)
+                Friction parameters in the layout of `ArmPlant.friction`.
         """
         h = self.h
         x, tau, locked = ca.SX.sym("x", STATE), ca.SX.sym("tau", 4), ca.SX.sym("locked", 4)
@@ -196,7 +219,7 @@ class ArmPlant:
         qd_after = qd + h * qdd
         mean_qd = 0.5 * (qd + qd_after)
         effort = self.body.symbolic(middle_q, middle_qd, qdd)
-        y = ca.vertcat(
+        state_after = ca.vertcat(
             q + h * mean_qd,
             qd_after,
             motor + h * forces.mean,
@@ -205,13 +228,21 @@ class ArmPlant:
             forces.rest,
             x[ENERGY] + self._energies(tau, effort, forces, mean_qd),
         )
-        return ca.Function("step", list(inputs), [y], {"cse": True})
+        return ca.Function("step", list(inputs), [state_after], {"cse": True})
 
     def _energies(self, tau: ca.SX, effort: ca.SX, forces: _Forces, mean_qd: ca.SX) -> ca.SX:
-        """Return the four energies of a step, (4,), J, in the order of ENERGY.
+        """Return the four energies of a step in the order of ENERGY, (4,), J.
 
-        The arguments are (4,): motor torques, joint efforts, forces of the step, and mean joint
-        velocities.
+        Parameters
+        ----------
+        tau : (4,)
+            Motor torques, N·m.
+        effort : (4,)
+            Efforts that move the joints, N·m or N.
+        forces : _Forces
+            Efforts and motion of the drives in the step.
+        mean_qd : (4,)
+            Mean joint velocities in the step.
         """
         h = self.h
         work = h * ca.dot(tau, forces.mean)
@@ -226,10 +257,17 @@ class ArmPlant:
     def _forces(
         self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX
     ) -> _Forces:
-        """Return the efforts in a step, and the motion of the drives that results from them.
+        """Compute the efforts on the joints in a step, and the motion of the drives that they
+        cause.
 
-        `inputs` are the arguments of the step function. The other arguments describe the middle of
-        the step: joint positions, motor angles, joint velocities and motor speeds (4,).
+        Parameters
+        ----------
+        inputs : tuple
+            Arguments of the function that `step_function` builds.
+        q, motor : (4,)
+            Joint positions and motor angles in the middle of the step.
+        qd, w : (4,)
+            Joint velocities and motor speeds in the middle of the step.
         """
         x, tau, _, blocked, friction = inputs
         load, damper, speed, mean, rest = ([ca.SX(0)] * 4 for _ in range(5))
@@ -250,13 +288,20 @@ class ArmPlant:
         return _Forces(*[*columns, loss])
 
     def _mean_stretch(self, k: int, start: ca.SX, middle: ca.SX) -> tuple[ca.SX, ca.SX | float]:
-        """Return the mean deflection of a spring over a step, and the share of the step in contact.
+        """Return the mean deflection of a spring over a step, and the share of the step with
+        contact.
 
-        The twist between drive and joint is linear in time, and `start` and `middle` are its values
-        at the start and in the middle of the step. Contact therefore begins and ends at the exact
-        position. The mean force times the change of the twist equals the change of the spring's
-        energy. This is a discrete gradient (O. Gonzalez, Time Integration and Discrete Hamiltonian
-        Systems, J. Nonlinear Sci. 6, 1996).
+        The twist is the position of the drive's output minus that of the joint. It is linear in
+        time, so contact begins and ends at the exact position. The mean force times the change of
+        the twist equals the change of the spring's energy, which makes this a discrete gradient (O.
+        Gonzalez, Time Integration and Discrete Hamiltonian Systems, J. Nonlinear Sci. 6, 1996).
+
+        Parameters
+        ----------
+        k : int
+            Index of the joint, from 0.
+        start, middle : expression
+            Twist at the start and in the middle of the step, rad or m.
         """
         if not self.compliance.backlash[k] > 0:
             return middle, 1.0
@@ -268,9 +313,11 @@ class ArmPlant:
         return contact * (stretch_start + stretch_end) / 2, contact
 
     def friction(self, scale: float = 1.0) -> Array:
-        """Return the parameters FRICTION of every joint, one joint after the other, (28,).
+        """Return the friction parameters of all joints, (28,), in the form that the step function
+        expects.
 
-        All of them are multiplied by `scale`. Joints without a drive have zeros.
+        They are the seven parameters FRICTION of joint 1, then those of joint 2, and so on. Joints
+        without a drive have zeros. `scale` multiplies all parameters.
         """
         values = np.zeros((4, len(FRICTION)))
         for k in self.driven:
@@ -279,7 +326,9 @@ class ArmPlant:
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
-        """Return the drive of the joint with index k. Raises GeometryError if it is missing."""
+        """Return the drive of the joint with index k. Raises GeometryError if the joint has no
+        drive.
+        """
         drive = self.robot.joints[k].drive
         if drive is None:
             raise GeometryError(f"joint {k + 1} has no drive")
@@ -288,8 +337,16 @@ class ArmPlant:
     def accelerations(self, q: ca.SX, qd: ca.SX, force: ca.SX, locked: ca.SX) -> ca.SX:
         """Return the joint accelerations (4,) as CasADi expressions.
 
-        `force` (4,) is the effort on each joint in the state q, qd (4,). `locked` (4,) contains the
-        prescribed accelerations of joints without a drive.
+        They solve the equations of motion for the joints with a drive.
+
+        Parameters
+        ----------
+        q, qd : (4,)
+            Joint positions and velocities.
+        force : (4,)
+            Efforts of the springs and dampers on the joints, N·m or N.
+        locked : (4,)
+            Prescribed accelerations of joints without a drive, rad/s² or m/s².
         """
         free = list(self.driven)
         undriven = [k for k in range(4) if k not in free]
@@ -308,7 +365,11 @@ class ArmPlant:
 
 
 def _with_friction(drive: Drive, values: ca.SX) -> Drive:
-    """Replace the parameters FRICTION of a drive by symbols (7,), without checking them."""
+    """Return a copy of a drive whose friction parameters are CasADi symbols (7,).
+
+    The constructor of Drive would refuse symbols, so the copy is changed without the check of
+    values.
+    """
     friction, changed = copy.copy(friction_of(drive)), copy.copy(drive)
     for name, value in zip(FRICTION, ca.vertsplit(values), strict=True):
         object.__setattr__(friction, name, value)

@@ -1,4 +1,7 @@
-"""Play set points on the simulated arm, period by period of the position loop."""
+"""Simulate how the arm and its motor controllers follow set points.
+
+Time is divided into periods of the position loop, and each period into a few steps of the plant.
+"""
 
 from __future__ import annotations
 
@@ -36,16 +39,17 @@ BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
 """Assumed free play between drive and joint, rad and m."""
 
 CURRENT, DERIVATIVE, ERROR, TRIP = (slice(STATE + 4 * k, STATE + 4 * k + 4) for k in range(4))
-"""Slices of a state (44,) after those of the plant.
+"""Slices of the last 16 entries of a state (44,), which belong to the controllers.
 
-They contain currents (A), derivative terms (A), following errors (rad), and 1 for a tripped drive.
+They contain the motor currents in A, the derivative terms in A, the following errors in rad, and 1
+for a drive that has switched off because of its following error (otherwise 0).
 """
 FULL_STATE = STATE + 16
-"""Length of a state with the controllers."""
+"""Length of a state of the arm with its controllers."""
 _CHUNK = 250
-"""Number of periods that one call of a CasADi function simulates."""
+"""Number of periods in a chunk, which one call of a CasADi function simulates."""
 _BREAKAWAY = 100
-"""Number of periods that may pass until a drive breaks away."""
+"""Largest number of periods from the first command to move until a drive breaks away."""
 
 
 @record
@@ -56,13 +60,13 @@ class Commands:
     """
 
     demand: Array
-    """Motor angle, rad."""
+    """Demanded motor angle, rad."""
     speed: Array
-    """Velocity offset, rad/s."""
+    """Velocity offset of the motor, rad/s."""
     acceleration: Array
     """Difference quotient of the velocity offsets, rad/s²."""
     torque: Array
-    """Torque offset, N·m."""
+    """Torque offset of the motor, N·m."""
     prescribed: Array
     """Prescribed accelerations of joints without a drive, rad/s² or m/s²."""
     stalled: Array
@@ -71,13 +75,16 @@ class Commands:
     """1 while the drives have power, otherwise 0, (n,)."""
 
     def table(self) -> Array:
-        """Return all columns side by side, (n, 25)."""
+        """Return all commands side by side, one row for each period, (n, 25).
+
+        The row consists of the fields of this class in their order.
+        """
         return np.column_stack(list(vars(self).values()))
 
 
 @record
 class Played:
-    """The simulated states and errors of n periods."""
+    """Simulated states and following errors in n periods of the position loop."""
 
     states: Array
     """States (n + 1, 44) before the first period and after every period."""
@@ -94,29 +101,29 @@ def commands(
     prescribed: tuple[Array, Array],
     period: float,
 ) -> Commands:
-    """Convert set points to commands in each period of the position loop.
+    """Convert the set points of a plan to the commands in each period of the position loop.
 
-    The controller interpolates positions between set points (0x60C2). Velocity and torque offsets
-    are constant between set points. The interpolation delays all drives by the same time, which the
-    simulation ignores.
+    The controller interpolates positions between set points (object 0x60C2). Velocity and torque
+    offsets are constant between set points. The interpolation delays all drives by the same time,
+    which the simulation ignores.
 
     Parameters
     ----------
-    streams
+    streams : dict
         Set points by joint, in units of the controller.
-    axes
+    axes : dict
         Axis settings by joint.
-    controller
+    controller : Controller
         The motor controller.
-    prescribed
-        Instants (n,) of the position loop, s, and accelerations (n, 4) of joints without a drive.
-    period
+    prescribed : ((n,), (n, 4))
+        Instants of the position loop in s, and accelerations of joints without a drive.
+    period : float
         Interval between set points, s.
 
     Returns
     -------
     Commands
-        Commands of n periods.
+        Commands in n periods.
     """
     t, accelerations = prescribed
     columns = {
@@ -143,8 +150,8 @@ def commands(
 def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
     """Return the springs, dampers and backlash between the drives and the joints.
 
-    Values that the controller file does not state are assumed. `scale` multiplies stiffness and
-    damping.
+    Values that the controller file does not state are assumed, see FREQUENCIES, BACKLASH and
+    DAMPING_RATIO. `scale` multiplies stiffness and damping.
     """
     frequency, backlash, ratios = list(FREQUENCIES), list(BACKLASH), [DAMPING_RATIO] * 4
     for k, name in enumerate(JOINTS):
@@ -163,7 +170,10 @@ def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> C
 
 
 class ControlledArm(ArmPlant):
-    """An arm with the controllers of its drives. It can play any set points with any friction."""
+    """Simulation model of an arm with the motor controllers of its drives.
+
+    It can execute any commands with any friction parameters.
+    """
 
     def __init__(
         self,
@@ -175,21 +185,22 @@ class ControlledArm(ArmPlant):
         compliance: Compliance | None = None,
         steps: int = STEPS,
     ) -> None:
-        """Build the arm.
+        """Build the CasADi function that simulates one period.
 
         Parameters
         ----------
-        robot
+        robot : Robot
             Robot with its drives and motors.
-        controller
+        controller : Controller
             The motor controller.
-        axes
+        axes : dict
             Axis settings of the controller by joint.
-        windows
-            Following error (rad at the motor) that trips the drive, by joint.
-        compliance
+        windows : dict
+            Largest permitted following error in rad at the motor, by joint. A larger one trips the
+            drive, which means that all drives switch off.
+        compliance : Compliance, optional
             Springs, dampers and backlash. The default is that of `compliance_of`.
-        steps
+        steps : int
             Number of steps of the plant in one period of the position loop.
         """
         self.period, self.steps = controller.loop_period, steps
@@ -202,11 +213,18 @@ class ControlledArm(ArmPlant):
         self._chunk = self.control_step.mapaccum("arm", _CHUNK)
 
     def start(self, q: Array, qd: Array, qdd: Array, command: Commands) -> Array:
-        """Return the state (44,) of an arm that already follows the motion q, qd, qdd (4,).
+        """Return the state (44,) of an arm that already follows a motion.
 
-        The motors are at the positions that the encoders expect, and the loads deflect the joints.
-        The currents overcome the load and the friction. The integral terms of the position loops
-        provide the part of the current that the first `command` does not contain.
+        The motors are at the angles that the encoders expect, and the loads deflect the joints. The
+        currents overcome the load and the friction. The integral terms of the position loops
+        provide the part of the current that the feed-forward of the first command does not contain.
+
+        Parameters
+        ----------
+        q, qd, qdd : (4,)
+            Joint positions, velocities and accelerations at the start, in rad and m.
+        command : Commands
+            Commands of the motion.
         """
         state = np.concatenate([self.in_motion(q, qd, qdd), np.zeros(FULL_STATE - STATE)])
         motor = self.at_rest(q)[MOTOR]
@@ -227,10 +245,11 @@ class ControlledArm(ArmPlant):
         return state
 
     def offsets(self, q: Array) -> Array:
-        """Return the offsets of the encoders, (4,), rad.
+        """Return the motor angles (4,) in rad at which the encoders show zero for joints at zero.
 
-        An offset is the motor angle minus ratio · q while the arm rests at q (4,). There, the
-        encoders were set to ratio · q, although the weight deflects the joints.
+        The encoders were set to ratio · q while the arm rested at joint positions q (4,), although
+        the weight deflected the joints. An offset is therefore the motor angle minus ratio · q in
+        this state.
         """
         state, angles = self.at_rest(q), np.zeros(4)
         for k in self.driven:
@@ -240,23 +259,23 @@ class ControlledArm(ArmPlant):
     def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Played:
         """Simulate the arm while its controllers execute commands.
 
-        A chunk of periods is simulated with half steps if one of its periods needs them.
+        If one period of a chunk needs half steps, the whole chunk is simulated with half steps.
 
         Parameters
         ----------
-        state
-            Initial state, (44,).
-        command
-            Commands of n periods.
-        offsets
-            Offsets of the encoders, (4,), rad.
-        friction
-            Friction parameters in the layout of `ArmPlant.friction`, (28,).
+        state : (44,)
+            Initial state.
+        command : Commands
+            Commands in n periods.
+        offsets : (4,)
+            Offsets of the encoders, see the method `offsets`, rad.
+        friction : (28,)
+            Friction parameters in the layout of `ArmPlant.friction`.
 
         Returns
         -------
         Played
-            States, following errors and saturation of all periods.
+            States, following errors and saturation in all periods.
         """
         table = command.table()
         table = np.hstack([table, np.tile(np.concatenate([offsets, friction]), (len(table), 1))])
@@ -273,9 +292,10 @@ class ControlledArm(ArmPlant):
         return Played(np.hstack(states).T, np.hstack(errors).T, np.hstack(saturated).T)
 
     def needs_half_steps(self, command: Commands) -> Mask:
-        """Return a mask (n,) of the periods that are simulated with half steps.
+        """Return a mask (n,) of the periods that must be simulated with half steps of the plant.
 
-        These are the chunks in which a drive breaks away, where the error of full steps is largest.
+        The error of full steps is largest while a drive breaks away. The mask contains every chunk
+        of periods in which a drive may break away.
         """
         moving = command.speed != 0
         was_moving = np.vstack([np.zeros((1, 4), dtype=bool), moving[:-1]])
@@ -286,7 +306,7 @@ class ControlledArm(ArmPlant):
 
     @cached_property
     def control_step_in_halves(self) -> ca.Function:
-        """The function `control_step` with half as long steps of the plant."""
+        """CasADi function like `control_step`, but with plant steps of half the duration."""
         h, steps = self.h, self.steps
         self.h, self.steps = h / 2, 2 * steps
         function = self._period_function()
@@ -295,15 +315,19 @@ class ControlledArm(ArmPlant):
 
     @cached_property
     def _chunk_in_halves(self) -> ca.Function:
-        """The function that simulates a chunk of periods with half steps."""
+        """CasADi function that simulates a chunk of periods with half steps."""
         return self.control_step_in_halves.mapaccum("halves", _CHUNK)
 
     def _period_function(self) -> ca.Function:
         """Build the CasADi function that advances the arm by one period of the position loop.
 
-        Its arguments are a state (44,) and an input (57,), which consists of a row of
-        `Commands.table`, the offsets of the encoders and the friction parameters. It returns the
-        next state (44,), the following errors (4,) and the saturation (4,).
+        Returns
+        -------
+        casadi.Function
+            It has the arguments x (44,), which is the state, and u (57,), which consists of a row
+            of `Commands.table`, the offsets of the encoders and the friction parameters. It returns
+            the next state (44,), the following errors (4,) in rad, and 1 for each motor (4,) whose
+            current is limited, otherwise 0.
         """
         x, u = ca.SX.sym("x", FULL_STATE), ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
         prescribed, stalled, friction = u[16:20], u[20:24], u[29:]
@@ -313,25 +337,34 @@ class ControlledArm(ArmPlant):
         columns = {name: ca.vertcat(*(loop[name] for loop in loops)) for name in idle}
         # The actuation of a joint without a drive is not modelled. It stops if the power fails.
         locked = ca.if_else(power, prescribed, -x[QD] / self.period)
-        y = ca.vertcat(x[: INTEGRAL.start], columns["i"], x[INTEGRAL.stop : STATE])
+        plant_state = ca.vertcat(x[: INTEGRAL.start], columns["i"], x[INTEGRAL.stop : STATE])
         step_once = self.step_function()
         for _ in range(self.steps):
-            y = step_once(y, columns["tau"], locked, stalled, friction)
-        state = ca.vertcat(y, *(columns[name] for name in ("current", "d", "e", "trip")))
+            plant_state = step_once(plant_state, columns["tau"], locked, stalled, friction)
+        state = ca.vertcat(plant_state, *(columns[name] for name in ("current", "d", "e", "trip")))
         outputs = [state, columns["e"], columns["cut"]]
         return dense("period", [x, u], outputs)
 
     def _loop(self, k: int, x: ca.SX, u: ca.SX, power: ca.SX) -> dict[str, ca.SX]:
-        """Return the motor torque, the state of the loop and its faults after one period.
+        """Advance the controller of one joint by one period.
 
         Parameters
         ----------
-        k
+        k : int
             Index of a joint with a drive.
-        x, u
-            State (44,) and input (57,) of the period.
-        power
+        x : (44,)
+            State before the period.
+        u : (57,)
+            Input of the period, see `_period_function`.
+        power : expression
             1 while the drives have power, otherwise 0.
+
+        Returns
+        -------
+        dict
+            Motor torque `tau` in N·m, `current` in A, integral term `i` and derivative term `d` in
+            A, following error `e` in rad, and 1 or 0 for a drive that has tripped (`trip`) and for
+            a limited current (`cut`).
         """
         demand, speed, acceleration, torque, offset = (u[k + shift] for shift in (0, 4, 8, 12, 25))
         joint, electrics = self.robot.joints[k], self.electrics[k]

@@ -1,6 +1,6 @@
-"""Write a simulated playback in the format of a drive's recorder.
+"""Write a simulated playback in the format of the recorder of the drives (EPOS Studio).
 
-The commands `compare` and `identify` can read these files.
+The commands `compare` and `identify` read these files, so both can be tested without hardware.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _CHANNELS = (
 def write_recordings(result: SimulationResult, folder: Path, sampling: float = SAMPLING) -> Files:
     """Write one recording for each driven joint into a folder, and return the paths by joint.
 
-    `sampling` is the sampling period, s. Raises ExportError if a file cannot be written.
+    `sampling` is the sampling period in s. Raises ExportError if a file cannot be written.
     """
     return {
         name: write_recording(result, name, folder / f"{name}.csv", sampling)
@@ -38,11 +38,27 @@ def write_recordings(result: SimulationResult, folder: Path, sampling: float = S
 def write_recording(
     result: SimulationResult, joint: str, path: Path, sampling: float = SAMPLING
 ) -> Path:
-    """Write the recording of one joint in the layout of the EPOS recorder.
+    """Write the recording of one joint in the layout of the recorder of an EPOS controller.
 
     The columns are the time in ms, the speed in rpm, the torque in % of the rated torque, and the
-    position in increments, with the signs of the controller. Speed and torque are averaged over
-    the sampling period (s). Raises ExportError if the file cannot be written.
+    position in increments of the encoder, with the signs of the controller. Speed and torque are
+    averaged over each sampling period.
+
+    Parameters
+    ----------
+    result : SimulationResult
+        Simulated playback.
+    joint : str
+        Name of a joint with a drive.
+    path : Path
+        File that is written.
+    sampling : float
+        Sampling period, s.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
     """
     axis, k = result.axes[joint], JOINTS.index(joint)
     count = int(result.time[-1] / sampling) + 1

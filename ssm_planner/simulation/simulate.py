@@ -41,9 +41,9 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 
 PERIOD = 1
-"""Period of the exported set points, ms."""
+"""Interval between the exported set points, ms."""
 COUNTS = 4096
-"""Increments per motor turn, if the files of motor and controller omit them.
+"""Assumed encoder increments per motor turn, if the files of motor and controller omit them.
 
 The test rigs of the paper have this value.
 """
@@ -61,14 +61,15 @@ STILL = 0.05
 
 A joint that swings on its spring turns back within this time.
 """
-STANDS = 1e-3
-"""Speed below which a joint with a resting motor rests, as a share of the velocity limit."""
+REST_SPEED = 1e-3
+"""Joint speed below which a joint counts as at rest, as a share of its velocity limit."""
 EVERYWHERE: Literal["everywhere"] = "everywhere"
+"""Value of `Scenario.power_loss` that simulates a loss of power at many instants."""
 
 
 @frozen
 class Scenario:
-    """Conditions and disturbances of a playback. Any of them can be combined.
+    """Conditions and disturbances of a simulated playback, which can be combined.
 
     Examples
     --------
@@ -99,17 +100,17 @@ class Scenario:
     friction: float = 1.0
     """Factor on the friction of every drive."""
     dropped: float | None = None
-    """Time at which one set point of every drive is lost, s."""
+    """Time at which every drive misses one set point and repeats the last one, s."""
     wrong_direction: str | None = None
-    """Joint whose controller counts in the wrong direction, opposite to that of the robot file."""
+    """Joint whose controller has the opposite direction of rotation to that of the robot file."""
     compliance: float = 1.0
     """Factor on the stiffness and the damping between motor and joint."""
     draws: int = 0
     """Number of additional playbacks with random friction from the data of the drive files."""
     spread: float | None = None
-    """Relative range of friction whose uncertainty the drive file omits.
+    """Relative range of friction parameters whose uncertainty the drive file omits.
 
-    None means that such friction is certain.
+    None keeps these parameters at the values of the drive file.
     """
     tip_error: float = TIP_ERROR
     """Largest permitted tip error, m."""
@@ -121,9 +122,19 @@ class Scenario:
             object.__setattr__(self, "power_loss", float(self.power_loss))
 
     def check(self, robot: Robot, duration: float) -> None:
-        """Raise ProblemError if a value is out of range or does not fit the robot or the motion.
+        """Check the values of the scenario, and that they fit the robot and the motion.
 
-        `duration` is the duration of the motion at the speed of the scenario, s.
+        Parameters
+        ----------
+        robot : Robot
+            Robot that executes the motion.
+        duration : float
+            Duration of the motion at the speed of the scenario, s.
+
+        Raises
+        ------
+        ProblemError
+            If a value is out of range, a joint has no drive, or an instant is outside the motion.
         """
         self._check_ranges()
         driven = [joint.name for joint in robot.joints if joint.drive is not None]
@@ -146,7 +157,7 @@ class Scenario:
                 )
 
     def _check_ranges(self) -> None:
-        """Raise ProblemError if a value is out of range, or if values exclude each other."""
+        """Raise ProblemError if a value is out of range, or if values cannot be combined."""
         spread = 0.0 if self.spread is None else self.spread
         ranges = (
             ("speed", 0 < self.speed <= 1, "above 0 and up to 1 (100 %)"),
@@ -171,7 +182,7 @@ class Scenario:
 class Tracking(ShortRepr):
     """Tracking error of one joint while the drives have power, rad or m.
 
-    The error is the simulated minus the planned position.
+    The error is the simulated position minus the planned position.
 
     Examples
     --------
@@ -184,6 +195,7 @@ class Tracking(ShortRepr):
     worst: float
     """Largest magnitude of the error."""
     rms: float
+    """Root mean square of the error."""
 
 
 @frozen
@@ -211,22 +223,24 @@ class MotorUse(ShortRepr):
     peak_torque: float
     """Largest motor torque, N·m."""
     limit: float
-    """Largest torque of the motor, N·m."""
+    """Largest permitted torque of the motor, N·m."""
     saturated: bool
     """True if the controller demanded more current than the drive or its supply can provide."""
     tripped: bool
-    """True if the following error left its window, so that the drive switched off."""
+    """True if the following error exceeded `window`, so that the drives switched off."""
     following_error: float
     """Largest following error, increments."""
     window: int
     """Largest permitted following error, increments."""
     placeholder: bool
-    """True if values of the motor are placeholders."""
+    """True if the motor file contains assumed values, which it marks as placeholders."""
 
 
 @record
 class PowerLosses(ShortRepr):
     """Motion of the arm after all drives have lost their power, for n instants of the loss.
+
+    Each instant is an independent simulation.
 
     Examples
     --------
@@ -242,7 +256,7 @@ class PowerLosses(ShortRepr):
     travel: Array
     """Largest distance of the tip from its position at the loss, (n,), m."""
     standing: Array
-    """Time until the arm rests, (n,), s. Infinite if it exceeds HORIZON."""
+    """Time until the arm rests, (n,), s. Infinite if the arm still moves after HORIZON."""
 
     @property
     def holds(self) -> bool:
@@ -257,7 +271,7 @@ class PowerLosses(ShortRepr):
 
 @record
 class SimulationResult(ShortRepr):
-    """A simulated playback at n instants, the planned motion, and the verdict.
+    """Simulated playback at n instants, with the planned motion and the verdict.
 
     Arrays are (n, 4) unless stated otherwise, in SI units.
 
@@ -274,7 +288,9 @@ class SimulationResult(ShortRepr):
     planned: Array
     """Planned joint positions."""
     q: Array
+    """Simulated joint positions."""
     qd: Array
+    """Simulated joint velocities."""
     motor_angle: Array
     """Motor angle that the encoder measures, rad. It is ratio · q at the start."""
     w: Array
@@ -288,9 +304,13 @@ class SimulationResult(ShortRepr):
     powered: Array
     """True while the drives have power, (n,). Lost power does not return."""
     tracking: tuple[Tracking, ...]
+    """Tracking error of each joint."""
     motors: tuple[MotorUse, ...]
+    """Load of the motor of each driven joint."""
     losses: PowerLosses
+    """Motion after each simulated loss of power."""
     scenario: Scenario
+    """Conditions and disturbances of the playback."""
     reasons: tuple[str, ...]
     """Reasons why the simulation failed. Empty if it passed."""
     axes: dict[str, Axis] = field(default_factory=dict)
@@ -302,10 +322,10 @@ class SimulationResult(ShortRepr):
 
     @property
     def passed(self) -> bool:
-        """True if the list of reasons is empty.
+        """True if the simulation has no reason to fail.
 
-        Reasons are a tripped drive, a saturated motor, a large tip error, and an arm that does not
-        come to rest without power.
+        It fails if a drive trips, a motor saturates, the tip error is too large, or the arm does
+        not come to rest without power.
         """
         return not self.reasons
 
@@ -325,7 +345,7 @@ class SimulationResult(ShortRepr):
         return float(self.losses.travel.max())
 
     def to_dict(self) -> JsonObject:
-        """Return the output of `simulate --json`, in SI units."""
+        """Return the content of the output of `simulate --json`, in SI units."""
         losses, worst = self.losses, self.losses.worst
         return {
             "passed": self.passed,
@@ -354,20 +374,25 @@ def simulate(
     progress: Progress = silent,
     robot: Robot | None = None,
 ) -> SimulationResult:
-    """Play a plan's exported set points on the simulated arm.
+    """Simulate how the arm executes a plan with its motor controllers, and judge the result.
+
+    The set points are those of the export for the controllers. The controllers track them on a
+    model of the arm with friction, backlash and compliance. After the motion, or at the instants of
+    the scenario, all drives lose their power.
 
     Parameters
     ----------
-    plan
+    plan : Plan, Trajectory, str or Path
         Plan, trajectory, or the path of a plan.json.
-    scenario
+    scenario : Scenario, optional
         Conditions and disturbances. The default is `Scenario()`.
-    controller
+    controller : Controller, optional
         The motor controller. The default is `Controller()`.
-    progress
+    progress : callable
         Called with each step.
-    robot
-        Robot of a trajectory. A plan contains its robot.
+    robot : Robot, optional
+        Robot that executes a trajectory. It is needed only if `plan` is a trajectory, because a
+        plan contains its robot.
 
     Returns
     -------
@@ -403,9 +428,13 @@ def simulate(
 
 
 class _Stage:
-    """The simulation of one plan in one scenario, with the arms that play the plan."""
+    """Simulation of one plan in one scenario.
+
+    It prepares the commands once, and builds one simulated arm for each payload.
+    """
 
     def __init__(self, plan: Plan, scenario: Scenario, controller: Controller) -> None:
+        """Compute the set points of the plan and the commands of the scenario."""
         self.plan, self.scenario, self.controller = plan, scenario, controller
         robot = plan.robot
         self.axes = axes_of(robot, _counts(robot, controller))
@@ -416,17 +445,17 @@ class _Stage:
         loss = scenario.power_loss
         end = loss + HORIZON if isinstance(loss, float) else plan.motion.duration + SETTLE
         self.time: Array = self.period * np.arange(round(end / self.period), dtype=float)
-        stretch = setpoint_times(plan, PERIOD)[1]
-        samples = at_times(plan, plan.motion.breaks[0] + self.time, stretch)
+        time_scale = setpoint_times(plan, PERIOD)[1]
+        samples = at_times(plan, plan.motion.breaks[0] + self.time, time_scale)
         self.planned, speed = samples.q, samples.qd
-        is_standing = np.abs(speed[0]) <= STANDS * robot.velocities
+        is_standing = np.abs(speed[0]) <= REST_SPEED * robot.velocities
         velocity = np.where(is_standing, 0.0, speed[0])
         self.initial_motion = samples.q[0], velocity, samples.qdd[0] * np.any(velocity)
         prescribed = np.diff(speed, axis=0, append=speed[-1:]) / self.period
         self.commands = self._commands(prescribed)
 
     def arm(self, payload: float) -> ControlledArm:
-        """Return the arm with a point mass (kg) at its tip."""
+        """Return the simulated arm with a point mass in kg at its tip. It is built on first use."""
         if payload not in self.arms:
             springs = compliance_of(self.plan.robot, self.controller, self.scenario.compliance)
             robot = with_payload(self.plan.robot, payload)
@@ -440,7 +469,11 @@ class _Stage:
         return self.arms[payload]
 
     def play(self) -> Played:
-        """Play the complete motion. The arm picks up the payload at the time of the scenario."""
+        """Simulate the complete motion.
+
+        If the scenario has a time of the payload, an arm without a payload moves until then, and an
+        arm with the payload continues from its state.
+        """
         scenario = self.scenario
         arm = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
         state = arm.start(*self.initial_motion, self.commands)
@@ -449,10 +482,12 @@ class _Stage:
         change = round(scenario.payload_time / self.period) if scenario.payload_time > 0 else 0
         if not change or not scenario.payload:
             return arm.play(state, self.commands, self.offsets, self.friction)
-        parts = [rows_of(self.commands, rows) for rows in (slice(0, change), slice(change, None))]
-        empty = arm.play(state, parts[0], self.offsets, self.friction)
+        commands_of_part = [
+            rows_of(self.commands, rows) for rows in (slice(0, change), slice(change, None))
+        ]
+        empty = arm.play(state, commands_of_part[0], self.offsets, self.friction)
         arm = self.arm(scenario.payload)
-        loaded = arm.play(empty.states[-1], parts[1], self.offsets, self.friction)
+        loaded = arm.play(empty.states[-1], commands_of_part[1], self.offsets, self.friction)
         return Played(
             np.vstack([empty.states, loaded.states[1:]]),
             np.vstack([empty.error, loaded.error]),
@@ -460,7 +495,21 @@ class _Stage:
         )
 
     def lose_power(self, played: Played, progress: Progress) -> PowerLosses:
-        """Simulate losses of power at the instants of the scenario, or at the end of the motion."""
+        """Simulate losses of power, each from the state that the playback had at this instant.
+
+        Parameters
+        ----------
+        played : Played
+            Playback with power.
+        progress : callable
+            Called with each step.
+
+        Returns
+        -------
+        PowerLosses
+            One entry for each instant of the scenario. Without an instant, it is the end of the
+            playback.
+        """
         loss, duration = self.scenario.power_loss, self.plan.motion.duration
         if loss == EVERYWHERE:
             instants = np.linspace(0.0, duration, self.scenario.instants)
@@ -477,16 +526,16 @@ class _Stage:
         return PowerLosses(instants, travel, rest_time)
 
     def _stop(self, state: Array, off: Commands, instant: float) -> tuple[float, float]:
-        """Simulate the arm without power, from a state (44,) until it rests.
+        """Simulate the arm without power until it rests.
 
         Parameters
         ----------
-        state
-            State at the loss of power, (44,).
-        off
+        state : (44,)
+            State at the loss of power.
+        off : Commands
             Commands without power.
-        instant
-            Instant of the loss, s.
+        instant : float
+            Instant of the loss in the motion, s. It determines whether the arm carries the payload.
 
         Returns
         -------
@@ -512,13 +561,16 @@ class _Stage:
         return travel, float(self.period * periods) if stopped else np.inf
 
     def _standing(self, states: Array) -> Array:
-        """Return a mask (n,) of the states (n, 44) in which all motors and joints rest."""
-        largest = STANDS * self.plan.robot.velocities
+        """Return a mask (n,) of the states (n, 44) in which all motors and joints are at rest."""
+        largest = REST_SPEED * self.plan.robot.velocities
         joints_stand = np.all(np.abs(states[:, QD]) <= largest, axis=1)
         return np.all(states[:, W] == 0.0, axis=1) & joints_stand
 
     def draws(self, progress: Progress) -> Draws | None:
-        """Play the same set points with random friction, if the scenario requests it."""
+        """Play the same set points with random friction.
+
+        The result is None if the scenario requests no draws.
+        """
         scenario = self.scenario
         if not scenario.draws:
             return None
@@ -538,7 +590,7 @@ class _Stage:
     def result(
         self, played: Played, losses: PowerLosses, draws: Draws | None = None
     ) -> SimulationResult:
-        """Build the result and its verdict."""
+        """Combine the playback, the losses of power and the draws to a result with its verdict."""
         states, robot = played.states[:-1], self.plan.robot
         mechanism = Mechanism.from_robot(robot)
         planned_tip = tip_position(mechanism, self.planned)
@@ -580,14 +632,26 @@ class _Stage:
         return replace(result, reasons=tuple(_reasons(result)))
 
     def _torque_constants(self) -> list[float]:
-        """Return the torque constants of the motors, N·m/A. 0 for joints without a drive."""
+        """Return the torque constants of the four motors, N·m/A. A joint without a drive has 0."""
         return [
             electrics_of(joint, self.controller).torque_constant if joint.drive else 0.0
             for joint in self.plan.robot.joints
         ]
 
     def _motor(self, k: int, torque: Array, played: Played, tripped: bool) -> MotorUse:
-        """Return the load of the motor of joint k. `torque` (m,) covers the powered periods."""
+        """Return the largest torque, the following error and the faults of the motor of one joint.
+
+        Parameters
+        ----------
+        k : int
+            Index of the joint.
+        torque : (m,)
+            Motor torques in the periods with power, N·m.
+        played : Played
+            Playback of all joints.
+        tripped : bool
+            True if the drive of the joint tripped.
+        """
         joint = self.plan.robot.joints[k]
         counts, motor = self.axes[joint.name].counts_per_turn, joint.motor
         largest_error = float(np.abs(played.error[: len(torque), k]).max())
@@ -603,16 +667,19 @@ class _Stage:
         )
 
     def _window(self, axis: Axis) -> int:
-        """Return the following error that trips a drive, increments."""
+        """Return the following error that trips a drive, in increments of the encoder.
+
+        It is that of the controller file or, if the file does not state one, that of the export.
+        """
         window = self.controller.axis(axis.name).following_error
         if window is None:
             return following_error_window(axis, PERIOD)
         return max(round(window * abs(axis.increments_per_unit)), 1)
 
     def _commands(self, prescribed: Array) -> Commands:
-        """Return the commands of the plan, changed by the disturbances of the scenario.
+        """Return the commands of the plan with the disturbances of the scenario.
 
-        `prescribed` (n, 4) contains the accelerations of joints without a drive.
+        `prescribed` (n, 4) contains the accelerations of joints without a drive, rad/s² or m/s².
         """
         scenario = self.scenario
         streams = setpoints(self.plan, self.axes, PERIOD)
@@ -637,7 +704,7 @@ class _Stage:
         return result
 
     def _notes(self) -> tuple[str, ...]:
-        """Return the assumptions of the simulation."""
+        """Return the assumptions of the simulation, as sentences for the result."""
         notes = ["spring, damper and backlash between motor and joint are assumed, not measured"]
         for joint in self.plan.robot.joints:
             motor = joint.motor
@@ -664,14 +731,17 @@ class _Stage:
 
 
 def rows_of(commands: Commands, rows: slice | Array) -> Commands:
-    """Return the commands of the selected periods. `rows` is a slice or indices (m,)."""
+    """Return the commands in the selected periods.
+
+    `rows` is a slice or an array of indices (m,).
+    """
     return Commands(**{name: column[rows] for name, column in vars(commands).items()})
 
 
 def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
-    """Return the increments per motor turn by joint.
+    """Return the encoder increments per motor turn by joint.
 
-    They follow from the motor file, otherwise from the controller file. The default is COUNTS.
+    The motor file has priority over the controller file. If neither states them, COUNTS is assumed.
     """
     counts = {}
     for joint in robot.joints:
@@ -682,7 +752,7 @@ def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
 
 
 def _reasons(result: SimulationResult) -> list[str]:
-    """Return the reasons why a simulation failed, as sentences."""
+    """Return the reasons why a simulation failed, as sentences. The list is empty if it passed."""
     scenario, reasons = result.scenario, []
     if not np.all(np.isfinite(result.q)):
         return ["the simulated motion diverged: the controller gains make the plant unstable"]

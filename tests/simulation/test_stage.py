@@ -23,8 +23,8 @@ from ssm_planner.simulation.simulate import (
     COUNTS,
     EVERYWHERE,
     HORIZON,
+    REST_SPEED,
     SETTLE,
-    STANDS,
     STILL,
     PowerLosses,
     Scenario,
@@ -276,8 +276,8 @@ def test_standing_means_that_every_motor_rests_and_no_joint_moves(plan: Plan) ->
     made = stage(plan)
     states = np.zeros((9, FULL_STATE))
     for k, joint in enumerate(plan.robot.joints):
-        states[k, QD.start + k] = -1.01 * STANDS * joint.velocity
-        states[4 + k, QD.start + k] = 0.99 * STANDS * joint.velocity
+        states[k, QD.start + k] = -1.01 * REST_SPEED * joint.velocity
+        states[4 + k, QD.start + k] = 0.99 * REST_SPEED * joint.velocity
     assert made._standing(states).tolist() == [False] * 4 + [True] * 5
     states = np.zeros((4, FULL_STATE))
     states[:, W] = 1e-9 * np.eye(4)
