@@ -1,4 +1,4 @@
-"""Write the YAML file of an identified drive, with its friction and the sources."""
+"""Write the file of a drive with its identified friction, intervals and sources, as YAML."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ def write_drive(
 ) -> str:
     """Write a drive file with identified friction, and return its path.
 
-    Each parameter states its 95 % interval. The file is written atomically.
+    Each parameter states its 95 % interval. The file is replaced as a whole, so it is never
+    incomplete.
 
     Parameters
     ----------
     path : str or Path
         File that is written.
     template : str or Path
-        The drive file that was identified. Its other keys are copied.
+        Drive file whose friction was identified. Its other keys are copied.
     drive : Drive
-        The drive with the identified friction.
+        Drive with the identified friction.
     fit : MapFit
         Fit of the torque–velocity map.
     dynamic : Mapping
@@ -71,7 +72,7 @@ def write_drive(
 
 
 def _heading(fit: MapFit, evidence: str) -> str:
-    """Return the comment lines at the beginning of the file."""
+    """Return the comment lines at the beginning of the file, which summarise the fit."""
     lines = [
         f"Friction identified from {evidence}.",
         f"Law {fit.law}, NRMSD of the torque-velocity map {fit.nrmsd:.4f} over "
@@ -93,7 +94,7 @@ def _heading(fit: MapFit, evidence: str) -> str:
 def _friction(
     drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str
 ) -> JsonObject:
-    """Return the content of the key `friction`, as JSON types."""
+    """Return the content of the key `friction`, as dictionaries, numbers and texts."""
     friction = friction_of(drive)
     estimates = {**fit.estimates, **dynamic}
     names = ["mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"]
@@ -111,9 +112,9 @@ def _friction(
 
 
 def _posterior(posterior: Posterior) -> JsonObject:
-    """Return the posterior as JSON types.
+    """Return the content of the key `posterior`, as dictionaries, numbers and texts.
 
-    Rows of numbers are texts, because YAML reads these fast.
+    A row of numbers is one text, because YAML reads it much faster than a list.
     """
     draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
     table: JsonObject = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
@@ -143,12 +144,12 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def _with_source(drive: Drive, name: str, value: float, estimate: Estimate | None) -> JsonObject:
-    """Return a parameter with its unit and its source, as a drive file states it."""
+    """Return the value of a parameter with its unit and its source, in the form of a drive file."""
     return {"value": _quantity(drive, name, value), "source": _origin(name, estimate)}
 
 
 def _origin(name: str, estimate: Estimate | None) -> str:
-    """Return the source of a parameter: the identification, with the interval of its estimate."""
+    """Return the text of a parameter's source, with the 95 % interval of its estimate."""
     if estimate is None:
         return "the law's value as speed tends to 0" if name == "mu_static" else "not identified"
     if estimate.fixed:
@@ -162,13 +163,16 @@ def _origin(name: str, estimate: Estimate | None) -> str:
 
 
 def unit_of(drive: Drive, name: str) -> str | None:
-    """Return the SI unit of a parameter in files, or None for a pure number."""
+    """Return the SI unit of a parameter as text, or None for a dimensionless parameter."""
     of_field = {**quantities(Rig), **quantities(Drive), **quantities(Friction)}.get(name)
     kind = of_field and KINDS.get(of_field.unit_kind(drive.slides))
     return kind.unit if kind else None
 
 
 def _quantity(drive: Drive, name: str, value: float) -> Any:
-    """Return a value with eight significant digits and its unit, or as a number without a unit."""
+    """Format a value with eight significant digits and its unit.
+
+    A dimensionless value remains a number.
+    """
     unit = unit_of(drive, name)
     return float(f"{value:.8g}") if unit is None else f"{value:.8g} {unit}"

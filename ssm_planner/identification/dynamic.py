@@ -1,4 +1,8 @@
-"""Fit breakaway, growth of friction at rest and frictional memory to start–stop recordings."""
+"""Fit breakaway, growth of friction at rest and frictional memory to start–stop recordings.
+
+The parameter vector θ (3,) contains the excess of the static over the sliding friction coefficient,
+the time constant of the growth at rest in s, and the delay of friction behind the speed in s.
+"""
 
 from __future__ import annotations
 
@@ -18,22 +22,26 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, record
 
 PARAMETERS = ("mu_static", "dwell_constant", "memory")
+"""Names of the fitted parameters in drive files, in the order of θ."""
 
 UPPER = np.array([0.3, 20.0, 0.5])
-"""Upper bounds of θ: excess of mu_static over mu, dwell constant (s) and memory (s)."""
+"""Upper bounds of θ."""
 
 _GRID = (
     (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15),
     (0.0, 0.1, 0.3, 1.0, 3.0),
     (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4),
 )
+"""Values of each parameter θ_i that are tried before the search."""
 _STEPS = np.array([1e-3, 1e-2, 2e-3])
+"""Steps of θ in difference quotients."""
 _SUBSETS: tuple[tuple[int, ...], ...] = ((), (0,), (2,), (0, 2), (0, 1), (0, 1, 2))
+"""Indices of the parameters that are fitted together. Growth at rest needs static friction."""
 
 
 @record
 class DynamicFit(ShortRepr):
-    """Result of `fit_dynamic`.
+    """Result of `fit_dynamic`: the drive with the parameters of start–stop motion.
 
     Examples
     --------
@@ -43,22 +51,25 @@ class DynamicFit(ShortRepr):
     """
 
     drive: Drive
+    """Drive with the fitted parameters."""
     estimates: dict[str, Estimate]
-    """Estimates by name. Parameters that the recordings do not determine keep the values of the
-    map.
+    """Estimates by name.
+
+    Parameters that the recordings do not determine keep the values that they had before the fit.
     """
     before: tuple[float, ...]
-    """NRMSD of each recording with the friction from the map."""
+    """Relative error (`nrmsd`) of each recording with the friction of the torque–velocity map."""
     after: tuple[float, ...]
-    """NRMSD of each recording with the fitted friction."""
+    """Relative error (`nrmsd`) of each recording with the fitted friction."""
     notes: tuple[str, ...] = ()
+    """Remarks on the fit, as sentences."""
 
 
 class _Problem:
-    """Residuals of the start–stop recordings as functions of θ.
+    """Least-squares problem of the start–stop recordings.
 
-    The vector θ contains mu_static − mu, the dwell constant and the memory. The residuals of a
-    recording are divided by the range of its torque.
+    The residuals of a recording are the errors of its predicted torque, divided by the range of its
+    torque.
     """
 
     def __init__(
@@ -70,12 +81,15 @@ class _Problem:
         self.measured = [
             r.tau - departure(drive, m, load) for r, m in zip(recordings, self.motions, strict=True)
         ]
-        """Torque that the friction law must explain, N·m."""
+        """Torques (samples,) that the friction law must explain, N·m."""
         base = friction_of(drive)
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
 
     def model(self, theta: Array) -> Drive:
-        """Return the drive with the parameters θ (3,)."""
+        """Return the drive with the parameters θ (3,): mu_static − mu, dwell_constant and memory.
+
+        A dwell constant of 0 s means that friction does not grow at rest.
+        """
         base = friction_of(self.drive)
         rise, dwell, memory = theta.tolist()
         friction = replace(
@@ -84,7 +98,7 @@ class _Problem:
         return replace(self.drive, friction=friction)
 
     def residuals(self, theta: Array) -> list[Array]:
-        """Return the errors (samples,) of each recording, over the range of its torque."""
+        """Return the residuals (samples,) of each recording for θ (3,)."""
         drive = self.model(theta)
         return [
             (predict_torque(drive, m, self.load, self.load_inertia) - tau) / np.ptp(r.tau)
@@ -92,26 +106,26 @@ class _Problem:
         ]
 
     def residual(self, theta: Array) -> Array:
-        """Return the errors of all recordings in one array (all samples,)."""
+        """Return the residuals of all recordings for θ (3,) in one array (all samples,)."""
         return np.concatenate(self.residuals(theta))
 
     def cost(self, theta: Array) -> float:
-        """Return the sum of the squared errors."""
+        """Return the sum of the squared residuals for θ (3,)."""
         return float(np.sum(self.residual(theta) ** 2))
 
     def nrmsd(self, theta: Array) -> tuple[float, ...]:
-        """Return the RMS error of each recording, divided by the range of its torque."""
+        """Return the RMS of the residuals of each recording for θ (3,)."""
         return tuple(map(rms, self.residuals(theta)))
 
 
 def fit_dynamic(
     drive: Drive, recordings: Sequence[Recording], load: float, load_inertia: float = 0.0
 ) -> DynamicFit:
-    """Fit mu_static, dwell_constant (s) and memory (s) to start–stop recordings.
+    """Fit the static friction, its growth at rest and frictional memory to start–stop recordings.
 
-    The parameters of the map do not change. The fit selects the subset of the three parameters with
-    the lowest Akaike criterion. Because neighbouring residuals are correlated, the criterion uses
-    the number of independent samples that their autocorrelation gives. The 95 % intervals are
+    The parameters of the torque–velocity map do not change. The Akaike criterion selects which of
+    the three parameters are fitted. Neighbouring residuals are correlated, so the criterion uses
+    the number of independent samples that their autocorrelation implies. The 95 % intervals are
     asymptotic.
 
     Parameters
@@ -159,9 +173,9 @@ def fit_dynamic(
 
 
 def _best_of_grid(problem: _Problem, subset: tuple[int, ...]) -> Array:
-    """Return the point θ (3,) of a grid with the smallest cost.
+    """Return the point θ (3,) with the smallest cost, among a grid and the values of the drive.
 
-    Only the parameters with the indices `subset` vary.
+    Only the parameters with the indices `subset` vary. The others keep the values of the drive.
     """
     axes = [values if k in subset else (problem.default[k],) for k, values in enumerate(_GRID)]
     points = [problem.default, *(np.array(point) for point in itertools.product(*axes))]
@@ -169,9 +183,9 @@ def _best_of_grid(problem: _Problem, subset: tuple[int, ...]) -> Array:
 
 
 def _polished(problem: _Problem, theta: Array, free: list[int]) -> Array:
-    """Minimise the cost over the parameters with the indices `free`, and return θ (3,).
+    """Minimise the cost over some parameters by least squares, and return θ (3,).
 
-    The search starts at `theta` (3,).
+    The search starts at `theta` (3,). Only the parameters with the indices `free` vary.
     """
     from scipy.optimize import least_squares
 
@@ -197,9 +211,10 @@ def _polished(problem: _Problem, theta: Array, free: list[int]) -> Array:
 
 
 def _independent(residual: Array) -> float:
-    """Return the number of independent samples in residuals (samples,).
+    """Return the number of independent samples to which correlated residuals (samples,) correspond.
 
-    It follows from their correlation with the next sample.
+    It is N (1 − ρ) / (1 + ρ), with the number N of samples and the correlation ρ between
+    neighbours.
     """
     centred = residual - residual.mean()
     rho = float(np.sum(centred[1:] * centred[:-1]) / max(float(np.sum(centred**2)), 1e-300))
@@ -210,7 +225,19 @@ def _independent(residual: Array) -> float:
 def _estimates(
     problem: _Problem, theta: Array, free: list[int], independent: float
 ) -> dict[str, Estimate]:
-    """Return the estimates at θ (3,) by name, with asymptotic intervals of the free parameters."""
+    """Return the estimates of the parameters by name, with asymptotic 95 % intervals.
+
+    Parameters
+    ----------
+    problem : _Problem
+        Least-squares problem.
+    theta : (3,)
+        Fitted parameters.
+    free : list of int
+        Indices of the fitted parameters. The others have an interval of length 0.
+    independent : float
+        Number of independent samples.
+    """
     from scipy.special import ndtri
 
     half = np.zeros(3)

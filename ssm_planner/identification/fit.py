@@ -1,7 +1,9 @@
-"""Fit friction to a torque–velocity map.
+"""Fit a friction law to a torque–velocity map.
 
-The fit reduces the weight of outliers. It chooses the friction law and the load offset by the
-errors on recordings outside the fit. Parameters have 95 % intervals of the posterior.
+The map contains one point for each steady-state recording. The fit reduces the weight of outliers.
+Cross-validation selects the friction law and decides whether a constant load is added: each fit is
+judged by its errors on recordings that it has not used. Parameters have 95 % intervals of the
+posterior.
 """
 
 from __future__ import annotations
@@ -40,24 +42,19 @@ from ssm_planner.typing import Array, Arrays, frozen, record
 
 DRAWS = 1000
 """Number of equally likely parameter sets in a posterior."""
-SEPARABLE = 0.2
-"""Largest prior pull of a parameter that the data determine, in standard deviations.
-
-The limit applies to every possible law.
-"""
-POSSIBLE = 0.01
-"""Smallest probability of a law that is considered possible."""
-FOREIGN = 2.5
-"""Ratio of fitted to expected bearing friction above which the recordings seem to be of another
-drive.
-"""
-BAD = 0.2
-"""RMS error, as a share of the mean torque, above which the recordings seem to be of another drive.
-"""
+LARGEST_PULL = 0.2
+"""Largest prior pull of a parameter that counts as determined by the data, see `prior_pull`."""
+SMALLEST_PROBABILITY = 0.01
+"""Smallest probability with which a law is part of the posterior."""
+LARGEST_RATIO = 2.5
+"""Ratio of fitted to expected bearing friction above which another drive is suspected."""
+LARGEST_ERROR = 0.2
+"""RMS error, as a share of the mean torque, above which another drive is suspected."""
 WEIGHT = "weight"
-_WAYS = ("forwards", "backwards")
+"""Name of the column of weights in a table of parameter sets."""
+_DIRECTIONS = ("forwards", "backwards")
 _STRIBECK = ("mu_stribeck", "stribeck_speed")
-_QUIET = 0.1
+_INITIAL_SCATTER = 0.1
 """Initial guess of the scatter between recordings, as a share of the deviation in a recording."""
 
 
@@ -75,11 +72,16 @@ class Estimate:
     """
 
     value: float
+    """Most likely value, in SI units."""
     low: float
+    """Lower end of the interval."""
     high: float
+    """Upper end of the interval."""
     fixed: bool = False
+    """True if the user fixed the parameter."""
     separable: bool = True
-    """False if the data alone do not determine it, so that the interval depends on the prior."""
+    """False if the data do not determine the parameter, so that its interval depends on the prior.
+    """
     at_bound: bool = False
     """True if the value is the smallest with which the drive is self-locking."""
 
@@ -96,12 +98,15 @@ class MapFit(ShortRepr):
     """
 
     law: str
+    """Name of the friction law with the smallest error, one of LAWS."""
     drive: Drive
-    """The drive with the identified friction, its posterior, and the load offset of its rig."""
+    """Drive with the identified friction, its posterior, and the load offset of its rig."""
     load: float
     """Constant effort on the output including the load offset, N·m or N."""
     estimates: dict[str, Estimate]
+    """Estimate of each parameter, by name."""
     correlation_names: tuple[str, ...]
+    """Names of the parameters in the rows and columns of `correlation`."""
     correlation: Array
     """Correlation (parameters, parameters) of the logarithms of the parameters.
 
@@ -110,20 +115,24 @@ class MapFit(ShortRepr):
     inseparable: tuple[tuple[str, ...], ...]
     """Groups of parameters that the data determine only together."""
     combinations: dict[str, Estimate]
-    """Torque of slow motion in each direction, N·m. The data determine it well."""
+    """Motor torque of slow motion by direction, N·m.
+
+    The data determine this combination of the parameters well.
+    """
     predicted: Array
     """Torque of each point of the map, (points,), N·m."""
     nrmsd: float
-    """NRMSD over all points including outliers."""
+    """RMS error over all points including outliers, divided by the range of the torque."""
     outliers: tuple[tuple[str, float, float], ...]
     """Name of the recording, distance from its neighbours (N·m) and weight in the fit of each
     outlier.
     """
     criterion: dict[str, float]
-    """RMS error of each law on recordings outside the fit, N·m."""
+    """RMS error of each law on recordings that the fit has not used (cross-validation), N·m."""
     law_shares: dict[str, float]
     """Probability of each law, as a share of the parameter sets."""
     notes: tuple[str, ...] = ()
+    """Remarks on implausible results, as sentences."""
 
 
 def fit_map(
@@ -137,7 +146,7 @@ def fit_map(
     free: Sequence[str] = (),
     progress: Progress = silent,
 ) -> MapFit:
-    """Fit friction parameters to a torque–velocity map.
+    """Fit the parameters of a friction law to a torque–velocity map.
 
     Parameters
     ----------
@@ -147,15 +156,15 @@ def fit_map(
         Points of the map.
     load : float
         Constant effort that the drive exerts on the payload, N·m or N. It is negative if the
-        payload drives forwards. A constant offset is fitted if it reduces the error on recordings
-        outside the fit.
+        payload drives forwards. A constant offset is fitted in addition if this reduces the error
+        on recordings that the fit has not used.
     law : str
-        One of LAWS, or `auto` for the simplest law whose error on recordings outside the fit is
-        close to the smallest.
+        One of LAWS, or `auto` for the simplest law whose error on recordings that the fit has not
+        used is close to the smallest.
     fixed : Mapping, optional
-        Known values by name.
+        Parameters that are not fitted, with their values by name.
     reference : Mapping, optional
-        Prior centres by name.
+        Expected values by name, which become the centres of the prior.
     free : sequence of str
         Parameters that are fitted in addition to those of the law (`b_ov`, `preload`).
     progress : callable
@@ -190,7 +199,9 @@ def fit_map(
         tau=data.tau,
         weight=weight,
         load=load + fixed.get(LOAD_OFFSET, 0.0),
-        scatter=max(_QUIET * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau))),
+        scatter=max(
+            _INITIAL_SCATTER * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau))
+        ),
     )
     models = _candidate_models(prototype, free)
     fitted = []
@@ -207,8 +218,17 @@ def fit_map(
 def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel]:
     """Return the models that are compared: each law, without and with a load offset.
 
-    The law and the data of `prototype` apply. Its law may be `auto`. If the user fixed the load
-    offset, there is only one model for each law.
+    Parameters
+    ----------
+    prototype : MapModel
+        Model with the data of the map. Its law is one of LAWS, or `auto` for all laws.
+    free : sequence of str
+        Parameters that are fitted in addition to those of the law.
+
+    Returns
+    -------
+    list of MapModel
+        Two models for each law, or one if the user fixed the load offset.
     """
     fixed = prototype.fixed
     models = []
@@ -231,23 +251,36 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
 def _choose_model(
     determined: list[tuple[MapModel, Array]],
 ) -> tuple[tuple[MapModel, Array], dict[str, float]]:
-    """Return the simplest model that predicts well with its z (k,), and the criterion of each law.
+    """Select the simplest model that predicts well the recordings that its fit has not used.
 
-    The criterion is the RMS error on recordings outside the fit, N·m.
+    Parameters
+    ----------
+    determined : list of (MapModel, (k,))
+        Models with the most likely coordinates of their parameters.
+
+    Returns
+    -------
+    chosen : (MapModel, (k,))
+        The selected entry.
+    criterion : dict
+        RMS error of each law in the cross-validation, N·m.
     """
     models = [model for model, _ in determined]
     errors = [blind_errors(model, z) for model, z in determined]
-    blind = [rms(error) for error in errors]
+    rms_errors = [rms(error) for error in errors]
     criterion: dict[str, float] = {}
-    for model, size in zip(models, blind, strict=True):
-        criterion[model.law] = min(size, criterion.get(model.law, math.inf))
+    for model, rms_error in zip(models, rms_errors, strict=True):
+        criterion[model.law] = min(rms_error, criterion.get(model.law, math.inf))
     chosen = simplest(models, errors)
-    criterion[models[chosen].law] = blind[chosen]
+    criterion[models[chosen].law] = rms_errors[chosen]
     return determined[chosen], criterion
 
 
 def _check_fixed(fixed: Mapping[str, float], free: Sequence[str]) -> None:
-    """Raise RecordingError for an unknown parameter or an invalid value."""
+    """Raise RecordingError for an unknown parameter or an invalid value.
+
+    `fixed` contains values by name, and `free` the names of parameters that are fitted in addition.
+    """
     names = (*ALL, LOAD_OFFSET)
     for name in free:
         if name not in names:
@@ -271,7 +304,7 @@ def _check_directions(data: TorqueMap) -> None:
 
 
 def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Array]]:
-    """Return the models that have fewer parameters than points, each with its z (k,).
+    """Return the models that have fewer parameters than points, each with its coordinates (k,).
 
     Raises RecordingError if no model is left.
     """
@@ -287,29 +320,41 @@ def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Ar
 
 
 def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[Sample, float]]:
-    """Return samples of all possible laws with their probabilities.
+    """Sample the posterior of each law, and return the samples of all possible laws.
 
-    `fitted` contains models with their most likely z (k,). For each law, the model with a free load
-    offset is last. The law `chosen` is always in the result. An offset that does not reduce the
-    error outside the fit is 0 in the fit, but it remains uncertain. Laws with more parameters than
-    points are possible as well, because the prior bounds their parameters.
+    A law is possible if its probability is at least SMALLEST_PROBABILITY. Laws with more parameters
+    than points are possible as well, because the prior bounds their parameters. A load offset that
+    does not reduce the error in the cross-validation is 0 in the fit, but it remains uncertain. The
+    samples therefore belong to the models with a free load offset.
+
+    Parameters
+    ----------
+    fitted : list of (MapModel, (k,))
+        Models with the most likely coordinates. For each law, the model with a load offset is last.
+    chosen : str
+        Law that is in the result even if it is improbable.
+
+    Returns
+    -------
+    list of (Sample, float)
+        Samples and probabilities of the laws. The probabilities have the sum 1.
     """
     models = {model.law: (model, z) for model, z in fitted}
     samples = [sample(model, z) for model, z in models.values()]
     evidence = np.array([law_sample.log_evidence for law_sample in samples])
     probability = np.exp(evidence - np.logaddexp.reduce(evidence))
-    minimum = [POSSIBLE if law == chosen else 0.0 for law in models]
-    probability = np.where(probability < POSSIBLE, minimum, probability)
+    minimum = [SMALLEST_PROBABILITY if law == chosen else 0.0 for law in models]
+    probability = np.where(probability < SMALLEST_PROBABILITY, minimum, probability)
     pairs = zip(samples, (probability / probability.sum()).tolist(), strict=True)
     return [(law_sample, share) for law_sample, share in pairs if share]
 
 
 def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> Arrays:
-    """Return the parameter sets of all possible laws as columns (sets,) by name.
+    """Combine the parameter sets of all possible laws to one table with columns (sets,) by name.
 
-    The columns are the parameters, the torques at the slow speeds `slow` (2,) in rad/s, and WEIGHT.
-    If several laws are possible, there is also the column LAW. Missing values are NaN, except that
-    the Stribeck friction of the Coulomb law is 0.
+    The columns are the parameters, the torques at the slow speeds `slow` (2,) in rad/s, and the
+    weights (WEIGHT). If several laws are possible, there is also the column LAW with the index of
+    the law. Missing values are NaN, except that the Stribeck friction of the Coulomb law is 0.
     """
     laws = []
     for law_sample, share in possible:
@@ -320,7 +365,7 @@ def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> Arrays:
             numbers = {name: constants[name] for name in _STRIBECK if name in constants}
             numbers[LAW] = LAWS.index(model.law)
             columns |= {name: np.full(len(z), float(number)) for name, number in numbers.items()}
-        columns |= dict(zip(_WAYS, model.torque(z, slow).T, strict=True))
+        columns |= dict(zip(_DIRECTIONS, model.torque(z, slow).T, strict=True))
         laws.append({**columns, WEIGHT: share * weight})
     return {
         name: np.concatenate(
@@ -331,15 +376,16 @@ def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> Arrays:
 
 
 def _draw_sets(pooled: Arrays) -> Arrays:
-    """Return DRAWS equally likely sets by systematic resampling, as columns (DRAWS,) by name.
+    """Draw DRAWS equally likely parameter sets from a weighted table, as columns (DRAWS,) by name.
 
-    Sets of the Coulomb law get Stribeck speeds from other laws, which do not affect them.
+    The method is systematic resampling. Sets of the Coulomb law have no Stribeck speed. They get
+    one of the other laws, which does not affect them.
     """
     cumulative = np.cumsum(pooled[WEIGHT])
     indices = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
     indices = np.random.default_rng(SEED).permutation(indices)
     ending = (LOAD_OFFSET, LAW)
-    names = [name for name in pooled if name not in (*ending, *_WAYS, WEIGHT)]
+    names = [name for name in pooled if name not in (*ending, *_DIRECTIONS, WEIGHT)]
     columns = {name: pooled[name][indices] for name in (*names, *ending) if name in pooled}
     for column in columns.values():
         missing = np.isnan(column)
@@ -350,12 +396,28 @@ def _draw_sets(pooled: Arrays) -> Arrays:
 def _report(
     model: MapModel, z: Array, data: TorqueMap, possible: list[tuple[Sample, float]]
 ) -> MapFit:
-    """Build the result of the fit from the chosen model and its most likely z (k,)."""
+    """Compute estimates, posterior, errors and remarks for the selected model.
+
+    If the most likely friction coefficient of a self-locking drive is too small for self-locking,
+    the other parameters are fitted again with the smallest permitted coefficient.
+
+    Parameters
+    ----------
+    model : MapModel
+        The selected model.
+    z : (k,)
+        Its most likely coordinates.
+    data : TorqueMap
+        Points of the map.
+    possible : list of (Sample, float)
+        Samples and probabilities of the possible laws.
+    """
     smallest = locking_mu(model.drive)
     mu_at_bound = "mu" in model.names and model.parameters(z[None])["mu"].item() < smallest
     if mu_at_bound:
         z = most_likely(model, z, (model.names.index("mu"), model.coordinate("mu", smallest)))
     predicted = model.torque(z[None])[0]
+    # The torque of slow motion does not contain viscous friction.
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
     pooled = _pooled(possible, slow)
     posterior = _posterior(model, predicted, data, possible, _draw_sets(pooled))
@@ -369,11 +431,13 @@ def _report(
     }
     if mu_at_bound:
         estimates["mu"] = replace(estimates["mu"], at_bound=True)
-    estimates |= {name: Estimate(v, v, v, fixed=True) for name, v in model.fixed.items()}
+    estimates |= {
+        name: Estimate(value, value, value, fixed=True) for name, value in model.fixed.items()
+    }
     inseparable_names = tuple(name for name in model.names if name not in separable)
     offset = values.pop(LOAD_OFFSET)
     drive = _identified(model, values, posterior, offset)
-    torques = zip(_WAYS, model.torque(z[None], slow)[0].tolist(), strict=True)
+    torques = zip(_DIRECTIONS, model.torque(z[None], slow)[0].tolist(), strict=True)
     return MapFit(
         law=model.law,
         drive=drive,
@@ -393,12 +457,15 @@ def _report(
 
 
 def _separable(possible: list[tuple[Sample, float]]) -> set[str]:
-    """Return the names of the parameters that the data determine under every possible law."""
+    """Return the names of the parameters that the data determine under every possible law.
+
+    `possible` contains the samples and the probabilities of the laws.
+    """
     names = []
     for law_sample, _ in possible:
         pull = prior_pull(law_sample.covariance)
         pairs = zip(law_sample.model.names, pull, strict=True)
-        names.append({name for name, value in pairs if value < SEPARABLE})
+        names.append({name for name, value in pairs if value < LARGEST_PULL})
     return set.intersection(*names)
 
 
@@ -409,7 +476,21 @@ def _posterior(
     possible: list[tuple[Sample, float]],
     columns: Arrays,
 ) -> Posterior:
-    """Build the posterior. Its numbers have six digits, as in a drive file."""
+    """Build the posterior of the drive file, with six digits as in the file.
+
+    Parameters
+    ----------
+    model : MapModel
+        The selected model.
+    predicted : (points,)
+        Its torque at the points of the map, N·m.
+    data : TorqueMap
+        Points of the map.
+    possible : list of (Sample, float)
+        Samples and probabilities of the possible laws.
+    columns : dict
+        Equally likely parameter sets, as columns (DRAWS,) by name.
+    """
     is_regular = model.weight == 1.0
     variance, common = np.sum([share * s.scatter for s, share in possible], axis=0)
     scatter, common = _six_digits(np.array([math.sqrt(variance), common]))
@@ -426,19 +507,22 @@ def _posterior(
 
 
 def _six_digits(values: Array) -> tuple[float, ...]:
-    """Round values (n,) to six digits."""
+    """Round values (n,) to six significant digits."""
     return tuple(float(f"{value:.6g}") for value in values)
 
 
 def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
-    """Return the estimate with the interval of a column of the pooled sets."""
+    """Return an estimate with the 95 % interval of one column of the pooled parameter sets."""
     is_present = np.isfinite(pooled[name])
     low, high = weighted_interval(pooled[name][is_present], pooled[WEIGHT][is_present])
     return Estimate(value, min(low, value), max(high, value))
 
 
 def _unreliable(possible: list[tuple[Sample, float]]) -> list[str]:
-    """Return a note if one parameter set has too much weight for reliable intervals."""
+    """Return a note if one parameter set has too much weight for reliable intervals.
+
+    `possible` contains the samples and the probabilities of the laws.
+    """
     weight = max(share * s.largest_weight for s, share in possible)
     if weight <= LARGEST_WEIGHT:
         return []
@@ -449,9 +533,21 @@ def _unreliable(possible: list[tuple[Sample, float]]) -> list[str]:
 
 
 def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tuple[str, ...]:
-    """Return remarks on implausible loads, nut contacts, coefficients and errors of the fit.
+    """Return remarks on implausible results of the fit, as sentences.
 
-    `predicted` (points,) is the fitted torque in N·m, and `offset` is the load offset in N·m or N.
+    They concern the sign of the load, the contact of preloaded nuts, unusual friction coefficients,
+    and a large error.
+
+    Parameters
+    ----------
+    model : MapModel
+        The selected model.
+    drive : Drive
+        Drive with the identified friction.
+    predicted : (points,)
+        Fitted torque, N·m.
+    offset : float
+        Constant load in addition to the payload, N·m or N.
     """
     notes = []
     if model.load * (model.load + offset) < 0.0:
@@ -475,13 +571,13 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
     for name in ("b_c", "b_v"):
         expected = model.reference.get(name, 0.0)
         ratio = getattr(friction, name) / expected if expected > 0 else 1.0
-        if name in model.names and not 1 / FOREIGN < ratio < FOREIGN:
+        if name in model.names and not 1 / LARGEST_RATIO < ratio < LARGEST_RATIO:
             notes.append(
                 f"{name} is {ratio:.2g} times the expected value: are these recordings of this "
                 "drive?"
             )
     error = rms(model.tau - predicted) / float(np.mean(np.abs(model.tau)))
-    if error > BAD:
+    if error > LARGEST_ERROR:
         notes.append(
             f"the error of the law is {error:.0%} of the mean torque: are these recordings of this "
             "drive, with this payload and direction?"
@@ -492,7 +588,19 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
 def _identified(
     model: MapModel, values: Mapping[str, float], posterior: Posterior, offset: float
 ) -> Drive:
-    """Return the drive with identified values (SI) by name, and the load offset of its rig."""
+    """Return the drive with its identified friction, and with the load offset of its test rig.
+
+    Parameters
+    ----------
+    model : MapModel
+        The selected model.
+    values : Mapping
+        Fitted parameters by name, in SI units.
+    posterior : Posterior
+        Uncertainty of the parameters.
+    offset : float
+        Constant load in addition to the payload, N·m or N.
+    """
     drive = with_parameters(model.drive, model.law, {**model.fixed, **values})
     friction = replace(
         friction_of(drive),

@@ -1,8 +1,9 @@
-"""Fit harmonics of the torque in the angle of the screw or worm, and in the angle of its wheel.
+"""Fit the part of the torque that repeats with the angle of the motor, and with that of the wheel.
 
-If the angle is recorded, all recordings in one direction are fitted together. Otherwise, the angle
-is the integral of the speed from an unknown start. The harmonics of these recordings are rotated
-until they agree, so only their amplitudes are valid.
+The torque is a sum of harmonics of one turn of the screw or worm, and of one turn of the wheel. If
+the recordings contain the angle, all recordings in one direction are fitted together. Otherwise,
+the angle is the integral of the speed from an unknown start. The harmonics of such recordings are
+rotated until they agree, so only their amplitudes are valid.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ from ssm_planner.typing import Array
 TURN = 2 * np.pi
 HARMONICS = 3
 """Number of harmonics of one turn."""
-_STARTS = 720
-_ROUNDS = 5
+_ANGLES = 720
+"""Number of angles that are tried when harmonics are rotated."""
+_ITERATIONS = 5
+"""Number of times that the mean harmonics are computed and the recordings are rotated to them."""
 
 
 def travelled(recording: Recording) -> Array:
-    """Return the motor angle (samples,) in rad.
+    """Return the motor angle of a recording, (samples,) in rad.
 
     It is the recorded angle or, without one, the integral of the speed.
     """
@@ -35,9 +38,16 @@ def travelled(recording: Recording) -> Array:
 
 
 def ripple_rms(angle: Array, tau: Array) -> float:
-    """Return the RMS of the harmonics in a torque (samples,), N·m, corrected for noise.
+    """Return the RMS of the harmonics in a torque, N·m, without the contribution of noise.
 
-    `angle` (samples,) is the motor angle in rad. The result is NaN if it spans less than two turns.
+    The result is NaN if the angle spans less than two turns.
+
+    Parameters
+    ----------
+    angle : (samples,)
+        Motor angle, rad.
+    tau : (samples,)
+        Motor torque, N·m.
     """
     if np.ptp(angle) < 2 * TURN:
         return float("nan")
@@ -50,7 +60,7 @@ def ripple_rms(angle: Array, tau: Array) -> float:
 def fit_harmonics(
     recordings: Sequence[Recording], direction: int, ratio: float | None = None
 ) -> Harmonics | None:
-    """Fit the harmonics of the steady-state recordings in one direction.
+    """Fit the harmonics of the torque to the steady-state recordings in one direction.
 
     Parameters
     ----------
@@ -84,16 +94,16 @@ def fit_harmonics(
 
 
 def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
-    """Return the mean of the harmonics of recordings whose angles start at unknown positions.
+    """Compute the mean harmonics of recordings whose angles start at unknown positions.
 
-    `series` contains the angle and the torque of each recording. The harmonics of every recording
-    are rotated until they agree best with the mean, and then the mean is computed again. The
-    weights are the ranges of the angles.
+    The harmonics of every recording are rotated until they agree best with the mean, and the mean
+    is computed again. The weights are the ranges of the angles. `series` contains angle in rad and
+    torque in N·m of each recording, (samples,) each.
     """
     single = [_fit([curve], _orders(None), phased=False) for curve in series]
     turns = np.array([np.ptp(angle) for angle, _ in series])
     mean = single[int(np.argmax(turns))]
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         starts = [-_start(mean.coefficients, item.coefficients) for item in single]
         aligned_series = [
             item.rotated(start).coefficients for item, start in zip(single, starts, strict=True)
@@ -104,7 +114,9 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
 
 
 def _orders(ratio: float | None) -> tuple[float, ...]:
-    """Return the orders of the harmonics per turn of the motor, those of the wheel first.
+    """Return the orders of the harmonics: periods in one turn of the motor.
+
+    The orders of the wheel come first.
 
     `ratio` is the number of motor turns per turn of the wheel. None means a drive without a wheel.
     """
@@ -115,9 +127,16 @@ def _orders(ratio: float | None) -> tuple[float, ...]:
 def _fit(
     curves: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool
 ) -> Harmonics:
-    """Fit harmonics to the angle and torque of recordings by least squares.
+    """Fit harmonics and one mean torque for each recording by least squares.
 
-    Each recording has its own mean torque.
+    Parameters
+    ----------
+    curves : sequence of ((samples,), (samples,))
+        Motor angle in rad and torque in N·m of each recording.
+    orders : tuple of float
+        Periods of each harmonic in one turn of the motor.
+    phased : bool
+        True if the angles of all recordings have the same origin.
     """
     means = np.repeat(np.eye(len(curves)), [len(tau) for _, tau in curves], axis=0)
     waves = np.outer(np.concatenate([angle for angle, _ in curves]), orders)
@@ -128,11 +147,16 @@ def _fit(
     return Harmonics.from_coefficients(orders, cosine - 1j * sine, phased)
 
 
-def _start(reference: Any, c: Any) -> float:
-    """Return the angle in rad by which `reference` must be rotated to agree best with c (orders,).
+def _start(reference: Any, coefficients: Any) -> float:
+    """Return the angle in rad by which harmonics must be rotated to agree best with others.
 
-    The orders are 1, 2, ….
+    Parameters
+    ----------
+    reference : (orders,)
+        Complex coefficients that are rotated, of the orders 1, 2, ….
+    coefficients : (orders,)
+        Complex coefficients of the other harmonics.
     """
-    angles = np.linspace(0, TURN, _STARTS, endpoint=False)
+    angles = np.linspace(0, TURN, _ANGLES, endpoint=False)
     rotated = np.exp(-1j * np.outer(angles, np.arange(1, len(reference) + 1)))
-    return float(angles[np.argmax(np.real(rotated @ (np.conj(reference) * c)))])
+    return float(angles[np.argmax(np.real(rotated @ (np.conj(reference) * coefficients)))])

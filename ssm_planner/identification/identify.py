@@ -31,7 +31,7 @@ from ssm_planner.typing import JsonObject, Keywords, record
 
 @record
 class Identification(ShortRepr):
-    """Friction of a drive as identified from recordings.
+    """Friction of a drive that was identified from recordings.
 
     Examples
     --------
@@ -45,19 +45,21 @@ class Identification(ShortRepr):
     dynamic: DynamicFit | None
     """Fit of the start–stop recordings. None without such recordings."""
     data: TorqueMap
+    """Points of the torque–velocity map."""
     moving: tuple[Recording, ...]
-    """The start–stop recordings."""
+    """Start–stop recordings."""
     harmonics: Mapping[str, Harmonics]
-    """Harmonics in the motor angle by direction, `forwards` and `backwards`.
+    """Part of the torque that repeats with the motor angle, by direction.
 
-    They are fitted to recordings of at least two turns.
+    The directions are `forwards` and `backwards`. One is missing if its recordings are shorter than
+    two turns.
     """
     load: float
     """Constant effort on the output including an identified offset, N·m or N."""
     evidence: str
-    """Description of the recordings or table behind the map."""
+    """Text that describes the recordings or the table from which the map was computed."""
     file: Path
-    """The drive file that was identified."""
+    """Drive file whose friction was identified."""
 
     @property
     def drive(self) -> Drive:
@@ -70,9 +72,9 @@ class Identification(ShortRepr):
         return {} if self.dynamic is None else dict(self.dynamic.estimates)
 
     def save(self, path: str | Path) -> Path:
-        """Write the drive file with the identified friction, and return its path.
+        """Write a copy of the drive file with the identified friction, and return its path.
 
-        Raises ExportError.
+        Raises ExportError if the file cannot be written.
         """
         write_drive(
             path,
@@ -85,7 +87,7 @@ class Identification(ShortRepr):
         return Path(path)
 
     def to_dict(self) -> JsonObject:
-        """Return the object that `identify --json` prints, in SI units and without file names."""
+        """Return the output of `identify --json`, in SI units and without file names."""
         fit, dynamic = self.fit, self.dynamic
         estimates = {**fit.estimates, **self.dynamic_estimates}
         rows = zip(fit.correlation_names, fit.correlation, strict=True)
@@ -136,23 +138,24 @@ def identify(
     free: Sequence[str] = (),
     progress: Progress = silent,
 ) -> Identification:
-    """Identify the friction of the drive in a file.
+    """Identify the friction of a drive from recordings of its speed and torque.
 
-    The torque–velocity map is fitted to the steady-state recordings. Breakaway, dwell and memory
-    are fitted to the start–stop recordings. `fit_map` and `fit_dynamic` describe the methods.
+    The torque–velocity map is fitted to the steady-state recordings. Breakaway, growth of friction
+    at rest and frictional memory are fitted to the start–stop recordings. `fit_map` and
+    `fit_dynamic` describe the methods.
 
     Parameters
     ----------
     drive : str or Path
         Drive file, or the name of a shipped drive.
     recordings : sequence of str or Path
-        Files or folders. Without steady-state recordings, the map comes from the table of figures
-        in the folder of the drive file.
+        Files or folders. Without steady-state recordings, the map is read from the table of mean
+        speeds and torques in the folder of the drive file.
     law : str
-        Name of a friction law, or `auto` for the simplest law whose error on recordings outside the
-        fit is close to the smallest.
+        Name of a friction law, or `auto` for the simplest law whose error on recordings that the
+        fit has not used is close to the smallest.
     fixed : Mapping, optional
-        Known parameters by name, in SI units.
+        Parameters that are not fitted, with their values by name, in SI units.
     free : sequence of str
         Parameters that are fitted in addition to those of the law (`b_ov`, `preload`).
     progress : callable
@@ -214,7 +217,11 @@ def identify(
 
 
 def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> Drive:
-    """Return the drive with harmonics in its posterior, by direction (`forwards`, `backwards`)."""
+    """Return the drive with harmonics in the posterior of its friction.
+
+    `harmonics` contains the harmonics by direction (`forwards`, `backwards`). A drive without a
+    posterior is returned unchanged.
+    """
     friction = friction_of(drive)
     if friction.posterior is None:
         return drive
@@ -227,13 +234,13 @@ def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> 
 def predict(
     drive: str | Path, recordings: Sequence[str | Path], progress: Progress = silent
 ) -> list[Prediction]:
-    """Predict the motor torque of recordings from their measured speed, with the drive in a file.
+    """Predict the motor torque of recordings from their measured speed.
 
     Parameters
     ----------
     drive : str or Path
         Drive file, or the name of a shipped drive. If it omits the friction, the friction is
-        identified from the table of figures beside the file.
+        identified from the table of mean speeds and torques in its folder.
     recordings : sequence of str or Path
         Files or folders.
     progress : callable
@@ -276,19 +283,19 @@ def predict(
 
 
 def friction_origin(drive: str | Path) -> str:
-    """Describe in a text where the friction that `predict` uses comes from."""
+    """Describe where `predict` finds the friction: in the drive file or in a table."""
     return "the drive file" if load_drive(drive).friction is not None else _map(drive, [], [])[1]
 
 
 def _read(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
-    """Read recordings with the nominal torque and the direction of the rig."""
+    """Read recordings with the nominal torque and the direction of the drive's test rig."""
     rig = drive.rig
     nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
     return read_recordings(list(recordings), nominal_torque=nominal, direction=direction)
 
 
 def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Divide recordings into steady-state recordings and start–stop recordings."""
+    """Divide recordings into those at constant speed and those with starts and stops."""
     kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
     for recording in recordings:
         kinds[kind_of(recording)].append(recording)
@@ -296,14 +303,18 @@ def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[
 
 
 def _load(drive: Drive) -> tuple[float, float]:
-    """Return the effort (N·m or N) and the inertia (kg·m² or kg) of the rig's payload."""
+    """Return the effort (N·m or N) and the inertia (kg·m² or kg) of the payload on the test rig.
+
+    Both are 0 for a drive without a test rig.
+    """
     return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
 
 
 def _reference(drive: Drive) -> dict[str, float]:
-    """Return the prior centres by name.
+    """Return the centres of the prior, which are expected friction parameters, by name.
 
-    They are the values published for a rig or, without these, the friction in the drive file.
+    They are the values published for the test rig or, without these, the friction in the drive
+    file.
     """
     if drive.rig is not None and drive.rig.published:
         return dict(drive.rig.published)
@@ -314,7 +325,30 @@ def _reference(drive: Drive) -> dict[str, float]:
 def _map(
     drive_path: str | Path, steady: list[Recording], moving: list[Recording]
 ) -> tuple[TorqueMap, str]:
-    """Return the torque–velocity map to fit, and a description of its source."""
+    """Compute or read the torque–velocity map that is fitted.
+
+    Parameters
+    ----------
+    drive_path : str or Path
+        Drive file, or the name of a shipped drive.
+    steady : list of Recording
+        Recordings at constant speed. If the list is empty, the map is read from the table in the
+        folder of the drive file.
+    moving : list of Recording
+        Start–stop recordings, which are only mentioned in the description.
+
+    Returns
+    -------
+    data : TorqueMap
+        The map.
+    evidence : str
+        Description of its source.
+
+    Raises
+    ------
+    RecordingError
+        If there is neither a recording nor a table.
+    """
     also = f" and {len(moving)} start-stop recordings" if moving else ""
     if steady:
         data = torque_map(steady)

@@ -12,9 +12,13 @@ from ssm_planner.problem import LAWS, Drive, Friction, FrictionLawName, unchecke
 from ssm_planner.typing import Array, Keywords
 
 TYPICAL_MU = 0.15
-"""Prior centre of μ if the drive file omits it, for metal on greased metal or polymer."""
+"""Assumed friction coefficient μ before the fit, for metal on greased metal or polymer.
+
+It applies if the drive file does not state μ.
+"""
 
 _ABOVE_CRITICAL = 1.005
+"""Ratio of the smallest fitted μ of a self-locking drive to the μ at which self-locking begins."""
 
 _FRICTION_FIELDS = (
     "b_c",
@@ -27,11 +31,14 @@ _FRICTION_FIELDS = (
     "mu_static",
 )
 ALL = (*_FRICTION_FIELDS[:-1], "preload")
-"""Names of parameters that a map can determine or that can be fixed."""
+"""Names of the parameters that can be fitted to a torque–velocity map or fixed by the user."""
 
 
 def names_of(law: str) -> tuple[str, ...]:
-    """Return the parameters that are fitted by default for a law."""
+    """Return the names of the parameters that are fitted by default for a friction law.
+
+    Raises RecordingError for an unknown law.
+    """
     if law not in LAWS:
         raise RecordingError(f"unknown friction law {law!r}; known: {', '.join(LAWS)}")
     base = ("b_c", "b_v", "mu", "b_oc")
@@ -41,7 +48,14 @@ def names_of(law: str) -> tuple[str, ...]:
 def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Drive:
     """Return the drive with another friction law and other parameters.
 
-    `values` contains the parameters by name, in SI units. Arrays represent many sets at once.
+    Parameters
+    ----------
+    drive : Drive
+        Drive whose other data are copied.
+    law : str
+        One of LAWS.
+    values : Mapping
+        Parameters by name, in SI units. Arrays represent many parameter sets at once.
     """
     friction: Keywords = {name: values[name] for name in _FRICTION_FIELDS if name in values}
     base = drive.friction or Friction(mu=TYPICAL_MU, mu_static=TYPICAL_MU, b_c=0.0, b_v=0.0)
@@ -55,19 +69,32 @@ def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Driv
 
 
 def map_torque(drive: Drive, w: Array, load: float | Array) -> Array:
-    """Return the motor torque in N·m of steady motion at motor speeds w (points,) in rad/s.
+    """Compute the motor torque in N·m of motion at constant speed.
 
-    `load` is the constant effort on the output, N·m or N. If the load or the friction contains
-    columns (sets, 1), the torque has the shape (sets, points).
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction. Its parameters may be columns (sets, 1).
+    w : (points,)
+        Motor speeds, rad/s.
+    load : float or (sets, 1)
+        Constant effort on the output, N·m or N.
+
+    Returns
+    -------
+    (points,) or (sets, points)
+        Motor torques. There is one row for each parameter set if the load or the friction has
+        columns.
     """
     effort = output_effort(drive, load, w / drive.ratio, 0.0)
     return motor_torque(drive, effort, w, 0.0)
 
 
 def locking_mu(drive: Drive) -> float:
-    """Return the smallest μ with which a self-locking drive locks, slightly above tan λ · cos θ_n.
+    """Return the smallest friction coefficient that the fit permits for a self-locking drive.
 
-    The result is 0 for other drives.
+    It is slightly above tan λ · cos θ_n, with the lead angle λ and the normal pressure angle θ_n,
+    below which the output could drive the motor. The result is 0 for other drives.
     """
     return (
         _ABOVE_CRITICAL * float(-self_locking_margin(drive, 0.0)[0]) if drive.self_locking else 0.0
@@ -75,8 +102,8 @@ def locking_mu(drive: Drive) -> float:
 
 
 def rest_coefficient(drive: Drive) -> float:
-    """Return the limit of μ for a moving drive as w → 0.
+    """Return the limit of the friction coefficient of a moving drive as its speed tends to 0.
 
-    The static coefficient is at least this value.
+    The static coefficient cannot be smaller.
     """
     return float(friction_coefficient(friction_of(drive), 0.0))

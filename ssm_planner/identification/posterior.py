@@ -1,18 +1,21 @@
 """Compute the posterior of a drive's friction from a torque–velocity map.
 
-The mean torque of recording k at the mean speed w_k is τ(w_k; θ) + e_k with e ~ N(0, s² R_c).
-Recordings at similar speeds share a fraction c of the scatter, because it is an error of the law:
-R_c = (1 − c) I + c K, where K_kl = exp(−|ln w_k / w_l| / L) in one direction and 0 between the two
-directions. The rest of the scatter belongs to one recording [1].
+The torque law τ(w; θ) depends on the motor speed w and on parameters θ_i. The mean torque of
+recording k at the mean speed w_k is τ(w_k; θ) + e_k. The errors e (n,) are normally distributed
+with the covariance s² R_c, where s is called the scatter. A fraction c of the scatter is an error
+of the law, which recordings at similar speeds share [1]. The rest belongs to single recordings:
+
+    R_c = (1 − c) I + c K,   K_kl = exp(−|ln w_k / w_l| / L) in one direction, 0 between both
 
 The priors are ln θ_i ~ N(ln c_i, d_i²), wide enough for drives of this kind, and N(0, d²) for a
-constant load in addition to the payload. The scatter s has a guess s₀, and c is one of SHARES. With
-s and c integrated out
+constant load in addition to the payload. The scatter s has a guess s₀ with the weight of ν
+recordings, and c is one of SHARED_FRACTIONS. If s and c are integrated out, the posterior is
 
     p(θ | τ) ∝ p(θ) · Σ_c p(c) |R_c|^(−1/2) (ν s₀² + eᵀ R_c⁻¹ e)^(−(n + ν)/2).
 
-The coordinates are z_i = (ln θ_i − ln c_i) / d_i. Only the sign of the parameters is bounded,
-so intervals do not end at a bound. The module `sampling` samples this posterior.
+The functions use the coordinates z_i = (ln θ_i − ln c_i) / d_i, whose prior is standard normal.
+Parameters only have to be positive, so intervals do not end at a bound. The module `sampling`
+samples this posterior.
 
 [1] M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, J. R. Stat. Soc. B 63, 2001.
 """
@@ -48,40 +51,47 @@ LOAD_SPREAD = 0.3
 
 It is a share of the payload or of the effort that would cause the measured friction.
 """
-DEGREES = 2.0
+PRIOR_WEIGHT = 2.0
 """ν: weight of the guess s₀ in recordings."""
-SHARES = {0.0: 0.5, 0.5: 0.25, 0.8: 0.25}
-"""Possible shares c with their prior probabilities."""
+SHARED_FRACTIONS = {0.0: 0.5, 0.5: 0.25, 0.8: 0.25}
+"""Possible fractions c of the scatter that recordings share, with their prior probabilities."""
 FOLDS = 6
+"""Number of parts into which cross-validation divides the recordings."""
 CLEAR_GAIN = 0.5
-"""Standard errors by which a law with more parameters must predict better."""
-LENGTH = 2.0
-"""L: logarithm of the ratio of speeds over which errors of the law change."""
-SLOWEST = 0.1
+"""Number of standard errors by which a law with more parameters must predict better."""
+CORRELATION_LENGTH = 2.0
+"""L: difference of ln |w| over which the correlation of errors falls to 1/e."""
+SMALLEST_SPEED = 0.1
 """Lower bound of motor speeds in K, rad/s. It is about 1 rpm, the resolution of recorders."""
 SCATTER_DEGREES = 3.0
 """Degrees of freedom of the t-distribution of a new recording's scatter, because of outliers."""
 NEGLIGIBLE = 1e-5
-"""Share of the torque range below which errors do not count."""
+"""Share of the torque range below which errors are neglected."""
 SEED = 20_210_521
+"""Seed of the random numbers. With a fixed seed, equal calls give equal results."""
 
 
 @record
 class MapModel:
-    """One friction law on one torque–velocity map.
+    """One friction law with the data of one torque–velocity map.
 
     The arrays `w`, `tau` and `weight` have the shape (points,) and SI units.
     """
 
     drive: Drive
+    """Drive whose friction is fitted."""
     law: str
+    """Name of the friction law."""
     names: tuple[str, ...]
-    """Names of the k parameters, in the order of z."""
+    """Names of the k parameters, in the order of the coordinates z."""
     fixed: Mapping[str, float]
+    """Values of parameters that are not fitted, by name."""
     reference: Mapping[str, float]
-    """Prior centres of the parameters, by name."""
+    """Expected values of parameters by name, which are the centres of the prior."""
     w: Array
+    """Mean motor speeds, rad/s."""
     tau: Array
+    """Mean motor torques, N·m."""
     weight: Array
     """Factors of the residuals: 1, or less for outliers."""
     load: float
@@ -116,31 +126,39 @@ class MapModel:
 
     @cached_property
     def linear(self) -> Mask:
-        """Mask (k,) that selects b_c and b_v, in which the torque is linear."""
-        return np.array([name in ("b_c", "b_v") for name in self.names], dtype=bool)
+        """Mask (k,) of the parameters b_c and b_v, in which the torque is linear."""
+        return np.array([name in ("b_c", "b_v") for name in self.names], bool)
 
     @property
     def floor(self) -> float:
-        """Weight of the guess s₀ in the sum of squares: ν s₀², N²·m²."""
-        return DEGREES * self.scatter**2
+        """Contribution ν s₀² of the guessed scatter to the sum of squared errors, N²·m²."""
+        return PRIOR_WEIGHT * self.scatter**2
 
     def parameters(self, z: Array) -> Arrays:
-        """Return the parameters by name, (sets, 1) each, for coordinates z (sets, k)."""
+        """Return the parameters by name in SI units, (sets, 1) each, for coordinates z (sets, k).
+
+        The rows of z are parameter sets.
+        """
         centre, spread = self.prior
-        x = centre + z * spread
+        values = centre + z * spread
         return {
-            name: x[:, [i]] if name == LOAD_OFFSET else np.exp(x[:, [i]])
+            name: values[:, [i]] if name == LOAD_OFFSET else np.exp(values[:, [i]])
             for i, name in enumerate(self.names)
         }
 
     def coordinate(self, name: str, value: float) -> float:
-        """Return the coordinate z of the value of a parameter other than the load offset."""
+        """Return the coordinate z of a parameter with the given value in SI units.
+
+        The load offset has another scale, so `name` must be another parameter.
+        """
         i = self.names.index(name)
         centre, spread = self.prior
         return (math.log(value) - float(centre[i])) / float(spread[i])
 
     def torque(self, z: Array, w: Array | None = None) -> Array:
-        """Return the torque of steady motion, (sets, points), N·m, for coordinates z (sets, k).
+        """Return the motor torque (sets, points) in N·m at constant speed.
+
+        `z` (sets, k) contains coordinates of the parameters.
 
         `w` contains motor speeds (points,) in rad/s. The default is the speeds of the map.
         """
@@ -154,43 +172,46 @@ class MapModel:
     def total_load(self, offset: Any) -> Any:
         """Return the effort on the output with a load offset, N·m or N.
 
-        The attribute `load` already includes a fixed offset.
+        If the user fixed the offset, `load` already includes it, and the argument is ignored.
         """
         return self.load if LOAD_OFFSET in self.fixed else self.load + offset
 
     def residual(self, z: Array) -> Array:
-        """Return the weighted torque errors, (sets, points), N·m, for coordinates z (sets, k)."""
+        """Return the weighted torque errors (sets, points) in N·m for coordinates z (sets, k)."""
         return (self.torque(z) - self.tau) * self.weight
 
     @cached_property
     def whiteners(self) -> list[tuple[Array, float]]:
-        """Whitening matrix and logarithm of the weight for each share c of SHARES.
+        """Whitening matrix and log-probability for each fraction c of SHARED_FRACTIONS.
 
-        The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹. The logarithm is ln p(c) |R_c|^(−1/2).
+        The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹, so that eᵀ R_c⁻¹ e = |Wᵀ e|². The
+        logarithm is that of p(c) |R_c|^(−1/2).
         """
         correlations, identity = correlation(self.w, self.w), np.eye(len(self.w))
-        roots = [np.linalg.cholesky((1 - c) * identity + c * correlations) for c in SHARES]
+        roots = [
+            np.linalg.cholesky((1 - c) * identity + c * correlations) for c in SHARED_FRACTIONS
+        ]
         return [
             (np.linalg.inv(root).T, math.log(p) - float(np.log(np.diag(root)).sum()))
-            for p, root in zip(SHARES.values(), roots, strict=True)
+            for p, root in zip(SHARED_FRACTIONS.values(), roots, strict=True)
         ]
 
     def log_posterior(self, z: Array) -> Array:
-        """Return the logarithm of the posterior, (sets,), for coordinates z (sets, k).
+        """Return the logarithm of the posterior density (sets,) for coordinates z (sets, k).
 
         A constant is omitted. The result is −inf if the friction law overflows.
         """
         with np.errstate(all="ignore"):
-            error, half = self.residual(z), 0.5 * (len(self.w) + DEGREES)
+            error, exponent = self.residual(z), 0.5 * (len(self.w) + PRIOR_WEIGHT)
             terms = [
-                constant - half * np.log(np.sum((error @ root) ** 2, axis=1) + self.floor)
+                constant - exponent * np.log(np.sum((error @ root) ** 2, axis=1) + self.floor)
                 for root, constant in self.whiteners
             ]
             value = np.logaddexp.reduce(terms, axis=0) - 0.5 * np.sum(z * z, axis=1)
         return np.where(np.isfinite(value), value, -np.inf)
 
     def without(self, points: Indices) -> MapModel:
-        """Return the model without the points at these indices. Its prior does not change."""
+        """Return the model without the points at some indices, but with the same prior."""
         remaining = np.setdiff1d(np.arange(len(self.w)), points)
         model = replace(
             self, w=self.w[remaining], tau=self.tau[remaining], weight=self.weight[remaining]
@@ -202,7 +223,10 @@ class MapModel:
 def most_likely(
     model: MapModel, start: Array | None = None, held: tuple[int, float] | None = None
 ) -> Array:
-    """Return the coordinates z (k,) at which the posterior is largest.
+    """Find the coordinates z (k,) at which the posterior density is largest.
+
+    The search alternates between a least-squares fit with a fixed scatter and an update of the
+    scatter.
 
     Parameters
     ----------
@@ -210,7 +234,7 @@ def most_likely(
         Friction law with the data.
     start : (k,), optional
         Coordinates at which the search starts. By default, it starts at several points.
-    held : tuple of int and float, optional
+    held : (int, float), optional
         Index and value of a coordinate that does not change.
     """
     k, rng = len(model.names), np.random.default_rng(SEED)
@@ -218,7 +242,7 @@ def most_likely(
     starts = [start] if start is not None else [np.zeros(k), *0.7 * rng.standard_normal((3, k))]
     optima = []
     for initial in starts:
-        z = np.array(initial, dtype=float)
+        z = np.array(initial, float)
         if held is not None:
             z[held[0]] = held[1]
         scatter = 0.02 * float(np.ptp(model.tau)) if start is None else _scatter(model, z)
@@ -231,16 +255,32 @@ def most_likely(
 
 
 def _scatter(model: MapModel, z: Array) -> float:
-    """Return the most likely scatter between recordings at coordinates z (k,), N·m."""
+    """Return the most likely scatter s between recordings at coordinates z (k,), N·m."""
     square = float(np.sum(model.residual(z[None]) ** 2)) + model.floor
-    return max(math.sqrt(square / (len(model.w) + DEGREES)), 1e-9 * float(np.ptp(model.tau)))
+    return max(math.sqrt(square / (len(model.w) + PRIOR_WEIGHT)), 1e-9 * float(np.ptp(model.tau)))
 
 
 def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Array:
-    """Minimise the sum of squared residuals and squared free coordinates.
+    """Minimise the sum of the squared residuals and the squares of the free coordinates.
 
-    The residuals are divided by `scatter`. The search starts at z (k,) and changes only the
-    coordinates that the mask `free` (k,) selects.
+    This finds the largest posterior density for a given scatter. The method is that of Levenberg
+    and Marquardt.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    z : (k,)
+        Coordinates at which the search starts.
+    free : (k,)
+        Mask of the coordinates that may change.
+    scatter : float
+        Scatter s, by which residuals are divided, N·m.
+
+    Returns
+    -------
+    (k,)
+        Coordinates at the minimum.
     """
     from scipy.optimize import least_squares
 
@@ -265,14 +305,14 @@ def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Ar
 
 
 def blind_errors(model: MapModel, z: Array) -> Array:
-    """Return the weighted errors (points,) in N·m of recordings that are outside the fit.
+    """Return the weighted errors (points,) in N·m of a cross-validation.
 
-    The recordings are divided into folds, and each fold is predicted by a fit to the others. These
-    fits start at z (k,).
+    The recordings are divided into folds. A fit to the other folds predicts the recordings of each
+    fold. These fits start at the coordinates z (k,).
     """
     rng, count = np.random.default_rng(SEED), len(model.w)
     folds = min(FOLDS, count)
-    fold = np.empty(count, dtype=int)
+    fold = np.empty(count, int)
     for block in np.array_split(np.argsort(model.w), -(-count // folds)):
         fold[block] = rng.permutation(folds)[: len(block)]
     errors = np.zeros(count)
@@ -286,9 +326,11 @@ def blind_errors(model: MapModel, z: Array) -> Array:
 
 
 def simplest(models: list[MapModel], errors: list[Array]) -> int:
-    """Return the index of the simplest model whose errors are close to the smallest.
+    """Return the index of the model with the fewest parameters that predicts well.
 
-    `errors` contains the blind errors (points,) of each model.
+    An error is close if the mean of the squared errors exceeds the smallest one by at most
+    CLEAR_GAIN standard errors. `errors` contains the errors (points,) of each model in the
+    cross-validation.
     """
     best_model = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
     for i in sorted(range(len(models)), key=lambda i: len(models[i].names)):
@@ -300,7 +342,7 @@ def simplest(models: list[MapModel], errors: list[Array]) -> int:
 
 
 def _information(model: MapModel, z: Array) -> Array:
-    """Return the information matrix (k, k) of the data without the prior at coordinates z (k,)."""
+    """Return the Fisher information (k, k) of the data at coordinates z (k,), without the prior."""
     sets = np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])
     values = model.residual(sets) / _scatter(model, z)
     jacobian = (values[1:] - values[0]) / 1e-5
@@ -313,9 +355,9 @@ def covariance_near(model: MapModel, z: Array) -> Array:
 
 
 def data_correlation(model: MapModel, z: Array) -> Array:
-    """Return the correlation (k, k) of the parameters at z (k,) with an almost flat prior.
+    """Return the correlation (k, k) of the parameters that the data alone imply at z (k,).
 
-    An entry is ±1 if the data determine two parameters only together.
+    The prior is almost flat. An entry is ±1 if the data determine two parameters only together.
     """
     covariance = np.linalg.inv(_information(model, z) + NEGLIGIBLE * np.eye(len(z)))
     deviation = np.sqrt(np.diag(covariance))
@@ -323,51 +365,64 @@ def data_correlation(model: MapModel, z: Array) -> Array:
 
 
 def _log_speed(w: Array) -> Array:
-    """Return the logarithm of max(|w|, SLOWEST) for motor speeds w (n,)."""
-    return np.log(np.maximum(np.abs(w), SLOWEST))
+    """Return the logarithm of max(|w|, SMALLEST_SPEED) for motor speeds w (n,)."""
+    return np.log(np.maximum(np.abs(w), SMALLEST_SPEED))
 
 
 def correlation(v: Array, w: Array) -> Array:
-    """Return the correlations K (samples, recordings) of errors at two sets of motor speeds.
+    """Return the correlations K (samples, recordings) between errors of the law at motor speeds.
 
-    The speeds are v (samples,) and w (recordings,) in rad/s.
+    `v` (samples,) and `w` (recordings,) are motor speeds in rad/s. K is defined in this module's
+    text.
     """
     distance = np.abs(_log_speed(v)[:, None] - _log_speed(w))
-    return np.where(np.sign(v)[:, None] == np.sign(w), np.exp(-distance / LENGTH), 0.0)
+    return np.where(np.sign(v)[:, None] == np.sign(w), np.exp(-distance / CORRELATION_LENGTH), 0.0)
 
 
 def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
-    """Extrapolate the departures of the recordings from the friction law to other motor speeds.
+    """Interpolate the error of the friction law between the speeds of the recordings.
 
-    The first result contains factors (samples, recordings) on the departures of the recordings for
-    motor speeds w (samples,). The second result is the factor (samples,) on the scatter that
-    remains. The scatter grows with the logarithm of the distance from the recorded speeds in a
-    direction, because no recording tests the law there.
+    The prediction is a regression with the correlations K (kriging). The uncertainty grows with the
+    logarithm of the distance from the recorded speeds, because no recording tests the law there.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Posterior with the speeds of the recordings and with the law's errors there.
+    w : (samples,)
+        Motor speeds, rad/s.
+
+    Returns
+    -------
+    factors : (samples, recordings)
+        Factors by which the errors at the recordings are multiplied and summed.
+    remaining : (samples,)
+        Factor by which the scatter is multiplied.
     """
     speeds, common = np.array(posterior.speeds), posterior.common
     if not len(speeds):
         return np.zeros((len(w), 0)), np.ones(len(w))
     shared_covariance = common * correlation(w, speeds)
-    total = common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds))
-    factors = np.linalg.solve(total, shared_covariance.T).T
+    covariance = common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds))
+    factors = np.linalg.solve(covariance, shared_covariance.T).T
     remaining_share = np.sqrt(np.maximum(1.0 - np.sum(factors * shared_covariance, axis=1), 0.0))
     distance = np.abs(_log_speed(w)[:, None] - _log_speed(speeds))
-    same = np.sign(w)[:, None] == np.sign(speeds)
-    distance_to_recorded = _or_one(np.where(same, distance, np.inf).min(axis=1))
+    same_direction = np.sign(w)[:, None] == np.sign(speeds)
+    distance_to_recorded = _or_one(np.where(same_direction, distance, np.inf).min(axis=1))
     return np.asarray(factors), remaining_share * (1.0 + distance_to_recorded)
 
 
 def outside(posterior: Posterior, w: Array) -> Array:
-    """Return the distance (samples,) of motor speeds w from the range of the recordings.
+    """Return how far motor speeds are outside the range of the recordings, (samples,).
 
-    It is the magnitude of the logarithm of the ratio to the nearest recorded speed in the same
-    direction. It is 1 in a direction without recordings.
+    The distance is |ln(w / w_k)| to the nearest recorded speed w_k in the same direction, and 0
+    within the range. In a direction without recordings, it is 1. `w` (samples,) is in rad/s.
     """
     speeds = np.array(posterior.speeds)
-    same = np.sign(w)[:, None] == np.sign(speeds)
+    same_direction = np.sign(w)[:, None] == np.sign(speeds)
     logs, recorded = _log_speed(w), np.log(np.abs(speeds))
-    distance_below = np.where(same, recorded, np.inf).min(axis=1) - logs
-    distance_above = logs - np.where(same, recorded, -np.inf).max(axis=1)
+    distance_below = np.where(same_direction, recorded, np.inf).min(axis=1) - logs
+    distance_above = logs - np.where(same_direction, recorded, -np.inf).max(axis=1)
     return _or_one(np.maximum(np.maximum(distance_below, distance_above), 0.0))
 
 
@@ -377,10 +432,11 @@ def _or_one(distance: Array) -> Array:
 
 
 def prior_pull(covariance: Array) -> Array:
-    """Return how strongly the prior pulls each parameter, (k,), in its standard deviations.
+    """Return how strongly the prior influences each parameter, (k,), in standard deviations.
 
-    If every prior mean moved by one of its standard deviations, the posterior mean of a linear
-    model would move by the covariance (k, k) of z, row by row in units of √cov_ii. The data alone
-    determine a parameter with a small value.
+    If every prior mean moved by one standard deviation of the prior, the posterior mean of a linear
+    model would move by the rows of the covariance (k, k) of z. The result is the norm of each row,
+    divided by the posterior standard deviation of the parameter. It is small for a parameter that
+    the data alone determine.
     """
     return np.linalg.norm(covariance, axis=1) / np.sqrt(np.diag(covariance))

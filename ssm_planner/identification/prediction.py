@@ -1,4 +1,4 @@
-"""Predict motor torque from measured speed, with bands, and compare it with measured torque."""
+"""Predict motor torque from measured speed with 95 % bands, and compare it with measured torque."""
 
 from __future__ import annotations
 
@@ -36,11 +36,12 @@ START_LEAD = 0.05
 The recorder averages and rounds the speed, so it shows motion only after the breakaway.
 """
 
-UNSEEN = 0.25
-"""Magnitude of the logarithm of the ratio to recorded speeds above which a speed is extrapolated.
-"""
+EXTRAPOLATED = 0.25
+"""Distance from the recorded speeds above which a speed counts as extrapolated, see `outside`."""
 SEED = 20_210_521
+"""Seed of the random numbers. With a fixed seed, equal calls give equal results."""
 PEAK_CONFIDENCE = 0.99
+"""Probability with which the largest torque is below its bound."""
 IMPLAUSIBLE = 0.5
 """NRMSD, or relative error of the mean, above which a recording may be of another drive."""
 LONG_REST = 10.0
@@ -49,7 +50,9 @@ LONG_REST = 10.0
 
 @record
 class PredictionBand(ShortRepr):
-    """95 % band of the motor torque of a recording, N·m. Arrays have the shape (samples,).
+    """95 % band of the predicted motor torque of a recording, N·m.
+
+    Arrays have the shape (samples,).
 
     Examples
     --------
@@ -66,7 +69,7 @@ class PredictionBand(ShortRepr):
     high: Array
     """Upper end of the band of single samples."""
     peak: float
-    """99 % bound of the largest |torque|."""
+    """Value that the largest |torque| exceeds with a probability of 1 %."""
 
 
 @record
@@ -81,23 +84,29 @@ class Prediction(ShortRepr):
     """
 
     recording: Recording
+    """Measured speed and torque."""
     tau: Array
+    """Predicted torque."""
     rest: Array
     """Mask (samples,) of the samples at rest, for which the holding torque is predicted."""
     nrmsd: float
+    """RMS error of the predicted torque, divided by the range of the measured torque."""
     contact_lost: float = 0.0
-    """Share of the samples in which a half nut loses contact.
+    """Share of the samples in which one half of the preloaded nut loses contact.
 
     The torque law does not hold in these samples.
     """
     band: PredictionBand | None = None
-    """None if the drive file does not contain a posterior."""
+    """95 % band of the torque. None if the drive file does not contain a posterior."""
     unseen: float | None = None
-    """Largest extrapolated motor speed, rad/s. None if recordings of the fit cover all speeds."""
+    """Motor speed that is farthest from the recordings of the fit, rad/s.
+
+    None if these recordings cover all speeds.
+    """
 
     @property
     def mean_inside(self) -> bool | None:
-        """True if the measured mean torque is in its band. None without a band."""
+        """True if the measured mean torque is within its band. None without a band."""
         if self.band is None:
             return None
         low, high = self.band.mean
@@ -105,7 +114,7 @@ class Prediction(ShortRepr):
 
     @property
     def sample_coverage(self) -> float | None:
-        """Share of the moving samples whose measured torque is in the band. None without a band."""
+        """Share of the moving samples whose torque is in the band. None without a band."""
         moving = np.logical_not(self.rest)
         if self.band is None or not moving.any():
             return None
@@ -114,7 +123,7 @@ class Prediction(ShortRepr):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on extrapolated speeds, and on signs that the recording is of another drive."""
+        """Remarks on extrapolated speeds, and on signs that another drive was recorded."""
         if self.unseen is None:
             return self._foreign
         text = f"extrapolated: the fit had no recording near {self.unseen * 30 / np.pi:.3g} rpm"
@@ -122,7 +131,7 @@ class Prediction(ShortRepr):
 
     @property
     def _foreign(self) -> tuple[str, ...]:
-        """Remarks on a torque that suggests another drive, load or unit."""
+        """Remarks on a measured torque that suggests another drive, load or unit."""
         moving = np.logical_not(self.rest)
         expected, measured = (
             float(np.abs(self.tau[moving]).mean()),
@@ -142,7 +151,7 @@ class Prediction(ShortRepr):
         return ()
 
     def to_dict(self) -> JsonObject:
-        """Return the object that `predict --json` prints for one recording, without file names."""
+        """Return the output of `predict --json` for one recording, without file names."""
         return {
             "recording": self.recording.name,
             "nrmsd": self.nrmsd,
@@ -162,9 +171,15 @@ class Prediction(ShortRepr):
 
 
 def nrmsd(predicted: Array, measured: Array) -> float:
-    """Return the RMS of predicted − measured (samples,), divided by the range of measured values.
+    """Return the normalised RMS error of a predicted torque.
 
-    Raises RecordingError if the measured torque is constant.
+    It is the RMS of predicted − measured, divided by the range of the measured torque. Both arrays
+    have the shape (samples,) and the same unit.
+
+    Raises
+    ------
+    RecordingError
+        If the measured torque is constant.
     """
     span = float(np.ptp(measured))
     if span == 0.0:
@@ -177,8 +192,9 @@ def predict_recording(
 ) -> Prediction:
     """Predict the motor torque of a recording from its speed alone.
 
-    The mean speed represents a steady-state recording. At rest, a self-locking drive holds without
-    torque. The torque that the integrator of a controller leaves at rest is not predicted.
+    For a steady-state recording, the speed is replaced by its mean. At rest, a self-locking drive
+    holds without torque. The torque that the integrator of a controller leaves at rest is not
+    predicted.
 
     Parameters
     ----------
@@ -224,7 +240,8 @@ def predict_recording(
 def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | None:
     """Return the part of the torque (samples,) in N·m that repeats with the motor angle.
 
-    The result is None if the recording lacks the angle or the drive file lacks the phases.
+    The result is None if the recording lacks the angle, or the drive file lacks the phases of the
+    harmonics.
     """
     posterior = friction_of(drive).posterior
     if posterior is None or recording.angle is None:
@@ -239,7 +256,11 @@ def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | Non
 
 
 def unseen_speed(drive: Drive, motion: Motion) -> float | None:
-    """Return the largest extrapolated motor speed of a motion, rad/s, or None."""
+    """Return the motor speed that is farthest from the recordings of the fit, rad/s.
+
+    The result is None if the recordings cover the speeds of the motion, or if the drive has no
+    posterior.
+    """
     posterior = friction_of(drive).posterior
     extremes = np.array(
         [end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL]
@@ -248,16 +269,17 @@ def unseen_speed(drive: Drive, motion: Motion) -> float | None:
     if posterior is None or not posterior.speeds or not len(extremes):
         return None
     distance = outside(posterior, extremes)
-    return float(extremes[np.argmax(distance)]) if distance.max() > UNSEEN else None
+    return float(extremes[np.argmax(distance)]) if distance.max() > EXTRAPOLATED else None
 
 
 def departure(drive: Drive, motion: Motion, load: float) -> Array:
-    """Return the expected torque in addition to that of the drive's parameters, (samples,), N·m.
+    """Return the expected difference between the torque and that of the drive's parameters, N·m.
 
-    It consists of the departure of recordings at similar speeds from the friction law, and of the
-    median of the equally likely sets. If several laws are possible, the chosen law is not the best
-    prediction at speeds without recordings. The result is 0 at rest, and for a drive without a
-    posterior.
+    The result (samples,) has two parts. The first is the error of the friction law, which is
+    interpolated between the recordings of the fit. The second is the difference between the median
+    of the equally likely parameter sets and the drive's own parameters: if several laws are
+    possible, the selected law is not the best prediction at speeds without recordings. The result
+    is 0 at rest, and for a drive without a posterior.
 
     Parameters
     ----------
@@ -279,9 +301,15 @@ def departure(drive: Drive, motion: Motion, load: float) -> Array:
 
 
 def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
-    """Return the distinct speeds and directions (kinds,) of a motion.
+    """Find the distinct pairs of speed and direction in a motion, which have equal torques.
 
-    The third result is the index of the kind of each sample, (samples,).
+    Returns
+    -------
+    w, direction : (kinds,)
+        Motor speed in rad/s and sign of the motion of each pair. At rest, the speed is 1 rad/s, and
+        the direction 0.
+    index : (samples,)
+        Index of the pair of each sample.
     """
     pairs = np.column_stack([motion.w, motion.direction])
     kinds, index = np.unique(pairs, axis=0, return_inverse=True)
@@ -291,10 +319,25 @@ def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
 
 
 def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
-    """Return the torque of each parameter set minus that of the drive, (sets, speeds), N·m.
+    """Return the differences between the torque of each parameter set and that of the drive, N·m.
 
-    `w` contains motor speeds (speeds,) in rad/s. The expected departure of each set from the
-    recordings is subtracted, so that the set agrees with the recordings at their speeds.
+    Each parameter set has its own errors at the recordings of the fit. Their interpolation is
+    subtracted, so that every set agrees with the recordings at their speeds.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    posterior : Posterior
+        Equally likely parameter sets.
+    w : (speeds,)
+        Motor speeds, rad/s.
+    load : float
+        Constant effort on the output including the rig's load_offset, N·m or N.
+
+    Returns
+    -------
+    (sets, speeds)
     """
     sets: Keywords = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
@@ -311,7 +354,7 @@ def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
 def band_of(
     drive: Drive, motion: Motion, tau: Array, load: float, *, wave: Array | None = None
 ) -> PredictionBand | None:
-    """Return the band around the predicted torque, or None for a drive without a posterior.
+    """Return the 95 % band around a predicted torque, or None for a drive without a posterior.
 
     Parameters
     ----------
@@ -320,11 +363,11 @@ def band_of(
     motion : Motion
         Motion whose torque is predicted.
     tau : (samples,)
-        Predicted torque with the departure, N·m.
+        Predicted torque including `departure`, N·m.
     load : float
         Constant effort on the output including the rig's load_offset, N·m or N.
     wave : (samples,), optional
-        Predicted torque that repeats with the angle, N·m. It reduces the ripple.
+        Predicted torque that repeats with the angle, N·m. It reduces the unpredicted ripple.
     """
     posterior = friction_of(drive).posterior
     if posterior is None:
@@ -360,22 +403,33 @@ def band_of(
 
 @record
 class Motion:
-    """Motion of a drive from a recorded speed, with its rests, directions and accelerations.
-
-    The arrays have the shape (samples,), in rad and s.
-    """
+    """Motion of a drive, computed from a recorded speed. Arrays have the shape (samples,)."""
 
     time: Array
+    """Time, s."""
     w: Array
+    """Motor speed, rad/s."""
     wd: Array
+    """Motor acceleration, rad/s²."""
     direction: Array
-    """Sign of the motion, which is set shortly before a start. 0 at rest."""
+    """Direction in which the motor pushes, ±1, already START_LEAD before a start. 0 at rest."""
     rests: tuple[tuple[int, int], ...]
     """Index of the first sample and one past the last sample of each rest."""
 
     @staticmethod
     def from_speed(time: Array, w: Array) -> Motion:
-        """Build the motion from times (s) and motor speeds (rad/s), both (samples,)."""
+        """Find rests, directions and accelerations in a recorded speed.
+
+        The speed channel averages and rounds, so it shows a start too late. The direction is
+        therefore set START_LEAD before the end of each rest.
+
+        Parameters
+        ----------
+        time : (samples,)
+            Time, s.
+        w : (samples,)
+            Motor speed, rad/s.
+        """
         rest = rest_mask(time, w)
         rests = [(start, stop) for start, stop in runs(rest)]
         direction = np.sign(_fill_gaps(np.where(rest, np.nan, w)))
@@ -389,9 +443,10 @@ class Motion:
 
 
 def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: float) -> Array:
-    """Return the motor torque of the exact law along a motion, (samples,), N·m.
+    """Compute the motor torque along a motion by the drive's friction law, (samples,) in N·m.
 
-    The law includes frictional memory and the growth of friction at rest.
+    The law includes frictional memory and the growth of friction at rest. At rest, the result is
+    the holding torque.
 
     Parameters
     ----------
@@ -417,11 +472,11 @@ def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: floa
 
 
 def coefficient_along(friction: Friction, motion: Motion) -> Array:
-    """Return the friction coefficient of the mesh along a motion, (samples,).
+    """Return the friction coefficient of the gear mesh along a motion, (samples,).
 
-    The coefficient grows at rest. After a rest, the Stribeck term starts at the coefficient of
-    breakaway and decreases with the remembered speed. Before the first rest, it starts at
-    mu_stribeck.
+    The coefficient grows with the time at rest. After a rest, the Stribeck term starts at the
+    coefficient of breakaway and decreases with the speed that frictional memory delays. Before the
+    first rest, it starts at mu_stribeck.
     """
     speed = np.abs(remembered_speed(friction, motion.time, motion.w))
     mu = np.array(friction_coefficient(friction, speed), dtype=float)
@@ -431,15 +486,15 @@ def coefficient_along(friction: Friction, motion: Motion) -> Array:
             - motion.time[start]
             + (LONG_REST if start == 0 else 0.0)
         )
-        broken = float(static_coefficient(friction, dwell, mu[start - 1] if start else None))
-        until = motion.rests[k + 1][0] if k + 1 < len(motion.rests) else len(mu)
-        mu[start:stop] = broken
-        shape = np.zeros(until - stop)
+        breakaway_mu = float(static_coefficient(friction, dwell, mu[start - 1] if start else None))
+        end = motion.rests[k + 1][0] if k + 1 < len(motion.rests) else len(mu)
+        mu[start:stop] = breakaway_mu
+        shape = np.zeros(end - stop)
         if friction.law != "coulomb" and friction.stribeck_speed:
-            shape = stribeck_shape(friction.law, speed[stop:until] / friction.stribeck_speed)
+            shape = stribeck_shape(friction.law, speed[stop:end] / friction.stribeck_speed)
         # Until the remembered speed leaves zero, friction is still that of breakaway.
-        shape = np.where(speed[stop:until] > 0, shape, 1.0)
-        mu[stop:until] = friction.mu + (broken - friction.mu) * shape
+        shape = np.where(speed[stop:end] > 0, shape, 1.0)
+        mu[stop:end] = friction.mu + (breakaway_mu - friction.mu) * shape
     return mu
 
 

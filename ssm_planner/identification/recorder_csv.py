@@ -1,6 +1,6 @@
 """Read tables of numbers from text files: exports of the EPOS recorder, and CSV with named columns.
 
-Numbers may have local formats. Every repair of a file is recorded in a note.
+Numbers may have decimal commas or thousands separators. Every repair of a file is noted.
 """
 
 from __future__ import annotations
@@ -20,23 +20,26 @@ from ssm_planner.typing import Array, frozen
 from ssm_planner.units import SPEEDS, TIMES
 
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_OTHER = {".": ",", ",": "."}
-_GROUPED = {
+"""Numbers with a decimal point."""
+_OTHER_MARK = {".": ",", ",": "."}
+_WITH_THOUSANDS = {
     mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{other}\d{{3}})+(\{mark}\d*)?([eE][+-]?\d+)?")
-    for mark, other in _OTHER.items()
+    for mark, other in _OTHER_MARK.items()
 }
 """Numbers with thousands separators, by the decimal mark."""
-_EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+_AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 """Numbers with one mark that can separate decimals or thousands."""
 _INTEGER = re.compile(r"[+-]?\d+")
-_MARKED = re.compile(r"[+-]?[\d.,]*\d[\d.,]*([eE][+-]?\d+)?")
+"""Numbers without a mark."""
+_WITH_MARKS = re.compile(r"[+-]?[\d.,]*\d[\d.,]*([eE][+-]?\d+)?")
+"""Numbers with any points and commas."""
 _BLANKS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f ](?=\\d{3})")
 """Apostrophes and blanks that separate thousands."""
-_EDITED = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
+_EDIT_REMARK = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
 
 
 class Notes:
-    """Notes on the repairs of one file. Equal repairs are counted."""
+    """Notes on the repairs of one file. Equal repairs of several lines become one note."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -44,29 +47,44 @@ class Notes:
         self.counted: dict[str, list[int]] = {}
 
     def add(self, text: str) -> None:
-        """Add a note."""
+        """Add a note that stands for itself."""
         self.single.append(text)
 
     def count(self, text: str, line: int) -> None:
-        """Add a note on one line. Equal notes are counted. `line` is the index of the line."""
+        """Add a note on one line, which is counted with equal notes on other lines.
+
+        `line` is the index of the line, from 0.
+        """
         self.counted.setdefault(text, []).append(line + 1)
 
     def number(self, text: str, line: int, mark: str) -> float:
-        """Return the number in a field, or NaN for an empty field and for `nan`.
+        """Convert a field to a number, and note every repair.
 
-        `mark` is the decimal mark of the column, or "" if it is ambiguous.
+        Parameters
+        ----------
+        text : str
+            Text of the field. An empty field and words such as `nan` become NaN.
+        line : int
+            Index of the line, from 0.
+        mark : str
+            Decimal mark of the column, or "" if it is ambiguous.
+
+        Raises
+        ------
+        RecordingError
+            If the field is not a number, or if its mark may separate decimals or thousands.
         """
         text = _unquoted(text)
         if text.lower() in ("", "nan", "inf", "-inf", "+inf", "null", "none", "#n/a"):
             return math.nan
-        if _EITHER.fullmatch(text) and not mark:
+        if _AMBIGUOUS.fullmatch(text) and not mark:
             raise RecordingError(
                 f"{self.path}:{line + 1}: {text!r} may have decimals or thousands: write numbers "
                 "without thousands separators"
             )
         joined = _BLANKS.sub("", text)
-        if mark and _GROUPED[mark].fullmatch(joined):
-            joined = joined.replace(_OTHER[mark], "")
+        if mark and _WITH_THOUSANDS[mark].fullmatch(joined):
+            joined = joined.replace(_OTHER_MARK[mark], "")
         pointed = joined.replace(",", ".")
         if not NUMBER.fullmatch(pointed):
             return self._number_with_text(text, line)
@@ -77,8 +95,11 @@ class Notes:
         return float(pointed)
 
     def _number_with_text(self, text: str, line: int) -> float:
-        """Return the number in a field that also contains a remark. Raises RecordingError."""
-        edited = _EDITED.fullmatch(text)
+        """Return the number in a field that also contains a remark.
+
+        Raises RecordingError if the field contains no number.
+        """
+        edited = _EDIT_REMARK.fullmatch(text)
         if edited:
             value, original = edited.group(1).strip(), edited.group(2)
             self.add(
@@ -95,7 +116,7 @@ class Notes:
         raise RecordingError(f"{self.path}:{line + 1}: {text[:40]!r} is not a number")
 
     def texts(self) -> list[str]:
-        """Return all notes as texts."""
+        """Return all notes as sentences, with the number of equal notes."""
         counted = [f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()]
         return self.single + counted
 
@@ -125,7 +146,7 @@ UNITS: dict[str, dict[str, float]] = {
 The torque in % or ‰ is relative to the nominal torque of the motor. Increments are those of an
 encoder with 1024 lines.
 """
-_OF_NOMINAL = ("%", "percent", "‰", "permille")
+_RELATIVE_UNITS = ("%", "percent", "‰", "permille")
 
 NAMES = {
     "time": ("time", "t", "timestamp"),
@@ -153,32 +174,43 @@ _UNIT_IN_NAME = re.compile(r"^(.*?)\s*[\[(](.*?)[\])]\s*$")
 
 @dataclass
 class Table:
-    """Numbers of a file, (samples, columns), with the line of each sample.
-
-    A field without a finite number is NaN.
-    """
+    """Table of numbers that was read from a file."""
 
     names: list[str]
+    """Names of the columns."""
     units: list[str]
+    """Units of the columns. An empty text means that the file states none."""
     values: Array
+    """Numbers (samples, columns). A field without a finite number is NaN."""
     lines: list[int]
+    """Line number of each sample."""
     repairs: list[str]
+    """Notes on repairs, as sentences."""
     header: dict[str, str] = field(default_factory=dict)
+    """Texts of the lines above the table, by their label in lower case."""
 
 
 @frozen
 class Column:
-    """Index, name, unit and factor to SI units of one column."""
+    """Column of a table, with the factor that converts it to SI units."""
 
     index: int
+    """Index of the column, from 0."""
     name: str
+    """Name in the file."""
     unit: str
+    """Unit in the file."""
     factor: float
+    """Factor from the unit of the file to SI units."""
     of_nominal: bool
+    """True if the torque is relative to the nominal torque of the motor."""
 
 
 def parse_table(text: str, path: Path) -> Table:
-    """Split a text into header, channel names, units and samples."""
+    """Split the text of a file into header, names and units of the columns, and samples.
+
+    `path` is the file, for messages. Raises RecordingError if the text is not a table.
+    """
     lines = text.splitlines()
     for k, line in enumerate(lines):
         if len(line) > MAX_LINE:
@@ -196,7 +228,7 @@ def parse_table(text: str, path: Path) -> Table:
     units = [""] * len(names)
     if start < len(lines):
         unit_fields = [field.strip().strip('"') for field in _fields(lines[start], separator)]
-        if unit_fields and not any(_MARKED.fullmatch(f) for f in unit_fields):
+        if unit_fields and not any(_WITH_MARKS.fullmatch(f) for f in unit_fields):
             units, start = unit_fields, start + 1
     names, units = _align(names, units)
     return _samples(
@@ -205,9 +237,14 @@ def parse_table(text: str, path: Path) -> Table:
 
 
 def find_columns(table: Table, path: Path) -> dict[str, Column]:
-    """Return the columns of time, speed, torque and position, by quantity.
+    """Find the columns of time, speed, torque and position, and return them by quantity.
 
-    Raises RecordingError if a required column is missing or if its unit is unknown.
+    `path` is the file, for messages. The position is optional.
+
+    Raises
+    ------
+    RecordingError
+        If a required column is missing or its unit is unknown.
     """
     pairs = zip(table.names, table.units, strict=True)
     names_and_units = [_name_and_unit(name, unit) for name, unit in pairs]
@@ -229,19 +266,25 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
 
 
 def _column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -> Column:
-    """Return a column of a quantity. Raises RecordingError if its unit is unknown."""
+    """Return the column of a quantity with its factor to SI units.
+
+    Raises RecordingError if its unit is unknown.
+    """
     name, allowed, key = table.names[index], UNITS[quantity], unit.lower()
     if key not in allowed:
         unit_text = f"unit {unit!r}" if unit else "no unit"
         raise RecordingError(
             f"{path}: {quantity} column {name!r} has {unit_text}; allowed: {', '.join(allowed)}"
         )
-    of_nominal = quantity == "torque" and key in _OF_NOMINAL
+    of_nominal = quantity == "torque" and key in _RELATIVE_UNITS
     return Column(index, name, unit, allowed[key], of_nominal)
 
 
 def _separator(lines: list[str], path: Path) -> str:
-    """Return the separator of the columns. Raises RecordingError for a file without columns."""
+    """Return the character that separates the columns: a semicolon, a tab or a comma.
+
+    Raises RecordingError for a file without columns.
+    """
     for separator in (";", "\t", ","):
         if any(separator in line for line in lines[:40]):
             return separator
@@ -249,7 +292,11 @@ def _separator(lines: list[str], path: Path) -> str:
 
 
 def _find_names(lines: list[str], separator: str, path: Path) -> int:
-    """Return the index of the line of column names, which contains a speed or torque channel."""
+    """Return the index of the line that contains the names of the columns.
+
+    Such a line has a column whose name begins with a word for speed or torque. Raises
+    RecordingError if there is none.
+    """
     prefixes = ("velocity", "speed", "torque", "tau", "omega")
     for k, line in enumerate(lines[:200]):
         fields = [f.strip().strip('"').lower() for f in _fields(line, separator)]
@@ -266,7 +313,10 @@ def _find_names(lines: list[str], separator: str, path: Path) -> int:
 
 
 def _align(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:
-    """Name the recorder's unnamed time column, and make names and units equally long."""
+    """Make the lists of names and units equally long, and name the time column.
+
+    The EPOS recorder leaves the name of this column empty. It is recognised by its unit.
+    """
     width = max(len(names), len(units))
     names, units = names + [""] * (width - len(names)), units + [""] * (width - len(units))
     if not any(_name_and_unit(n, u)[0] in NAMES["time"] for n, u in zip(names, units, strict=True)):
@@ -278,7 +328,7 @@ def _align(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
-    """Split the heading of a column into name and unit.
+    """Split the heading of a column into its name and its unit.
 
     The result is ("velocity", "rpm") for `velocity` with the unit `rpm`, for `Velocity [rpm]` and
     for `velocity_rpm`.
@@ -309,7 +359,7 @@ def _strip(line: str) -> str:
 
 
 def _fields(line: str, separator: str) -> list[str]:
-    """Return the fields of a line without empty ones at its end."""
+    """Split a line into its fields, without empty fields at the end."""
     if separator == ",":
         fields = (
             next(csv.reader([line.rstrip()]), []) if '"' in line else line.rstrip().split(separator)
@@ -332,10 +382,10 @@ def _matching(pattern: re.Pattern[str], fields: Iterable[str]) -> list[str]:
 
 
 def _marks(rows: list[list[str]], width: int) -> list[str]:
-    """Return the decimal mark of each of `width` columns, or "" for an ambiguous column."""
+    """Find the decimal mark of each of `width` columns. An ambiguous column has the mark ""."""
     columns = [[_BLANKS.sub("", _unquoted(row[k])) for row in rows] for k in range(width)]
     sure = [_certain_marks(fields) for fields in columns]
-    numbers = _matching(_MARKED, itertools.chain.from_iterable(columns))
+    numbers = _matching(_WITH_MARKS, itertools.chain.from_iterable(columns))
     elsewhere = set().union(*sure) or set("".join(numbers)) & set(".,")
     return [
         _guessed(fields, elsewhere) if not marks else "".join(marks) if len(marks) == 1 else ""
@@ -344,23 +394,28 @@ def _marks(rows: list[list[str]], width: int) -> list[str]:
 
 
 def _certain_marks(fields: list[str]) -> set[str]:
-    """Return the decimal marks of those numbers in a column whose mark is unambiguous."""
+    """Return the decimal marks of the numbers in a column that can be read in only one way."""
     marks = set()
-    for number in _matching(_MARKED, fields):
+    for number in _matching(_WITH_MARKS, fields):
         last_mark = max(map(number.rfind, ".,"))
-        if last_mark >= 0 and not _EITHER.fullmatch(number):
+        if last_mark >= 0 and not _AMBIGUOUS.fullmatch(number):
             mark = number[last_mark]
             # A mark that occurs twice separates thousands.
-            marks.add(_OTHER[mark] if number.count(mark) > 1 else mark)
+            marks.add(_OTHER_MARK[mark] if number.count(mark) > 1 else mark)
     return marks
 
 
 def _guessed(fields: list[str], elsewhere: set[str]) -> str:
-    """Return the probable decimal mark of a column without an unambiguous number, or "".
+    """Return the probable decimal mark of a column in which every number is ambiguous, or "".
 
-    `elsewhere` contains the unambiguous marks of all columns.
+    Parameters
+    ----------
+    fields : list of str
+        Texts of the column.
+    elsewhere : set of str
+        Decimal marks of the other columns.
     """
-    marks_in_fields = set("".join(_matching(_EITHER, fields))) & set(".,")
+    marks_in_fields = set("".join(_matching(_AMBIGUOUS, fields))) & set(".,")
     if len(marks_in_fields) != 1:
         return "" if marks_in_fields else "."
     (mark,) = marks_in_fields
@@ -368,7 +423,7 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
     if integers:
         # After 992, the text 1,024 is 1024. After 1024, the text 1,125 is 1.125.
         decimal = max(integers) >= 1000 or (mark == "." and "," not in elsewhere)
-        return mark if decimal else _OTHER[mark]
+        return mark if decimal else _OTHER_MARK[mark]
     return mark if elsewhere == {mark} else ""
 
 
@@ -381,11 +436,13 @@ def _samples(
     header: dict[str, str],
     path: Path,
 ) -> Table:
-    """Return the table of the lines from the index `start` onwards.
+    """Read the samples from the index `start` of the lines to the end.
 
-    Raises RecordingError if the table is empty. It is also raised if many lines of a
-    comma-separated file have more fields than columns, because their numbers seem to have decimal
-    commas.
+    Raises
+    ------
+    RecordingError
+        If the table is empty, or if many lines of a comma-separated file have more fields than
+        columns. Their numbers then seem to have decimal commas.
     """
     notes = Notes(path)
     width = len(names)
@@ -424,8 +481,8 @@ def _rows(
 ) -> tuple[list[list[str]], list[int]]:
     """Return the fields of all samples, `width` for each, and the numbers of their lines.
 
-    `notes` gets a remark on blank lines and on an incomplete last line. For lines with too many
-    fields, it gets the remark `excess_note`.
+    Notes on blank lines, an incomplete last line and too many fields (`excess_note`) are added to
+    `notes`.
     """
     rows: list[list[str]] = []
     numbers = []

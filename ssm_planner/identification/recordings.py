@@ -29,21 +29,22 @@ MAX_BYTES = 32_000_000
 """Largest file: more than half an hour at 1 kHz. An export of the EPOS recorder has about 10 kB."""
 
 MIN_SAMPLES = 8
-RAIL = 8
-"""Suspicious number of samples at the largest torque, or of equal samples in a row."""
-RAIL_BAND, RAIL_EXCESS = 0.01, 4
+"""Smallest number of samples of a recording."""
+SUSPICIOUS_COUNT = 8
+"""Number of samples at the largest torque, or of equal samples in a row, that is suspicious."""
+PEAK_BAND, PEAK_EXCESS = 0.01, 4
 """Width of the band below the largest torque, as a share of the torque range.
 
-Its samples are suspicious if they are RAIL_EXCESS times those of the next band.
+Its samples are suspicious if they are PEAK_EXCESS times those of the next band.
 """
-UNEQUAL = 3
+RUN_RATIO = 3
 """Ratio of the longest to the second longest run of equal torques in a channel that has stopped.
 
 The ratio is smaller for a channel with a coarse resolution.
 """
-LASTING = 2.0
+SUSTAINED = 2.0
 """Ratio of mean to nominal torque that no motor can sustain."""
-PASSAGE, REPEATED = 8, 0.5
+PASSAGE_LENGTH, REPEATED_SHARE = 8, 0.5
 """Number of samples in a compared passage, and the share of common passages in a repetition."""
 SPIKE_GAP = 3.0
 """Distance of a spike from the other samples, in units of their range."""
@@ -65,14 +66,19 @@ class Recording(ShortRepr):
     """
 
     name: str
+    """Name in results, usually that of the file."""
     time: Array
+    """Time since the first sample, s."""
     w: Array
+    """Motor speed, rad/s."""
     tau: Array
+    """Motor torque, N·m."""
     repairs: tuple[str, ...] = ()
-    """Repairs and omissions, one sentence each."""
+    """Repairs of the file and omitted samples, one sentence each."""
     quantum: float = 0.0
     """Resolution of the speed channel, rad/s."""
     header: dict[str, str] = field(default_factory=dict)
+    """Texts of the lines above the table, by their label."""
     angle: Array | None = None
     """Motor angle in rad, or None without a position channel."""
     begin: float = 0.0
@@ -86,14 +92,14 @@ def read_recording(
     direction: int = 1,
     name: str | None = None,
 ) -> Recording:
-    """Read one recording.
+    """Read a recording of the speed and torque of a motor from a file.
 
     Parameters
     ----------
     path : str or Path
         Export of the EPOS recorder, or CSV with named columns.
     nominal_torque : float, optional
-        Reference of a torque channel in percent or per mille, N·m.
+        Nominal torque of the motor in N·m, to which a torque in percent or per mille refers.
     direction : int
         Sign of the recorded channels, ±1.
     name : str, optional
@@ -146,10 +152,30 @@ def read_recording(
 
 
 def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, Indices, list[str]]:
-    """Return the channels (4, samples) without samples that are not finite, and their lines.
+    """Remove the samples that are not finite.
 
-    The third result contains a remark on the removed samples. Raises RecordingError if too many
-    samples are removed, if too few remain, or if the time does not increase.
+    Parameters
+    ----------
+    channels : (4, samples)
+        Time, speed, torque and position in SI units.
+    table : Table
+        Table of the file.
+    path : Path
+        The file, for messages.
+
+    Returns
+    -------
+    channels : (4, finite samples)
+        The remaining samples.
+    lines : (finite samples,)
+        Their line numbers.
+    remarks : list of str
+        A remark on the removed samples, if there are any.
+
+    Raises
+    ------
+    RecordingError
+        If too many samples are removed, if too few remain, or if the time does not increase.
     """
     finite = np.isfinite(channels).all(axis=0)
     bad_lines = [table.lines[k] for k in np.flatnonzero(~finite)]
@@ -174,8 +200,12 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
 def _remove_spikes(channels: Array, lines: Indices) -> list[str]:
     """Replace spikes of torque and speed by NaN, and return a remark on each channel with spikes.
 
-    `channels` (4, samples) contains time, speed, torque and position, and is changed. `lines`
-    (samples,) contains the line of each sample.
+    Parameters
+    ----------
+    channels : (4, samples)
+        Time, speed, torque and position, which are changed.
+    lines : (samples,)
+        Line number of each sample.
     """
     remarks = []
     for quantity, channel in (("torque", channels[2]), ("speed", channels[1])):
@@ -233,11 +263,11 @@ def read_recordings(
 
 
 def find_spikes(values: Array) -> Indices:
-    """Return the indices of isolated samples of values (samples,).
+    """Return the indices of isolated samples among values (samples,).
 
-    A gap separates them from the other values. It is at least SPIKE_GAP times the range of all but
-    the outermost samples. On each side, at most 1 % of the samples are isolated, or one sample of a
-    short recording.
+    A gap separates them from the other values. The gap is at least SPIKE_GAP times the range of all
+    but the outermost samples. On each side, at most 1 % of the samples are isolated, or one sample
+    of a short recording.
     """
     order = np.argsort(values, kind="stable")
     ranked = values[order]
@@ -274,7 +304,7 @@ def read_text(path: Path) -> str:
 
 
 def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | None) -> Array:
-    """Return a column (samples,) in SI units.
+    """Convert a column of a table to SI units, (samples,).
 
     Raises RecordingError if the torque is relative and the nominal torque is unknown.
     """
@@ -290,7 +320,7 @@ def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | Non
 
 
 def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
-    """Return a remark if times (samples,) in s contradict the sampling period of the header."""
+    """Return a remark if the times (samples,) in s contradict the sampling period in the header."""
     period, step = header.get("sampling period", ""), 1e3 * float(np.median(np.diff(time)))
     if not NUMBER.fullmatch(period) or float(period) <= 0 or 0.5 < step / float(period) < 2.0:
         return []
@@ -302,23 +332,32 @@ def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
 def _torque_remarks(
     torque: Array, column: Column, nominal_torque: float | None, moving: Mask
 ) -> list[str]:
-    """Return remarks on a suspicious torque (samples,) in N·m.
+    """Return remarks on a torque that seems to be limited, frozen, or in a wrong unit.
 
-    The mask `moving` (samples,) selects the samples in motion.
+    Parameters
+    ----------
+    torque : (samples,)
+        Motor torque, N·m.
+    column : Column
+        Column of the torque.
+    nominal_torque : float, optional
+        Nominal torque of the motor, N·m.
+    moving : (samples,)
+        Mask of the samples in motion.
     """
     remarks, size = [], np.abs(torque)
     distance_to_peak = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
     count_at_peak, count_below_peak = (
-        int(np.sum((distance_to_peak >= lower) & (distance_to_peak < lower + RAIL_BAND)))
-        for lower in (0.0, RAIL_BAND)
+        int(np.sum((distance_to_peak >= lower) & (distance_to_peak < lower + PEAK_BAND)))
+        for lower in (0.0, PEAK_BAND)
     )
     longest_run, second_run = _longest_rows(torque, moving)
-    if count_at_peak >= RAIL and count_at_peak > RAIL_EXCESS * count_below_peak:
+    if count_at_peak >= SUSPICIOUS_COUNT and count_at_peak > PEAK_EXCESS * count_below_peak:
         remarks.append(
             f"torque stays at its largest value in {count_at_peak} samples: limited by the drive, "
             "or stuck?"
         )
-    elif longest_run >= max(RAIL, UNEQUAL * second_run):
+    elif longest_run >= max(SUSPICIOUS_COUNT, RUN_RATIO * second_run):
         remarks.append(
             f"torque does not change for {longest_run} samples in a row: did the channel stop?"
         )
@@ -328,9 +367,10 @@ def _torque_remarks(
 
 
 def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
-    """Return the lengths of the longest and second longest run of equal torques in motion.
+    """Return the lengths of the longest and the second longest run of equal torques during motion.
 
-    Both arrays have the shape (samples,). Without a second run, its length is 1.
+    Without a second run, its length is 1. `torque` is in N·m, and `moving` is a mask, (samples,)
+    both.
     """
     edges = np.flatnonzero(np.diff(torque, prepend=np.nan, append=np.nan) != 0.0)
     rows = sorted(
@@ -342,10 +382,13 @@ def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
 
 
 def _percent_remarks(share: Array, unit: str) -> list[str]:
-    """Return a remark if relative torques (samples,) seem to be in ‰ instead of %."""
+    """Return a remark if torques relative to the nominal torque seem to be in ‰ instead of %.
+
+    `share` (samples,) is the torque divided by the nominal torque, and `unit` the unit in the file.
+    """
     percent, size = 100 * share, np.abs(share)
     whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
-    if not whole and np.mean(size) <= LASTING:
+    if not whole and np.mean(size) <= SUSTAINED:
         return []
     return [
         f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
@@ -354,15 +397,22 @@ def _percent_remarks(share: Array, unit: str) -> list[str]:
 
 
 def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
-    """Remove repeated recordings, and describe each removed recording in a sentence.
+    """Remove repeated recordings.
 
     A recording is a repetition if a longer one contains most of its samples.
+
+    Returns
+    -------
+    recordings : list of Recording
+        The others in their order.
+    remarks : list of str
+        A sentence on each removed recording.
     """
     kept_recordings: list[tuple[Recording, set[int]]] = []
     remarks: dict[int, str] = {}
     for recording in sorted(recordings, key=lambda r: -len(r.w)):
         passages = _passages(recording)
-        minimum = REPEATED * len(passages)
+        minimum = REPEATED_SHARE * len(passages)
         source = next(
             (r.name for r, other in kept_recordings if len(passages & other) > minimum), None
         )
@@ -376,14 +426,14 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
 
 
 def _passages(recording: Recording) -> set[int]:
-    """Return the hash of each passage of PASSAGE consecutive samples of speed and torque.
+    """Return the hash of every PASSAGE_LENGTH consecutive samples of speed and torque.
 
     The values are rounded to 1e-6 rad/s and 1e-9 N·m.
     """
     samples = np.column_stack([recording.w / 1e-6, recording.tau / 1e-9])
     rounded = np.round(samples).astype(np.int64)
-    starts = range(max(len(rounded) - PASSAGE, 0) + 1)
-    return {hash(rounded[k : k + PASSAGE].tobytes()) for k in starts}
+    starts = range(max(len(rounded) - PASSAGE_LENGTH, 0) + 1)
+    return {hash(rounded[k : k + PASSAGE_LENGTH].tobytes()) for k in starts}
 
 
 def _check_time(time: Array, lines: Array, path: Path) -> None:

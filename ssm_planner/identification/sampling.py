@@ -1,17 +1,18 @@
-"""Importance sampling of the posterior of a drive's friction at deterministic points.
+"""Sample the posterior of a drive's friction by importance sampling at deterministic points.
 
-b_c and b_v enter the torque linearly. Given the other parameters, their posterior is a truncated
-t-distribution, which is sampled exactly. The other parameters come from the prior and from a
-mixture of t-distributions [1], which adapts to the posterior in rounds [2]. Weights correct the
-difference to the posterior. The sum of the weights is the evidence of the law.
+The bearing friction b_c and b_v enter the torque linearly. Given the other parameters, their
+posterior is a truncated t-distribution, which is sampled exactly. The other parameters are drawn
+from a mixture of the prior and of t-distributions [1], which adapts to the posterior in rounds [2].
+Weights correct the difference between the mixture and the posterior. The sum of the weights is the
+evidence of the friction law. The module `posterior` defines the symbols.
 
 [1] T. Hesterberg, Weighted average importance sampling and defensive mixture distributions,
-    Technometrics 37, 1995.
+Technometrics 37, 1995.
 [2] O. Cappé, R. Douc, A. Guillin, J.-M. Marin, C. P. Robert, Adaptive importance sampling in
-    general mixture classes, Stat. Comput. 18, 2008.
+general mixture classes, Stat. Comput. 18, 2008.
 [3] M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018.
 [4] L. Martino, V. Elvira, F. Louzada, Effective sample size for importance sampling based on
-    discrepancy measures, Signal Process. 131, 2017.
+discrepancy measures, Signal Process. 131, 2017.
 """
 
 from __future__ import annotations
@@ -21,50 +22,60 @@ from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.identification.posterior import DEGREES, SHARES, MapModel, covariance_near
+from ssm_planner.identification.posterior import (
+    PRIOR_WEIGHT,
+    SHARED_FRACTIONS,
+    MapModel,
+    covariance_near,
+)
 from ssm_planner.problem import CONFIDENCE
 from ssm_planner.typing import Array, Indices, Range, record
 
 ADAPTATION = (2**12, 2**12, 2**12, 2**13, 2**14)
-"""Number of points in each round of adaptation. The components double from round to round."""
+"""Number of points in each round of adaptation.
+
+The number of t-distributions in the mixture doubles from round to round.
+"""
 POINTS = 2**17
 """Number of points in the final round. Intervals with two different shifts then agree within 3 %.
 """
 BLOCK = 2**13
 """Number of points that are evaluated at once, which bounds the memory."""
 WIDENING = 0.01
-"""Share of the total covariance that is added to the covariance of each component."""
+"""Share of the total covariance that is added to the covariance of each t-distribution."""
 UNCLIPPED_WEIGHTS = 100
-"""Smallest number of points to which the components adapt."""
+"""Number of points with the largest weights, whose weights are clipped to the smallest of them."""
 LARGEST_WEIGHT = 1e-3
 """Largest weight of one set in a reliable sample.
 
 Above it, 1000 draws would repeat the set.
 """
 TINY = 1e-300
+"""Smallest value of numbers that must stay positive."""
 
 Mixture = list[tuple[Array, Array]]
-"""Components: mean (d,) and Cholesky factor of the covariance (d, d)."""
+"""Mean (d,) and Cholesky factor (d, d) of the covariance of each t-distribution in a mixture."""
 
 
 @record
 class Sample:
-    """Parameter sets of one friction law, whose weights represent its posterior.
+    """Weighted parameter sets of one friction law, which represent its posterior.
 
-    Each point of the sequence gives one set for each share c of SHARES.
+    Each point of the sequence gives one set for each fraction c of SHARED_FRACTIONS.
     """
 
     model: MapModel
+    """Friction law with the data."""
     z: Array
     """Coordinates of the parameters, (shares, points, k)."""
     log_weight: Array
     """Logarithms of the weights, (shares, points)."""
     square: Array
-    """ν s₀² + eᵀ R_c⁻¹ e, (shares, points) in N²·m²."""
+    """Sum of squared errors ν s₀² + eᵀ R_c⁻¹ e, (shares, points) in N²·m²."""
 
     @cached_property
     def log_evidence(self) -> float:
-        """Logarithm of the evidence p(τ) of the law. A constant that all laws share is omitted."""
+        """Logarithm of the evidence p(τ) of the law, without a constant that all laws share."""
         return float(np.logaddexp.reduce(self.log_weight, axis=None))
 
     @cached_property
@@ -74,7 +85,7 @@ class Sample:
 
     @property
     def flat(self) -> tuple[Array, Array]:
-        """Coordinates (sets, k) and weights (sets,) over all shares."""
+        """Coordinates (sets, k) and weights (sets,) of all parameter sets."""
         return self.z.reshape(self.weight.size, -1), self.weight.ravel()
 
     @property
@@ -84,29 +95,39 @@ class Sample:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance (k, k) of the coordinates."""
+        """Covariance (k, k) of the coordinates z."""
         return _moments(*self.flat)[1]
 
     @property
     def scatter(self) -> Array:
-        """Expected variance s² in N²·m² and expected share c, (2,)."""
-        degrees = len(self.model.w) + DEGREES - 2
+        """Expected values (2,) of the squared scatter s² in N²·m² and of its shared fraction c."""
+        degrees = len(self.model.w) + PRIOR_WEIGHT - 2
         variance = np.sum(self.weight * self.square) / degrees
-        return np.array([variance, self.weight.sum(axis=1) @ list(SHARES)])
+        return np.array([variance, self.weight.sum(axis=1) @ list(SHARED_FRACTIONS)])
 
     @property
     def ordered(self) -> tuple[Array, Array]:
-        """Coordinates (sets, k) and weights (sets,), sorted along the longest principal axis."""
+        """Coordinates (sets, k) and weights (sets,), sorted along the longest principal axis.
+
+        In this order, systematic resampling spreads the draws evenly.
+        """
         z, weight = self.flat
         order = _order(z, weight)
         return z[order], weight[order]
 
 
 def sample(model: MapModel, z: Array, shift: float = 0.5) -> Sample:
-    """Sample the posterior of a law.
+    """Sample the posterior of a friction law.
 
-    The adaptation starts at the most likely coordinates z (k,). `shift` in [0, 1) is the start of
-    the sequence. It changes the result only within the accuracy of the sample.
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    z : (k,)
+        Most likely coordinates, at which the adaptation starts.
+    shift : float
+        Start of the sequence in [0, 1). It changes the result only within the accuracy of the
+        sample.
     """
     curved = np.flatnonzero(~model.linear)
     covariance = covariance_near(model, z)[np.ix_(curved, curved)]
@@ -121,7 +142,7 @@ def sample(model: MapModel, z: Array, shift: float = 0.5) -> Sample:
 
 
 def weighted_interval(values: Array, weight: Array) -> Range:
-    """Return the central interval of values (sets,) with weights (sets,)."""
+    """Return the central 95 % interval (low, high) of values (sets,) with weights (sets,)."""
     order = np.argsort(values)
     cumulative = np.cumsum(weight[order])
     tail = (1 - CONFIDENCE) / 2
@@ -130,7 +151,7 @@ def weighted_interval(values: Array, weight: Array) -> Range:
 
 
 def _sampled(model: MapModel, mixture: Mixture, count: int, shift: float) -> Sample:
-    """Return the sample of a mixture at `count` points."""
+    """Evaluate the posterior at `count` points of a mixture, and return them with their weights."""
     blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
     samples = [_weighted(model, mixture, block, shift) for block in blocks]
     z, log_weight, square = np.split(np.concatenate(samples, axis=1), [-2, -1], axis=2)
@@ -140,8 +161,9 @@ def _sampled(model: MapModel, mixture: Mixture, count: int, shift: float) -> Sam
 def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
     """Return evenly distributed points (points, dimensions) in the unit cube.
 
-    They form an additive recurrence. Its step has the powers of 1/φ as coordinates, where φ is the
-    solution of φ^(dimensions + 1) = φ + 1 [3].
+    They form an additive recurrence: point i is the fractional part of shift + (i + 1) · step. The
+    entries of the step are the powers of 1/φ, where φ^(dimensions + 1) = φ + 1 [3]. `index`
+    (points,) contains the indices i.
     """
     phi = 2.0
     for _ in range(60):
@@ -151,10 +173,26 @@ def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
 
 
 def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -> Array:
-    """Return z, log_weight and square of a `Sample` in one array (shares, points, k + 2).
+    """Draw parameter sets from a mixture, and weight them such that they represent the posterior.
 
-    The points belong in turn to the prior and to each component of the mixture. The components have
-    t-distributions with two degrees of freedom, whose quantiles have a closed form.
+    The points belong in turn to the prior and to each t-distribution of the mixture. These have two
+    degrees of freedom, because their quantiles then have a closed form.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    mixture : Mixture
+        Distribution of all parameters except b_c and b_v.
+    index : (points,)
+        Indices of the points in the sequence.
+    shift : float
+        Start of the sequence.
+
+    Returns
+    -------
+    (shares, points, k + 2)
+        The fields z, log_weight and square of a `Sample` side by side.
     """
     from scipy.special import ndtri
 
@@ -185,18 +223,19 @@ def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -
 def _with_bearing(
     model: MapModel, z: Array, residual: Array, u: Array, whitener: Array, log_share: float
 ) -> Array:
-    """Draw the bearing friction b_c, b_v of every point, given its other parameters.
+    """Draw the bearing friction b_c and b_v of every point, given its other parameters.
 
-    Given these, the torque is linear in b_c and b_v, so that their posterior is a product of
-    Student's t distributions, of which only positive values count.
+    The torque is linear in b_c and b_v, so their posterior is a product of Student's
+    t-distributions. They are truncated to positive values.
 
     Parameters
     ----------
     model : MapModel
+        Friction law with the data.
     z : (points, k)
-        Parameters in standard coordinates. Those of b_c and b_v are ignored.
+        Coordinates of the parameters. Those of b_c and b_v are replaced.
     residual : (points, recordings)
-        Weighted error of the torque without bearing friction.
+        Weighted error of the torque without bearing friction, N·m.
     u : (points, k)
         Quantiles in (0, 1) that determine the draw.
     whitener : (recordings, recordings)
@@ -212,7 +251,7 @@ def _with_bearing(
     """
     from scipy.special import stdtr, stdtrit
 
-    degrees = len(model.w) + DEGREES
+    degrees = len(model.w) + PRIOR_WEIGHT
     linear = np.flatnonzero(model.linear)
     centre, spread = model.prior
     q, r = np.linalg.qr((_slopes(model) @ whitener).T)
@@ -238,7 +277,7 @@ def _with_bearing(
 def _slopes(model: MapModel) -> Array:
     """Return the weighted derivatives of the torque with respect to b_c and b_v, (2, recordings).
 
-    Fixed parameters are left out.
+    There is no row for a parameter that the user fixed.
     """
     slopes = {"b_c": np.sign(model.w), "b_v": model.w}
     rows = [slopes[name] * model.weight for name in model.names if name in slopes]
@@ -246,10 +285,19 @@ def _slopes(model: MapModel) -> Array:
 
 
 def _components(y: Array, weight: Array, divisions: int) -> Mixture:
-    """Return 2^divisions components that follow points y (points, d) with weights (points,).
+    """Approximate weighted points by 2^divisions normal distributions, and return their moments.
 
     The points are repeatedly divided into two groups of equal weight across their longest principal
-    axis. The components can therefore follow a curved ridge.
+    axis. The mixture can therefore represent a curved ridge.
+
+    Parameters
+    ----------
+    y : (points, d)
+        Coordinates of the points.
+    weight : (points,)
+        Weights of the points.
+    divisions : int
+        Number of times that every group is divided.
     """
     groups = [np.arange(len(y))]
     for _ in range(divisions):
@@ -260,14 +308,17 @@ def _components(y: Array, weight: Array, divisions: int) -> Mixture:
 
 
 def _halves(group: Indices, y: Array, weight: Array) -> list[Indices]:
-    """Divide a group of points into two groups of equal weight."""
+    """Divide a group of points into two groups of equal weight across its longest principal axis.
+
+    `group` contains the indices of its points in `y` (points, d) and `weight` (points,).
+    """
     group = group[_order(y[group], weight[group])]
     cumulative = np.cumsum(weight[group])
     return np.split(group, [np.searchsorted(cumulative, cumulative[-1] / 2, side="right")])
 
 
 def _order(y: Array, weight: Array) -> Indices:
-    """Return the order of points (points, d) along their longest principal axis."""
+    """Return the indices that sort points (points, d) along their longest principal axis."""
     return np.argsort(y @ np.linalg.eigh(_moments(y, weight)[1])[1][:, -1:].sum(axis=1))
 
 
@@ -284,7 +335,7 @@ def _log_normal(z: Array) -> Array:
 
 
 def _log_t(x: Array, degrees: float) -> Array:
-    """Return the logarithm of Student's density at x, with its shape."""
+    """Return the logarithm of the density of Student's t-distribution at x, in the shape of x."""
     half = 0.5 * (degrees + 1)
     constant = math.lgamma(half) - math.lgamma(0.5 * degrees) - 0.5 * math.log(degrees * math.pi)
     return constant - half * np.log1p(x * x / degrees)

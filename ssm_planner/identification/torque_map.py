@@ -1,6 +1,6 @@
 """Compute torque–velocity maps: mean speed and mean torque of each steady-state recording.
 
-The package contains the maps of the three rigs as a table of figures.
+The package contains the maps of the three test rigs of the paper as a table.
 """
 
 from __future__ import annotations
@@ -32,31 +32,37 @@ FIGURES_HEADER = (
     "torque_peak_N_m",
     "samples",
 )
-"""Columns of a table of figures. Signs refer to the drive's positive direction."""
+"""Columns of a table of maps. Signs refer to the drive's positive direction."""
 
 REST_TIME = 0.3
-REST_SAMPLES = 6
-"""Smallest number of samples at zero speed that count as rest. REST_TIME is the shortest time, s.
+"""Shortest time at zero speed that counts as rest, s.
 
 Shorter intervals are motion below the resolution of the speed.
 """
+REST_SAMPLES = 6
+"""Smallest number of samples at zero speed that count as rest."""
 
-FLICKER = 0.05
+NOISE_SPEED = 0.05
 """Share of the usual speed below which a motion of fewer than REST_SAMPLES samples is noise."""
 
-BEYOND = 5.0
-"""Distance of an outlier from the line through its neighbours, in robust standard deviations."""
+OUTLIER_SCORE = 5.0
+"""Smallest distance of an outlier from the line through its neighbours, in standard deviations.
 
-LEAST = 0.005
-"""Smallest standard deviation as a share of the torque range, because a map is curved."""
+A robust estimate of the standard deviation is used.
+"""
 
-DRIFT = 0.2
+SMALLEST_DEVIATION = 0.005
+"""Smallest assumed standard deviation, as a share of the torque range, because a map is curved."""
+
+LARGEST_DRIFT = 0.2
 """Relative change of speed from the first to the last third of a recording above which the motion
 is not steady.
 """
 
-_KEEP = 3.0
-_FEWEST = 5
+_FULL_WEIGHT = 3.0
+"""Distance from the line in standard deviations above which a point loses weight."""
+_MIN_POINTS = 5
+"""Smallest number of points in a direction in which outliers are sought."""
 
 TABLE = "rig_figures.csv"
 """Name of the table in the folder of the drive files. A rig has the name of its drive file."""
@@ -64,7 +70,9 @@ TABLE = "rig_figures.csv"
 
 @record
 class TorqueMap(ShortRepr):
-    """Points of a map, sorted by speed. Arrays have the shape (points,) and SI units at the motor.
+    """Points of a torque–velocity map, sorted by speed.
+
+    Arrays have the shape (points,) and SI units at the motor.
 
     Examples
     --------
@@ -79,20 +87,30 @@ class TorqueMap(ShortRepr):
     """
 
     names: tuple[str, ...]
+    """Names of the recordings."""
     w: Array
+    """Mean speed."""
     tau: Array
+    """Mean torque."""
     w_deviation: Array
+    """Standard deviation of the speed."""
     tau_deviation: Array
-    """RMS of the torque minus its mean."""
+    """Standard deviation of the torque."""
     samples: Array
+    """Number of samples."""
     repairs: tuple[str, ...] = ()
+    """Repairs of the files, as sentences."""
     ripple: Array | None = None
     """RMS of the torque that repeats with the motor angle. NaN for less than two turns."""
     peak: Array | None = None
     """Largest |torque| minus |mean torque|."""
 
     def spread(self, sign: int) -> Ripple | None:
-        """Return ripple and noise in one direction (±1), or None if data are missing."""
+        """Return the ripple and the noise of the torque in one direction (±1).
+
+        The result is None if the map lacks them or has no point in this direction. A recording
+        shorter than two turns gets the median ratio of ripple to deviation.
+        """
         side = np.sign(self.w) == sign
         if (
             self.ripple is None
@@ -113,36 +131,45 @@ class TorqueMap(ShortRepr):
 
 
 def rest_mask(time: Array, w: Array) -> Mask:
-    """Return a mask (samples,) of rest, from times (s) and motor speeds (rad/s), (samples,).
+    """Return a mask (samples,) of the samples in which the motor rests.
 
-    Motion below the resolution of the speed does not count as rest. Short motions at very low speed
-    are flicker of the speed channel and count as rest.
+    Zero speed for a short time is motion below the resolution of the speed channel, and does not
+    count as rest. A few samples at very low speed are noise, and count as rest.
+
+    Parameters
+    ----------
+    time : (samples,)
+        Time, s.
+    w : (samples,)
+        Motor speed, rad/s.
     """
     is_still = np.abs(w) <= STANDSTILL
-    fast = FLICKER * float(np.quantile(np.abs(w[~is_still]), 0.9)) if not is_still.all() else 0.0
+    noise_speed = (
+        NOISE_SPEED * float(np.quantile(np.abs(w[~is_still]), 0.9)) if not is_still.all() else 0.0
+    )
     for start, stop in runs(~is_still):
-        if stop - start < REST_SAMPLES and np.max(np.abs(w[start:stop])) < fast:
+        if stop - start < REST_SAMPLES and np.max(np.abs(w[start:stop])) < noise_speed:
             is_still[start:stop] = True
-    rest = np.zeros(len(w), dtype=bool)
+    rest = np.zeros(len(w), bool)
     for start, stop in runs(is_still):
-        lasts = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
+        is_long = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
         at_end = start == 0 or stop == len(w)
-        turns = not at_end and w[start - 1] * w[stop] < 0
-        rest[start:stop] = lasts or turns
+        is_reversal = not at_end and w[start - 1] * w[stop] < 0
+        rest[start:stop] = is_long or is_reversal
     return rest
 
 
 def runs(mask: Mask) -> list[list[int]]:
-    """Return the first index, and the last index plus 1, of each run of True in `mask`.
+    """Return [start, stop] for each run of consecutive True values in a mask (samples,).
 
-    The mask has the shape (samples,).
+    `start` is the index of the first value, and `stop` is one past the last.
     """
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
     return np.flatnonzero(edges).reshape(-1, 2).tolist()
 
 
 def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
-    """Return the kind of a recording: steady motion in one direction, or starts and stops.
+    """Distinguish recordings at constant speed (`steady`) from starts and stops (`start_stop`).
 
     Raises RecordingError if the motor never moves.
     """
@@ -150,47 +177,60 @@ def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
     backward = -np.sum(recording.w[recording.w < 0])
     if forward + backward == 0.0:
         raise RecordingError(f"{recording.name}: the motor never moves")
+    # A steady recording may contain single samples of the wrong sign, because of noise.
     if min(forward, backward) > 0.05 * (forward + backward):
         return "start_stop"
+    # A motor that stands still under load belongs to a motion below the resolution of the speed.
     unloaded = np.abs(recording.tau) < 0.1 * np.quantile(np.abs(recording.tau), 0.95)
     is_at_rest = rest_mask(recording.time, recording.w) & unloaded
     return "start_stop" if np.mean(is_at_rest) > 0.05 else "steady"
 
 
 def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
-    """Compute the map of steady-state recordings."""
+    """Compute the torque–velocity map of steady-state recordings.
+
+    Noisy and drifting speeds are kept, with a remark in `repairs`.
+    """
     order = sorted(recordings, key=lambda recording: float(recording.w.mean()))
-    repairs = [f"{r.name}: {repair}" for r in order for repair in r.repairs]
-    for r in order:
-        if r.w.std() > abs(r.w.mean()):
+    repairs = [f"{recording.name}: {repair}" for recording in order for repair in recording.repairs]
+    for recording in order:
+        if recording.w.std() > abs(recording.w.mean()):
             repairs.append(
-                f"{r.name}: speed noisier than its mean ({r.w.std():.3g} > "
-                f"{abs(r.w.mean()):.3g} rad/s), kept"
+                f"{recording.name}: speed noisier than its mean ({recording.w.std():.3g} > "
+                f"{abs(recording.w.mean()):.3g} rad/s), kept"
             )
-        third = len(r.w) // 3
-        initial, final = float(r.w[:third].mean()), float(r.w[-third:].mean())
-        if abs(final - initial) > max(DRIFT * abs(r.w.mean()), BEYOND * r.w.std() / np.sqrt(third)):
+        third = len(recording.w) // 3
+        initial, final = float(recording.w[:third].mean()), float(recording.w[-third:].mean())
+        if abs(final - initial) > max(
+            LARGEST_DRIFT * abs(recording.w.mean()),
+            OUTLIER_SCORE * recording.w.std() / np.sqrt(third),
+        ):
             repairs.append(
-                f"{r.name}: speed goes from {initial:.3g} to {final:.3g} rad/s, its mean is taken: "
-                "not steady"
+                f"{recording.name}: speed goes from {initial:.3g} to {final:.3g} rad/s, "
+                "its mean is taken: not steady"
             )
     rows = [
         [
-            r.w.mean(),
-            r.tau.mean(),
-            r.w.std(),
-            r.tau.std(),
-            ripple_rms(travelled(r), r.tau),
-            np.abs(r.tau).max() - abs(r.tau.mean()),
-            len(r.w),
+            recording.w.mean(),
+            recording.tau.mean(),
+            recording.w.std(),
+            recording.tau.std(),
+            ripple_rms(travelled(recording), recording.tau),
+            np.abs(recording.tau).max() - abs(recording.tau.mean()),
+            len(recording.w),
         ]
-        for r in order
+        for recording in order
     ]
-    return replace(_from_rows([r.name for r in order], rows), repairs=tuple(repairs))
+    return replace(
+        _from_rows([recording.name for recording in order], rows), repairs=tuple(repairs)
+    )
 
 
 def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
-    """Build a map from rows of numbers in the order of FIGURES_HEADER."""
+    """Build a map from rows of numbers in the order of FIGURES_HEADER.
+
+    The first two columns, rig and recording, are not in the rows.
+    """
     table = np.array(rows)
     order = np.argsort(table[:, 0], kind="stable")
     columns = ("w", "tau", "w_deviation", "tau_deviation", "ripple", "peak", "samples")
@@ -201,7 +241,7 @@ def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
 
 
 def read_figures(path: str | Path, rig: str) -> TorqueMap:
-    """Read the map of one rig from a table of figures.
+    """Read the torque–velocity map of one test rig from a table.
 
     Parameters
     ----------
@@ -213,7 +253,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     Raises
     ------
     RecordingError
-        If the table does not contain the rig, has other columns or has invalid figures. The message
+        If the table does not contain the rig, has other columns or has invalid numbers. The message
         states file, line and fault.
     ProblemError
         If the file is not a table.
@@ -237,7 +277,11 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
 
 
 def _parse_figures(fields: list[str], location: str) -> list[float]:
-    """Convert the figures of one row to numbers. The ripple may be NaN. Raises RecordingError."""
+    """Convert the fields of one row to numbers.
+
+    Raises RecordingError, with the text `location`, unless all are finite. Only the ripple may be
+    NaN.
+    """
     try:
         row = [float(field) for field in fields]
     except ValueError as error:
@@ -250,30 +294,40 @@ def _parse_figures(fields: list[str], location: str) -> list[float]:
 
 @frozen
 class Outlier:
-    """A point of a map that is far from its neighbours."""
+    """Point of a torque–velocity map that is far from the line through its neighbours."""
 
     index: int
+    """Index of the point in the map."""
     distance: float
     """Measured torque minus the torque on the line through the neighbours, N·m."""
     weight: float
-    """Factor of the residual in a fit, below 1."""
+    """Factor below 1 by which the residual is multiplied in a fit."""
 
 
 def find_outliers(w: Array, tau: Array) -> list[Outlier]:
-    """Return isolated points of a torque–velocity map with speeds and torques (points,).
+    """Find isolated points of a torque–velocity map.
 
     Each point is compared with the line through its two nearest neighbours in the same direction.
-    A bad friction law therefore does not cause outliers. A direction needs five points.
+    The friction law is not needed, so a bad law does not cause outliers. The worst outlier is
+    removed before the next one is sought. At most a quarter of the points are removed, and none in
+    a direction with fewer than _MIN_POINTS points.
+
+    Parameters
+    ----------
+    w : (points,)
+        Mean motor speeds, rad/s, in increasing order.
+    tau : (points,)
+        Mean motor torques, N·m.
     """
-    mask = np.ones(len(w), dtype=bool)
+    mask = np.ones(len(w), bool)
     outliers: list[Outlier] = []
     for _ in range(len(w) // 4):
         score, distance, deviation = _scores(w, tau, mask)
         index = int(np.argmax(np.abs(score)))
-        if not np.abs(score[index]) > BEYOND:
+        if not np.abs(score[index]) > OUTLIER_SCORE:
             break
         mask[index] = False
-        weight = _KEEP * deviation / max(abs(distance[index]), 1e-300)
+        weight = _FULL_WEIGHT * deviation / max(abs(distance[index]), 1e-300)
         outliers.append(Outlier(index, float(distance[index]), float(min(1.0, weight))))
     return sorted(outliers, key=lambda outlier: outlier.index)
 
@@ -281,27 +335,39 @@ def find_outliers(w: Array, tau: Array) -> list[Outlier]:
 def _scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, float]:
     """Compare each point of a map with the line through its neighbours.
 
-    The mask `mask` (points,) selects the compared points. The results are the distance divided by
-    its expected deviation (points,), the distance in N·m (points,), and the deviation of a torque
-    in N·m.
+    Parameters
+    ----------
+    w, tau : (points,)
+        Mean motor speeds in rad/s and torques in N·m.
+    mask : (points,)
+        Mask of the points that are compared.
+
+    Returns
+    -------
+    score : (points,)
+        Distance from the line, divided by its expected standard deviation.
+    distance : (points,)
+        Distance from the line, N·m.
+    deviation : float
+        Robust standard deviation of one torque, N·m.
     """
     distance, spread = np.full(len(w), np.nan), np.ones(len(w))
     for sign in (-1.0, 1.0):
-        side = np.flatnonzero(mask & (np.sign(w) == sign))
-        count = len(side)
-        if count < _FEWEST:
+        points = np.flatnonzero(mask & (np.sign(w) == sign))
+        count = len(points)
+        if count < _MIN_POINTS:
             continue
         # An outermost point is compared with the line through the two points nearest to it.
-        a = side[[1, *range(count - 2), count - 3]]
-        b = side[[2, *range(2, count), count - 2]]
-        gap = w[b] - w[a]
-        share = np.where(gap == 0, 0.5, (w[side] - w[a]) / np.where(gap == 0, 1.0, gap))
-        distance[side] = tau[side] - (1 - share) * tau[a] - share * tau[b]
-        spread[side] = np.sqrt(1.0 + (1 - share) ** 2 + share**2)
+        left = points[[1, *range(count - 2), count - 3]]
+        right = points[[2, *range(2, count), count - 2]]
+        width = w[right] - w[left]
+        share = np.where(width == 0, 0.5, (w[points] - w[left]) / np.where(width == 0, 1.0, width))
+        distance[points] = tau[points] - (1 - share) * tau[left] - share * tau[right]
+        spread[points] = np.sqrt(1.0 + (1 - share) ** 2 + share**2)
     finite = np.isfinite(distance)
     if not finite.any():
         return np.zeros(len(w)), np.zeros(len(w)), 0.0
     deviation = 1.4826 * float(np.median(np.abs(distance[finite] / spread[finite])))
-    deviation = max(deviation, LEAST * float(np.ptp(tau)), 1e-300)
+    deviation = max(deviation, SMALLEST_DEVIATION * float(np.ptp(tau)), 1e-300)
     distance = np.nan_to_num(distance)
     return distance / (spread * deviation), distance, deviation

@@ -15,7 +15,7 @@ from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.dynamics.spread import drive_with, spread_of
 from ssm_planner.errors import ProblemError, RecordingError
 from ssm_planner.identification import fit as fit_module
-from ssm_planner.identification.fit import POSSIBLE, fit_map
+from ssm_planner.identification.fit import SMALLEST_PROBABILITY, fit_map
 from ssm_planner.identification.parameters import map_torque, with_parameters
 from ssm_planner.identification.posterior import SPREADS
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers, read_figures
@@ -262,7 +262,7 @@ def test_the_law_chosen_has_sets_however_unlikely_its_evidence(law, monkeypatch)
     )
     fit = fit_map(drive, data, load)
     assert fit.law == law
-    assert fit.law_shares[law] >= 0.9 * POSSIBLE
+    assert fit.law_shares[law] >= 0.9 * SMALLEST_PROBABILITY
     assert fit.law_shares["stribeck_gaussian"] > 0.9
     assert set(fit.correlation_names) <= set(fit.estimates)
 
