@@ -21,9 +21,9 @@ from ssm_planner.typing import record
 
 @record
 class AxisController(Value):
-    """Position loop of one drive.
+    """Settings of the position loop of one drive.
 
-    A value of None is derived from the data of motor and drive (simulation/cascade.py).
+    A value that is None is computed from the data of motor and drive (simulation/cascade.py).
 
     Examples
     --------
@@ -129,7 +129,7 @@ class Controller(Value):
     file: str | None = uncompared()
 
     def _check(self) -> None:
-        """Raise ProblemError if the supply share or the loop period is implausible."""
+        """Raise ProblemError if the share of the supply voltage or the loop period is invalid."""
         if self.output_share > 1:
             raise self._wrong(
                 "output_share", "more than the supply provides", "above 0 and up to 1"
@@ -142,5 +142,5 @@ class Controller(Value):
             )
 
     def axis(self, joint: str) -> AxisController:
-        """Return the position loop of a joint by name."""
+        """Return the settings of the position loop of a joint, or the default settings."""
         return self.joints.get(joint, AxisController())

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 TIGHTENING = 1.5
-"""Ratio of the tightening of a bound to the observed excess."""
+"""Ratio of the amount by which a bound is tightened to the amount by which it was exceeded."""
 DIGITS = 6
 """Significant digits of a value in messages."""
 ROUNDING = 1e-12
@@ -94,60 +94,73 @@ class Limit(Value, ABC):
 
     @property
     def half_width(self) -> float:
-        """Reference of relative margins: half the width of a range, and 1 for a one-sided limit."""
+        """Divisor of margins: half the width of a range, or 1 for a one-sided limit."""
         width = self.high - self.low
         return width / 2 if math.isfinite(width) and width > 0 else 1.0
 
     @property
     def is_floor(self) -> bool:
-        """True if the limit has a lower bound only."""
+        """True if the limit has a lower bound and no upper bound."""
         return math.isinf(self.high) and math.isfinite(self.low)
 
     def bound(self, value: float) -> float:
-        """Return the bound that is nearer to a value outside the range, or the only bound."""
+        """Return the bound that a value outside the range violates, or the only bound."""
         return self.low if value < self.low or math.isinf(self.high) else self.high
 
     def contains(self, value: float) -> bool:
-        """Return True if the value is within the limit."""
+        """Return True if a value in SI units is within the limit."""
         return self.low <= value <= self.high
 
     def tightened(self, worst: float, bound: float) -> Self | None:
-        """Return a stricter limit, or None if a stricter limit does not help.
+        """Return a stricter limit for another plan, or None if a stricter limit does not help.
 
-        The value `worst` violates `bound`, which may be looser than this limit. The new bound is
-        stricter by somewhat more than the excess.
+        The result is stricter by TIGHTENING times the excess.
+
+        Parameters
+        ----------
+        worst : float
+            Value in the present plan that violates the limit, in SI units.
+        bound : float
+            Bound that it violates, which may be looser than this limit.
         """
         return None
 
     def relaxed(self, value: float) -> Self | None:
-        """Return a limit that also allows `value`, or None if no bound of this kind allows it."""
+        """Return a looser limit that allows a value in SI units.
+
+        The result is None if no bound of this kind allows the value.
+        """
         return None
 
     def sufficient_bound(self, needed: float) -> float:
-        """Return a bound with which the planner finds a motion that needs at least `needed`."""
+        """Return a bound with which the planner finds a motion, in SI units.
+
+        Every motion needs at least the value `needed`. Some limits add a reserve, because a bound
+        without a reserve would leave a single feasible motion.
+        """
         return needed
 
     def trials(self) -> tuple[float, ...]:
-        """Return bounds to try when it is unknown which limit makes the problem infeasible."""
+        """Return looser bounds to try if the cause of infeasibility is unknown."""
         return ()
 
     def rounded(self, value: float) -> float:
-        """Return a value beyond the bound with the digits that `described` prints.
+        """Round a value to the digits that `described` prints, away from the bound.
 
-        The value is rounded away from the bound, so that the printed value suffices.
+        The printed value then suffices as a bound. Values are in SI units.
         """
         _, scale = display_unit("" if self.unit == "μ" else self.unit)
         return outwards(scale * value, scale * self.bound(value)) / scale
 
     def described(self, value: float) -> str:
-        """Return text that states the present bound and the bound `value` that would suffice."""
+        """Return a text that states the bound `value` that would suffice, and the present bound."""
         return (
             f"{self.words.format(limit=self)} {in_words(value, self.unit)} "
             f"instead of {in_words(self.bound(value), self.unit)}"
         )
 
     def on(self, problem: P) -> P:
-        """Return the problem in which this limit replaces the limit with the same key.
+        """Return a copy of a problem in which this limit replaces the limit with the same key.
 
         Raises ProblemError if the problem cannot have this limit.
         """
@@ -158,7 +171,7 @@ class Limit(Value, ABC):
 
 
 class Symmetric(Limit):
-    """Limit with |value| ≤ largest."""
+    """Base class of limits with |value| ≤ largest."""
 
     largest: float
 
@@ -182,7 +195,7 @@ class Symmetric(Limit):
 
 
 class Between(Limit):
-    """Limit with lower ≤ value ≤ upper."""
+    """Base class of limits with lower ≤ value ≤ upper."""
 
     lower: float
     upper: float
@@ -209,27 +222,30 @@ class Between(Limit):
 
 
 def replaced(value: P, **changes: Any) -> P:
-    """Return dataclasses.replace(value, **changes).
+    """Return dataclasses.replace(value, **changes), without a static check of the type.
 
-    The type of the value is not imported in this module, so it is not checked statically.
+    The module cannot import the type of the value, because that type imports this module.
     """
     instance: Any = value
     return replace(instance, **changes)
 
 
 def outwards(value: float, bound: float) -> float:
-    """Return a value rounded to DIGITS significant digits, away from the bound."""
+    """Round a value to DIGITS significant digits, away from the bound.
+
+    A value that agrees with its rounded form up to ROUNDING is not moved away.
+    """
     rounded = float(f"{value:.{DIGITS}g}")
     if not math.isfinite(value) or math.isclose(value, rounded, rel_tol=ROUNDING):
         return rounded
-    exact = Decimal(value)
+    decimal = Decimal(value)
     rounding = ROUND_CEILING if value > bound else ROUND_FLOOR
     return float(
-        exact.quantize(Decimal(1).scaleb(exact.adjusted() - DIGITS + 1), rounding=rounding)
+        decimal.quantize(Decimal(1).scaleb(decimal.adjusted() - DIGITS + 1), rounding=rounding)
     )
 
 
 def in_words(value: float, unit: str) -> str:
-    """Return a value in SI units as text with the unit that messages use for it."""
+    """Format a value in SI units as text with the unit that messages use for it."""
     name, scale = display_unit("" if unit == "μ" else unit)
     return f"{scale * value:.{DIGITS}g} {name}".rstrip()

@@ -23,12 +23,12 @@ from ssm_planner.units import display_unit
 
 TASK = ("roll", "tilt", "spin", "depth")
 """Order of the task coordinates in every array."""
-SPARE = 2e-3
-"""Relative amount by which a stop limit is tightened beyond the excess.
+STOP_RESERVE = 2e-3
+"""Relative reserve of a limit on the travel of stops.
 
-`sufficient_bound` leaves twice this amount.
+The limit is tightened by this share in addition to the excess. `sufficient_bound` adds twice it.
 """
-TO_MOVE = 5e-3
+RESERVE = 5e-3
 """Relative amount by which a torque or acceleration exceeds the smallest necessary value.
 
 Without it, the motion would creep, or it would be the only feasible one.
@@ -36,7 +36,7 @@ Without it, the motion would creep, or it would be the only feasible one.
 
 
 def derived_unit(slides: bool, order: int) -> str:
-    """Return the SI unit of the time derivative of this order of a joint position.
+    """Return the SI unit of the time derivative of order 0 to 3 of a joint position.
 
     The position is a length if `slides` is true, and otherwise an angle.
     """
@@ -102,7 +102,7 @@ class JointAcceleration(JointLimit):
     order = 2
 
     def sufficient_bound(self, needed: float) -> float:
-        return max(needed, self.largest) * (1 + TO_MOVE)
+        return max(needed, self.largest) * (1 + RESERVE)
 
 
 class JointJerk(JointLimit):
@@ -113,7 +113,7 @@ class JointJerk(JointLimit):
 
 
 class MotorLimit(JointLimit):
-    """Limit |value| ≤ largest of one joint's motor."""
+    """Limit |value| ≤ largest on the motor of one joint."""
 
     words = "largest {limit.name} of joint {limit.of} of"
 
@@ -152,7 +152,7 @@ class MotorTorque(MotorLimit):
     unit = "N·m"
 
     def sufficient_bound(self, needed: float) -> float:
-        return max(needed, self.largest) * (1 + TO_MOVE)
+        return max(needed, self.largest) * (1 + RESERVE)
 
     def trials(self) -> tuple[float, ...]:
         return (2 * self.largest,)
@@ -183,9 +183,9 @@ class NutContact(Limit):
 
 @frozen
 class SelfLocking(Limit):
-    """Lowest plausible friction coefficient of a drive.
+    """Limit on the friction coefficient of a drive that must hold without motor torque.
 
-    At this coefficient, the drive must hold without motor torque.
+    The lowest plausible coefficient must suffice for this.
     """
 
     name = "self-locking"
@@ -251,19 +251,20 @@ class TaskRange(Between):
 
     @staticmethod
     def name_of(coordinate: str) -> str:
-        """Return the name of the limit on the range of a coordinate."""
+        """Return the name of the limit on the range of a task coordinate, such as "tilt range"."""
         return f"{coordinate} range"
 
     @property
     def unit(self) -> str:
-        """rad, or m for depth."""
+        """SI unit of the coordinate: rad, or m for depth."""
         return derived_unit(self.coordinate == "depth", 0)
 
     @property
     def coupled(self) -> bool:
-        """True if a motion between two points in the range can leave it.
+        """True if a motion between two points in the range can leave the range.
 
-        This applies to roll and spin. Tilt and depth depend on one joint each.
+        This applies to roll and spin, which depend on several joints. Tilt and depth depend on one
+        joint each.
         """
         return self.coordinate in ("roll", "spin")
 
@@ -287,7 +288,10 @@ class TaskRange(Between):
         )
 
     def on(self, problem: P) -> P:
-        """Return the problem with this range, and widen the robot's own range if it is narrower."""
+        """Return a copy of a problem with this range.
+
+        The robot's own range is widened if it is narrower.
+        """
         current: Any = problem
         limits = (
             replace(
@@ -306,7 +310,7 @@ class TaskRange(Between):
 
 @frozen
 class ToolLimit(Symmetric):
-    """Limit |value| ≤ largest of the tool.
+    """Limit |value| ≤ largest on a quantity of the tool.
 
     A subclass defines `name` and `field`, and `unit` if it is not m.
 
@@ -336,10 +340,10 @@ class ToolLimit(Symmetric):
 
 
 class SpeedLimit(ToolLimit):
-    """Limit |v| ≤ largest, where v is linear in the joint velocities.
+    """Limit |v| ≤ largest on a velocity v of the tool that is linear in the joint velocities.
 
-    kinematics/forward.py has the Jacobian. A subclass defines `name` and `field`, and `unit` if it
-    is not m/s.
+    The module `kinematics/forward.py` contains the Jacobian of each subclass. A subclass defines
+    `name` and `field`, and `unit` if it is not m/s.
 
     Examples
     --------
@@ -379,17 +383,17 @@ class TaskRate(Symmetric):
 
     @staticmethod
     def name_of(coordinate: str) -> str:
-        """Return the name of the limit on a coordinate's rate."""
+        """Return the name of the limit on the rate of a task coordinate, such as "tilt rate"."""
         return "insertion speed" if coordinate == "depth" else f"{coordinate} rate"
 
     @staticmethod
     def field_of(coordinate: str) -> str:
-        """Return the key of the limit on a coordinate's rate in a problem file."""
+        """Return the key of the limit on the rate of a task coordinate in a problem file."""
         return "insertion_speed" if coordinate == "depth" else f"{coordinate}_rate"
 
     @property
     def unit(self) -> str:
-        """rad/s, or m/s for depth."""
+        """SI unit of the rate: rad/s, or m/s for depth."""
         return derived_unit(self.coordinate == "depth", 1)
 
     def on(self, problem: P) -> P:
@@ -430,10 +434,10 @@ class StopTravel(ToolLimit):
 
     def tightened(self, worst: float, bound: float) -> StopTravel:
         # the travel is proportional to the planner's estimate, so the excess itself suffices
-        return replace(self, largest=self.largest * min(bound / worst, 1.0) * (1 - SPARE))
+        return replace(self, largest=self.largest * min(bound / worst, 1.0) * (1 - STOP_RESERVE))
 
     def sufficient_bound(self, needed: float) -> float:
-        return (1 + 2 * SPARE) * needed
+        return (1 + 2 * STOP_RESERVE) * needed
 
 
 @frozen
@@ -469,9 +473,10 @@ class RetinaClearance(Limit):
 
 @frozen
 class LensClearance(Limit):
-    """Smallest scale at which the enlarged lens touches the axis of the shaft.
+    """Smallest permitted ratio by which the lens must grow to touch the axis of the shaft.
 
-    The bound is 1 + shaft radius / smallest semi-axis of the lens.
+    The lens is enlarged about its centre. The bound is 1 + shaft radius / smallest semi-axis of the
+    lens.
     """
 
     name = "lens clearance"
@@ -513,6 +518,7 @@ class LensClearance(Limit):
         return _with_eye(problem, shaft_radius=self.shaft_radius)
 
     def _radius(self, ratio: float) -> float:
+        """Return the shaft radius in m whose limit is the given ratio."""
         return (ratio - 1) * self.thickness
 
 
@@ -570,7 +576,10 @@ class Duration(Limit):
 
 @frozen
 class OfPath(Limit):
-    """Requirement of a problem on the path of the tip. Only the check evaluates it."""
+    """Requirement on the path of the tip, which the planner fulfils by construction.
+
+    Only the check evaluates it.
+    """
 
     largest: Positive
     unit = "m"
@@ -619,7 +628,7 @@ Tables omit these limits unless they are violated.
 
 
 class FixedLimit(JointLimit):
-    """Bound that only the check evaluates.
+    """Limit with a fixed bound that only the check evaluates.
 
     No problem stores it, so it is never tightened or relaxed.
     """
@@ -663,13 +672,16 @@ OFFSETS = ("velocity offset", "torque offset")
 
 @frozen
 class FeedForward(FixedLimit):
-    """Largest error of a drive's velocity or torque offset, relative to its target positions."""
+    """Largest error of an exported feed-forward value of a drive, relative to its target positions.
+
+    The value is the velocity offset or the torque offset.
+    """
 
     of_torque: bool = False
 
     @property
     def name(self) -> str:
-        """One of OFFSETS."""
+        """Name of the offset, one of OFFSETS."""
         return OFFSETS[self.of_torque]
 
     @property
@@ -679,7 +691,7 @@ class FeedForward(FixedLimit):
 
 
 class Limited:
-    """Access to the limits of a value by kind."""
+    """Base class of values with a tuple of limits, which it sorts by kind."""
 
     limits: tuple[Limit, ...]
 
@@ -701,7 +713,7 @@ class Limited:
 
     @property
     def of_tool(self) -> tuple[ToolLimit, ...]:
-        """Limits on the tool: its speeds and stops."""
+        """Limits on the tool: on its speeds and on the travel of stops."""
         return tuple(limit for limit in self.limits if isinstance(limit, ToolLimit))
 
     @property
@@ -711,20 +723,24 @@ class Limited:
 
     @property
     def stop_travel(self) -> StopTravel | None:
-        """Limit on the travel of the tip during a stop, or None."""
+        """Limit on the travel of the tip during a stop, or None without this limit."""
         return next((limit for limit in self.limits if isinstance(limit, StopTravel)), None)
 
     @property
     def tip_speed(self) -> float | None:
-        """Largest tip speed in m/s, or None."""
+        """Largest permitted tip speed in m/s, or None without a limit."""
         return next((limit.largest for limit in self.limits if isinstance(limit, TipSpeed)), None)
 
 
 def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limit, ...]:
-    """Return the limits of a task as a tuple in the order of plan.json.
+    """Check the limits of a task, and sort them in the order of plan.json.
 
-    `location` is the key of the limits for messages. Raises ProblemError if a limit does not belong
-    to the task or occurs twice.
+    `location` is the key of the limits for messages.
+
+    Raises
+    ------
+    ProblemError
+        If a limit does not belong to the task or occurs twice.
     """
     unique = tuple(limits)
     for limit in unique:
@@ -744,7 +760,7 @@ def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limi
 
 
 def _coordinate(limit: Limit, name: str) -> None:
-    """Raise ProblemError if a limit has an unknown task coordinate."""
+    """Raise ProblemError if `name` is not a task coordinate. `limit` is the limit that has it."""
     if name not in TASK:
         raise ProblemError(
             "unknown task coordinate",
@@ -755,7 +771,7 @@ def _coordinate(limit: Limit, name: str) -> None:
 
 
 def _joint(problem: Any, name: str) -> Any:
-    """Return a joint of the problem by name. Raises ProblemError if the name is unknown."""
+    """Return the joint of a problem with a name. Raises ProblemError if the name is unknown."""
     for joint in problem.robot.joints:
         if joint.name == name:
             return joint
@@ -768,7 +784,7 @@ def _joint(problem: Any, name: str) -> Any:
 
 
 def _with_joint(problem: P, name: str, **changes: Any) -> P:
-    """Return the problem with changed fields of one joint."""
+    """Return a copy of a problem with changed fields of one joint."""
     current: Any = problem
     changed = replace(_joint(problem, name), **changes)
     joints = tuple(changed if joint.name == name else joint for joint in current.robot.joints)
@@ -776,7 +792,7 @@ def _with_joint(problem: P, name: str, **changes: Any) -> P:
 
 
 def _with_own(problem: P, limit: Limit) -> P:
-    """Return the problem with a limit, which replaces the limit with the same key."""
+    """Return a copy of a problem with a limit, which replaces the limit with the same key."""
     current: Any = problem
     if all(item.key != limit.key for item in current.limits):
         return replaced(problem, limits=(*current.limits, limit))
@@ -786,7 +802,10 @@ def _with_own(problem: P, limit: Limit) -> P:
 
 
 def _with_eye(problem: P, **changes: Any) -> P:
-    """Return the problem with changed fields of its eye. Raises ProblemError without an eye."""
+    """Return a copy of a problem with changed fields of its eye.
+
+    Raises ProblemError if the problem has no eye.
+    """
     current: Any = problem
     if current.eye is None:
         raise ProblemError("the problem has no eye")

@@ -1,4 +1,4 @@
-"""Points and motions of a tool, and strokes of single joints, in SI units and radians."""
+"""Define points and motions of a tool, and strokes of single joints, in SI units and radians."""
 
 from __future__ import annotations
 
@@ -144,7 +144,10 @@ class Straight(Value):
     """
 
     def _check(self) -> None:
-        """Raise ProblemError if the end point is empty. Set the default name."""
+        """Check the fields, and set the default name.
+
+        Raises ProblemError if the end point is empty or the blend distance is too small.
+        """
         _check_blend(self)
         if not self.to.set_coordinates:
             raise self._wrong("to", "the point is empty", "roll, tilt, spin or depth", "None")
@@ -183,7 +186,7 @@ class Free(Value):
     """True if the planner chooses the fastest final spin. The spin of `to` is then ignored."""
 
     def _check(self) -> None:
-        """Raise ProblemError if a point is empty, or if the spin cannot be free."""
+        """Raise ProblemError if a point is empty, or if joints contradict a free spin."""
         _check_given(self)
         if self.spin_free and isinstance(self.to, Joints):
             raise self._wrong(
@@ -258,7 +261,7 @@ class Follow(Value):
         _check_given(self)
 
     def _check_constant(self) -> None:
-        """Raise ProblemError if the motion cannot have a constant speed."""
+        """Raise ProblemError if the curve or the timing excludes the constant speed."""
         speed = self.constant_speed
         if self.curve not in OF_TIP:
             reason = f"not allowed for curve {self.curve}"
@@ -276,7 +279,7 @@ class Follow(Value):
 
 
 def _check_blend(motion: Straight | Follow) -> None:
-    """Raise ProblemError if the blend distance of a motion is too small."""
+    """Raise ProblemError if the distance within which a corner is rounded is too small."""
     if motion.blend is not None and motion.blend < SMALLEST_BLEND:
         reason = "the robot would almost stop in such a tight corner"
         raise motion._wrong(
@@ -288,7 +291,7 @@ def _check_blend(motion: Straight | Follow) -> None:
 
 
 def _check_given(motion: Free | Follow) -> None:
-    """Raise ProblemError if a point is empty."""
+    """Raise ProblemError if a point of a motion states no coordinate."""
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.set_coordinates:
             key = "to" if i == len(motion.through) else f"through[{i}]"
@@ -318,9 +321,9 @@ class Dwell(Value):
 
 @record
 class Scan(Value):
-    """Spots on the retina in a raster or in concentric rings.
+    """Visit of many spots on the retina, which form a raster or concentric rings.
 
-    The tool axis at `at` meets the retina in the centre of the pattern.
+    The tool axis at the point `at` meets the retina in the centre of the pattern.
 
     Examples
     --------
@@ -382,7 +385,7 @@ Motion = Straight | Free | Follow | Dwell | Scan
 
 
 def key_of(motion: Motion) -> str:
-    """Return the key of a motion in a problem file."""
+    """Return the key that represents a motion in a problem file."""
     if isinstance(motion, Straight):
         return motion.name if motion.name in ALONE else motion.kind
     return motion.curve.replace("samples", "path") if isinstance(motion, Follow) else motion.kind
@@ -413,9 +416,10 @@ class Stroke(Value):
 
 @record
 class Motorisation(Value):
-    """Strokes of a robot's joints as separate runs, with at most one run for each joint.
+    """Back-and-forth strokes of a robot's joints, for which motors are sized.
 
-    The limits of the joints do not apply.
+    Each stroke is a separate run, and each joint has at most one. The limits of the joints do not
+    apply.
     """
 
     name: str
@@ -424,7 +428,7 @@ class Motorisation(Value):
     file: str | None = uncompared()
 
     def _check(self) -> None:
-        """Raise ProblemError for a stroke without a drive, or if a joint has two strokes."""
+        """Raise ProblemError if a joint has no drive, or has two strokes."""
         drives = {joint.name: joint.drive for joint in self.robot.joints}
         for i, stroke in enumerate(self.strokes):
             field = f"strokes[{i}].joint"

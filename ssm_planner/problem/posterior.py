@@ -13,12 +13,11 @@ from ssm_planner.problem.value import NotNegative, Positive, Shape, Value
 from ssm_planner.typing import Array, JsonObject, Range, record
 
 CONFIDENCE = 0.95
+"""Probability of an interval."""
 PEAK_SPREAD = 0.3
+"""Expected standard deviation of the logarithm of peaks before any recording (prior)."""
 PEAK_DEGREES = 4
-"""Weight of the prior spread of the logarithm of peaks, in recordings.
-
-PEAK_SPREAD is its prior standard deviation.
-"""
+"""Weight of PEAK_SPREAD, as a number of recordings."""
 LOAD_OFFSET = "load_offset"
 """Constant effort on the output in addition to the payload.
 
@@ -45,16 +44,16 @@ FRICTION_NAMES = (
 
 
 def interval_of(draws: Array, confidence: float = CONFIDENCE) -> Range:
-    """Return the central interval of equally likely values with the shape (sets,)."""
+    """Return the central interval (low, high) of equally likely values (sets,)."""
     low, high = np.quantile(draws, [(1 - confidence) / 2, (1 + confidence) / 2])
     return float(low), float(high)
 
 
 @record
 class Ripple(Value):
-    """Deviation of the torque from its mean in steady motion in one direction, N·m.
+    """Deviation of the torque from its mean during motion at constant speed in one direction, N·m.
 
-    Each tuple has one entry per recording.
+    Each tuple has one entry for each recording.
 
     Examples
     --------
@@ -86,11 +85,19 @@ class Ripple(Value):
                 )
 
     def draw(self, rng: np.random.Generator, count: int, known: float = 0.0) -> Array:
-        """Return random deviations of single samples from the mean torque, (count,), N·m.
+        """Draw random deviations of single samples from the mean torque, (count,), N·m.
 
-        Each deviation is the sum of noise and of a harmonic with random phase. `known` is the mean
-        square of the part of the ripple that is predicted separately, N²·m². It reduces the
-        harmonic.
+        Each deviation is the sum of noise and of a harmonic with random phase.
+
+        Parameters
+        ----------
+        rng : Generator
+            Source of random numbers.
+        count : int
+            Number of draws.
+        known : float
+            Mean square of the part of the ripple that is predicted separately, N²·m². The harmonic
+            is smaller by this part.
         """
         recording = rng.integers(len(self.torque), size=count)
         phase = rng.uniform(0, 2 * np.pi, count)
@@ -99,14 +106,15 @@ class Ripple(Value):
         return harmonic + np.array(self.noise)[recording] * rng.standard_normal(count)
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
-        """Return random values of the largest deviation in further recordings, (count,), N·m.
+        """Draw random values of the largest deviation in further recordings, (count,), N·m.
 
-        The values are log-normal, and the mean and spread of their logarithm are uncertain.
+        The values are log-normal. Mean and standard deviation of their logarithm are uncertain,
+        which makes the logarithm t-distributed. `rng` is the source of random numbers.
         """
         logs = np.log(self.peak)
         degrees = len(self.peak) - 1 + PEAK_DEGREES
-        square = (np.sum((logs - logs.mean()) ** 2) + PEAK_DEGREES * PEAK_SPREAD**2) / degrees
-        spread = math.sqrt(square * (1 + 1 / len(logs)))
+        variance = (np.sum((logs - logs.mean()) ** 2) + PEAK_DEGREES * PEAK_SPREAD**2) / degrees
+        spread = math.sqrt(variance * (1 + 1 / len(logs)))
         return np.exp(logs.mean() + spread * rng.standard_t(degrees, size=count))
 
 
@@ -148,10 +156,16 @@ class Harmonics(Value):
     def from_coefficients(
         cls, orders: tuple[float, ...], coefficients: Any, phased: bool
     ) -> Harmonics:
-        """Return the series Re Σ_k coefficients_k exp(i order_k θ).
+        """Build the series Re Σ_k coefficients_k exp(i order_k θ).
 
-        `orders` and `coefficients` have the shape (orders,). The coefficients are complex numbers
-        in N·m.
+        Parameters
+        ----------
+        orders : (n,)
+            Periods per turn of the motor.
+        coefficients : (n,)
+            Complex numbers in N·m.
+        phased : bool
+            True if the phases are valid for other recordings.
         """
         sine = tuple((-coefficients.imag).tolist())
         return cls(orders, tuple(coefficients.real.tolist()), sine, phased)
@@ -167,17 +181,17 @@ class Harmonics(Value):
         return np.hypot(self.cosine, self.sine)
 
     def torque(self, angle: Array) -> Array:
-        """Return the torque (samples,) in N·m at the motor angles `angle` (samples,) in rad."""
+        """Return the torque (samples,) in N·m at motor angles (samples,) in rad."""
         waves = np.outer(angle, self.orders)
         return np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
 
     def rotated(self, start: float) -> Harmonics:
-        """Return the same series as a function of the angle relative to `start`, rad."""
+        """Return the same series as a function of the angle that is counted from `start`, rad."""
         coefficients = self.coefficients * np.exp(1j * start * np.array(self.orders))
         return Harmonics.from_coefficients(self.orders, coefficients, self.phased)
 
     def to_dict(self) -> JsonObject:
-        """Return the object that `identify --json` prints for one direction."""
+        """Return the content of the output of `identify --json` for one direction."""
         return {
             "orders": self.orders,
             "amplitudes": self.amplitudes.tolist(),
@@ -233,7 +247,7 @@ class Posterior(Value):
     """Periodic part of the ripple in negative motion, or None if it is unknown."""
 
     def _check(self) -> None:
-        """Raise ProblemError if names, parameter sets or recordings are inconsistent."""
+        """Raise ProblemError if names, parameter sets and recordings do not fit each other."""
         allowed_names = (*FRICTION_NAMES, LOAD_OFFSET, LAW)
         for name in self.names:
             if name not in allowed_names:
@@ -279,13 +293,14 @@ class Posterior(Value):
         return self.draws[:, self.names.index(name)]
 
     def interval(self, name: str, confidence: float = CONFIDENCE) -> Range:
-        """Return the central interval of one parameter."""
+        """Return the central interval (low, high) of one parameter, in SI units."""
         return interval_of(self.column(name), confidence)
 
     def law_shares(self, law: str) -> dict[str, float]:
-        """Return the share of the sets that have each friction law, largest share first.
+        """Return the probability of each friction law, as the share of the sets with this law.
 
-        All sets have the drive's law `law` without a LAW column.
+        The most likely law is first. `law` is the law of the drive, which all sets have if there is
+        no column LAW.
         """
         if LAW not in self.names:
             return {law: 1.0}
@@ -297,18 +312,18 @@ class Posterior(Value):
         }
 
     def ripple(self, direction: int) -> Ripple | None:
-        """Return the ripple for a direction of motion (±1)."""
+        """Return ripple and noise in a direction of motion (±1), or None if they are unknown."""
         return self.forwards if direction > 0 else self.backwards
 
     def harmonics(self, direction: int) -> Harmonics | None:
-        """Return the harmonics for a direction of motion (±1)."""
+        """Return the harmonics in a direction of motion (±1), or None if they are unknown."""
         return self.harmonics_forwards if direction > 0 else self.harmonics_backwards
 
     def values(self, count: int | None = None) -> Mapping[str, Array]:
-        """Return the values of all parameters by name, with the shape (count,) each.
+        """Return the values of all parameters by name, (count,) each.
 
-        The sets are repeated cyclically if `count` exceeds their number. The default is one value
-        per set.
+        The default of `count` is the number of sets. If it is larger, the sets are repeated
+        cyclically.
         """
         rows = np.arange(len(self.draws) if count is None else count) % len(self.draws)
         return {name: self.draws[rows, i] for i, name in enumerate(self.names)}

@@ -1,4 +1,4 @@
-"""Problems, the eye, and the limits of a task, in SI units and radians."""
+"""Define problems, the eye, and the limits of a task, in SI units and radians."""
 
 from __future__ import annotations
 
@@ -109,14 +109,14 @@ class Eye(Value):
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
-        """Limits that the eye imposes."""
+        """Limits on the tool that the eye requires."""
         retina = RetinaClearance(self.clearance, self.radius)
         if self.lens is None:
             return (retina,)
         return retina, LensClearance(self.shaft_radius, float(self.lens.semi_axes.min()))
 
     def _check(self) -> None:
-        """Raise ProblemError if clearance, lens or port do not fit the eye."""
+        """Raise ProblemError if the clearance, the lens or the port do not fit the eye."""
         if not self.clearance < self.radius:
             raise self._wrong(
                 "clearance",
@@ -138,7 +138,11 @@ class Eye(Value):
             raise self._wrong("lens.centre", "outside the eye", allowed, lens.centre.tolist())
 
     def _check_port(self) -> None:
-        """Raise ProblemError if a tool through the remote centre cannot work in this eye."""
+        """Raise ProblemError if a tool through the remote centre cannot work in this eye.
+
+        The remote centre must be in the port, the tip must be able to enter with the clearance, and
+        the lens must not block the shaft.
+        """
         distance = float(np.linalg.norm(self.centre))
         if abs(distance - self.radius) > self.port:
             raise self._wrong(
@@ -171,18 +175,18 @@ class Eye(Value):
 
 
 def _mm(length: float) -> str:
-    """Return a length in m as text in mm."""
+    """Format a length in m as text in mm."""
     return f"{1e3 * length:.5g} mm"
 
 
 def _text(name: str, value: float) -> str:
-    """Return a task coordinate or joint position as text with its unit."""
+    """Format a task coordinate or joint position in rad or m as text with its unit."""
     unit, scale = display_unit("m" if name in ("depth", "insertion") else "rad")
     return f"{value * scale:.6g} {unit}"
 
 
 def _range(name: str, ends: Range) -> str:
-    """Return a range of a task coordinate or joint position as text with units."""
+    """Format a range of a task coordinate or joint position in rad or m as text with units."""
     return f"{_text(name, ends[0])} to {_text(name, ends[1])}"
 
 
@@ -223,7 +227,7 @@ class TaskLimits(Limited, ShortRepr):
     """Motions with lines, rounded corners and constant speeds that the check evaluates."""
 
     def within(self, robot: Robot) -> TaskLimits:
-        """Return these limits with the ranges of a robot in addition.
+        """Return these limits together with the ranges of a robot.
 
         If both have a range of a coordinate, the result has their intersection. If the intersection
         is empty, it has the robot's range.
@@ -240,9 +244,9 @@ class TaskLimits(Limited, ShortRepr):
         return replace(self, limits=tuple(limits))
 
     def slower(self, stretch: float) -> TaskLimits:
-        """Return the limits of the motion that takes `stretch` times as long.
+        """Return the limits that apply when the motion takes `stretch` times as long.
 
-        The rates at both ends and the constant speeds are divided by `stretch`.
+        The declared rates at both ends and the constant speeds are divided by `stretch`.
         """
         if stretch == 1:
             return self
@@ -268,7 +272,7 @@ class TaskLimits(Limited, ShortRepr):
 
     @property
     def promising(self) -> str:
-        """Names of the motions along prescribed lines, separated by commas."""
+        """Names of the motions whose tip must follow a prescribed line, separated by commas."""
         lines = (
             entry
             for entry in self.motion
@@ -278,7 +282,7 @@ class TaskLimits(Limited, ShortRepr):
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
-        """Limits of the task and of the eye."""
+        """Limits of the task together with those of the eye."""
         return self.limits if self.eye is None else (*self.limits, *self.eye.limits)
 
 
@@ -392,16 +396,16 @@ class Problem(Value, Limited):
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
-        """All limits on a motion: those of joints and motors, of the task and of the eye."""
+        """All limits on a motion: of joints, motors, drives, the task and the eye."""
         of_joints = (limit for joint in self.robot.joints for limit in joint.limits)
         return (*of_joints, *self.task_limits.all_limits)
 
     def limit(self, name: str, joint: str | None) -> Limit | None:
-        """Return the limit with a name, of a joint or of the tool, or None."""
+        """Return the limit with this name, or None. `joint` is None for a limit on the tool."""
         return next((item for item in self.all_limits if item.key == (name, joint)), None)
 
     def _check(self) -> None:
-        """Narrow the ranges and complete the start.
+        """Narrow the ranges to those of the robot, complete the start, and check all fields.
 
         Raises ProblemError if fields contradict each other.
         """
@@ -429,11 +433,15 @@ class Problem(Value, Limited):
         self._check_for_toppra()
 
     def _narrowed(self) -> list[TaskRange]:
-        """Return the intersections of the ranges of the problem, the robot and joint 4."""
+        """Return the intersections of the ranges of the problem, the robot and joint 4.
+
+        Ranges that exceed those of the robot are stored in `excess_ranges`. Raises ProblemError if
+        an intersection is empty.
+        """
         ranges = self.robot.ranges
         for name, (lower, upper) in (("depth", self.robot.travel), *self.ranges.items()):
             low, high = ranges.get(name, (-math.inf, math.inf))
-            requested, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
+            requested_range, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
             if not lower < upper:
                 reason = "no overlap with the range that the robot allows"
                 allowed = _range(name, (low, high))
@@ -442,7 +450,7 @@ class Problem(Value, Limited):
                 )
             ranges[name] = lower, upper
             if name in self.ranges and (
-                requested[0] < lower - SLACK or requested[1] > upper + SLACK
+                requested_range[0] < lower - SLACK or requested_range[1] > upper + SLACK
             ):
                 object.__setattr__(
                     self, "excess_ranges", {**self.excess_ranges, name: self.ranges[name]}
@@ -450,7 +458,7 @@ class Problem(Value, Limited):
         return [TaskRange(name, *ends) for name, ends in ranges.items()]
 
     def _points(self) -> Iterator[tuple[str, Point]]:
-        """Yield the key and the point for all points of the problem."""
+        """Yield the key and the point of each point in the problem."""
         yield "start", self.start
         for i, entry in enumerate(self.motion):
             if isinstance(entry, Straight):
@@ -464,9 +472,10 @@ class Problem(Value, Limited):
                 )
 
     def _check_point(self, key: str, point: Point) -> None:
-        """Raise ProblemError if a stated coordinate of a point is outside its limits.
+        """Raise ProblemError if a coordinate that a point states is outside its limits.
 
-        The module `planning/feasibility` checks the coordinates that follow from the stated ones.
+        `key` is the key of the point. The module `planning/feasibility` checks the coordinates that
+        follow from the stated ones.
         """
         if isinstance(point, Task):
             for name, value in point.set_coordinates.items():
@@ -499,7 +508,18 @@ class Problem(Value, Limited):
     ) -> None:
         """Raise ProblemError if the value of a coordinate is outside its range.
 
-        `ends` is the range, by default that of the task coordinate `name`. `reason` is the message.
+        Parameters
+        ----------
+        key : str
+            Key of the value.
+        name : str
+            Name of the coordinate.
+        value : float
+            Value, rad or m.
+        ends : (float, float), optional
+            Range. The default is that of the task coordinate `name`.
+        reason : str, optional
+            Message.
         """
         low, high = ends or self.ranges.get(name, (-math.inf, math.inf))
         if not low - SLACK <= value <= high + SLACK:
@@ -511,7 +531,10 @@ class Problem(Value, Limited):
             )
 
     def _check_over_retina(self, scan: Scan | Follow, key: str) -> None:
-        """Raise ProblemError if a motion along the retina lacks an eye or is too close to it."""
+        """Raise ProblemError if a motion along the retina does not fit the eye.
+
+        `key` is the key of the motion.
+        """
         eye = self.eye
         if eye is None:
             reason = "a curve along the retina needs an eye"
@@ -535,7 +558,10 @@ class Problem(Value, Limited):
                 raise self._wrong(f"{key}.diameters", reason, f"below {_mm(eye.radius)}", diameter)
 
     def _check_blends(self) -> None:
-        """Raise ProblemError unless rounded corners join lines and arcs without durations."""
+        """Raise ProblemError if a corner cannot be rounded.
+
+        A rounded corner joins two straight motions, lines or arcs that have no durations.
+        """
         for i, entry in enumerate(self.motion):
             if not isinstance(entry, (Straight, Follow)) or entry.blend is None:
                 continue
@@ -571,9 +597,9 @@ class Problem(Value, Limited):
             )
 
     def _check_range(self) -> None:
-        """Raise ProblemError if the payload or the friction level is invalid.
+        """Raise ProblemError if the payload or the confidence level of friction is invalid.
 
-        A friction level requires uncertainty data for the drive of every motor.
+        A confidence level requires uncertainty data for the drive of every motor.
         """
         if self.payload is not None and self.payload[0] < 0:
             raise self._wrong("payload", "a mass cannot be negative", "[least, largest], from 0 kg")
@@ -598,9 +624,10 @@ class Problem(Value, Limited):
                 raise self._wrong("friction", reason, allowed)
 
     def _check_stops(self) -> None:
-        """Raise ProblemError if the travel of stops cannot be limited.
+        """Raise ProblemError if the travel of stops is limited, but stops are not always possible.
 
-        A stop must be possible at every instant along the path, so jerk limits are excluded.
+        The motion must end at rest. Jerk limits are excluded, because a stop begins with a jump of
+        the acceleration.
         """
         if self.stop_travel is None:
             return
@@ -623,7 +650,7 @@ class Problem(Value, Limited):
     def check_total(self) -> None:
         """Raise ProblemError if the total duration contradicts the durations of the motions.
 
-        The planner calls it too.
+        The planner calls this method as well, after it has replaced scans by motions.
         """
         if self.duration is None:
             return
@@ -643,7 +670,7 @@ class Problem(Value, Limited):
             )
 
     def _check_for_toppra(self) -> None:
-        """Raise ProblemError if TOPP-RA must time a motion that it does not support.
+        """Raise ProblemError if TOPP-RA must time a motion but does not support it.
 
         TOPP-RA does not support durations, minimal effort or jerk limits.
         """
@@ -677,9 +704,10 @@ class Problem(Value, Limited):
                 raise self._wrong(f"motion[{i}]", reason, allowed, f"{points} points")
 
     def by_optimal_control(self, motion: Motion) -> bool:
-        """Return True for a spline that TOPP-RA cannot time.
+        """Return True for a spline that must be timed by optimal control.
 
-        This is the case with jerk limits, a requested duration or minimal effort.
+        TOPP-RA cannot time it if it has jerk limits or a requested duration, or if effort is
+        minimised.
         """
         if not isinstance(motion, Follow) or motion.curve != "spline":
             return False

@@ -1,4 +1,4 @@
-"""Geometry, bodies and joints of robots, in SI units and radians."""
+"""Define geometry, bodies and joints of robots, in SI units and radians."""
 
 from __future__ import annotations
 
@@ -49,6 +49,7 @@ JOINTS = ("roll", "tilt", "spin", "insertion")
 
 
 UNIT_TOLERANCE = 1e-6
+"""Largest difference of the length of a unit vector from 1, and of RᵀR from 1 for a rotation R."""
 SMALLEST_ANGLE = math.radians(0.1)
 """Smallest angle between neighbouring axes. They count as parallel below it."""
 TRIANGLE_SLACK = 1e-6
@@ -88,7 +89,7 @@ class Geometry(Value):
         return self.omega1, self.omega2, self.omega3, self.omega3
 
     def _check(self) -> None:
-        """Raise ProblemError for axes that are not unit vectors or parallel, or a wrong frame."""
+        """Raise ProblemError if the axes or the tool frame are invalid."""
         for name in ("omega1", "omega2", "omega3"):
             unit_vector(getattr(self, name), f"Geometry.{name}")
         for inner, outer in ((1, 2), (2, 3)):
@@ -139,7 +140,7 @@ class Body(Value):
     """Rotation base ← body at q = 0, (3, 3)."""
 
     def _check(self) -> None:
-        """Raise ProblemError if no body can have this inertia tensor."""
+        """Raise ProblemError if no rigid body can have this inertia tensor."""
         check_rotation(self, "frame")
         if self.mass == 0:
             if np.any(self.inertia):
@@ -162,7 +163,7 @@ class Body(Value):
 
 @lru_cache(maxsize=1024)
 def _cached_limit(limit_type: Callable[..., Limit], *values: Any) -> Limit:
-    """Return a limit of this type. It is cached because plans and checks request it repeatedly."""
+    """Build a limit, or return the cached one, because plans and checks request it repeatedly."""
     return limit_type(*values)
 
 
@@ -201,7 +202,7 @@ class Joint(Value):
     """Sign of the motor controller's position relative to the joint."""
 
     def _check(self) -> None:
-        """Raise ProblemError if drive or motor do not fit the joint."""
+        """Raise ProblemError if the drive or the motor does not fit the joint."""
         check_name(self.name, JOINTS, "Joint.name", "unknown joint")
         drive = self.drive
         motor = self.motor
@@ -274,14 +275,14 @@ class Joint(Value):
         return tuple(limits)
 
     def limit(self, limit_type: type[L]) -> L:
-        """Return the limit of one kind. Raises KeyError if the robot does not have it."""
+        """Return the limit of one kind. Raises KeyError if the joint does not have such a limit."""
         limit = self.find_limit(limit_type)
         if limit is None:
             raise KeyError(limit_type.__name__)
         return limit
 
     def find_limit(self, limit_type: type[L]) -> L | None:
-        """Return the limit of one kind, or None if the robot does not have it."""
+        """Return the limit of one kind, or None if the joint does not have such a limit."""
         return next((limit for limit in self.limits if isinstance(limit, limit_type)), None)
 
 
@@ -316,7 +317,7 @@ class Robot(Value, Limited):
     file: str | None = uncompared()
 
     def _check(self) -> None:
-        """Raise ProblemError for wrong joints, or for a depth range that is out of reach."""
+        """Raise ProblemError if the order of joints or the depth range is wrong."""
         task_limits(self.limits, "Robot.limits")
         for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
             if joint.name != name:
@@ -351,7 +352,7 @@ class Robot(Value, Limited):
 
     @property
     def loads(self) -> tuple[Robot, ...]:
-        """One robot for each different set of bodies in the robot and its variants."""
+        """This robot and its variants, one for each different set of bodies."""
         if not self.corners and not self.lightest:
             return (self,)
         different = {id(robot.bodies): robot for robot in (*self.lightest, *self.corners, self)}
@@ -363,9 +364,14 @@ class Robot(Value, Limited):
     def actuations(self, i: int) -> tuple[tuple[int, Drive, tuple[int, ...]], ...]:
         """Return the cases that the motor of joint i must handle, without repetition.
 
-        Each case is a tuple of an index in `loads`, a drive, and the sides: +1 if the motor drives
-        and −1 if it brakes. The result is empty for a joint without motor. For a robot with
-        variants, only the cases of its variants are returned.
+        A robot with variants has a case for each different variant, otherwise the robot itself is
+        the only case. The result is empty for a joint without a motor.
+
+        Returns
+        -------
+        tuple of (int, Drive, tuple of int)
+            Index of the bodies in `loads`, drive with its friction, and the sides: +1 if the motor
+            drives and −1 if it brakes.
         """
         if self.joints[i].motor is None:
             return ()
@@ -389,7 +395,7 @@ class Robot(Value, Limited):
 
     @property
     def travel(self) -> Range:
-        """Range of depth that joint 4 allows, m."""
+        """Range of depths that joint 4 allows, m."""
         low, high = sorted(
             self.geometry.insertion_sign * position + 0.0 for position in self.joints[3].position
         )
@@ -397,10 +403,14 @@ class Robot(Value, Limited):
 
 
 def unit_vector(vector: Array, location: str) -> Array:
-    """Return a vector (3,) with the length 1.
+    """Return a vector (3,) after scaling it to the length 1.
 
-    Raises ProblemError if the length of `vector` differs from 1 by more than 1e-6. `location` is
-    its key for messages.
+    `location` is its key for messages.
+
+    Raises
+    ------
+    ProblemError
+        If its length differs from 1 by more than 1e-6.
     """
     length = float(np.linalg.norm(vector))
     if not abs(length - 1) <= UNIT_TOLERANCE:
@@ -412,16 +422,23 @@ def unit_vector(vector: Array, location: str) -> Array:
 
 
 def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
-    """Return the principal moments about the centre of mass in ascending order, kg·m², (3,).
+    """Return the principal moments of inertia (3,) about the centre of mass, ascending, kg·m².
 
-    `inertia` (3, 3) is the tensor about the origin, kg·m². `com` (3,) is the centre of mass, m.
+    Parameters
+    ----------
+    mass : float
+        Mass, kg.
+    com : (3,)
+        Centre of mass, m.
+    inertia : (3, 3)
+        Inertia tensor about the origin, kg·m².
     """
     about_com = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
     return np.asarray(np.linalg.eigvalsh(about_com), dtype=float)
 
 
 def possible(moments: Array) -> bool:
-    """Return True if a body can have these ascending principal moments (3,).
+    """Return True if a rigid body can have these ascending principal moments of inertia (3,).
 
     They must be positive, and none may exceed the sum of the other two.
     """
@@ -430,7 +447,7 @@ def possible(moments: Array) -> bool:
 
 
 def check_rotation(value: Value, name: str) -> None:
-    """Raise ProblemError if the field is not a rotation matrix."""
+    """Raise ProblemError if the field `name` of a value is not a rotation matrix (3, 3)."""
     matrix = getattr(value, name)
     if (
         not np.allclose(matrix.T @ matrix, np.eye(3), rtol=0, atol=UNIT_TOLERANCE)

@@ -1,4 +1,7 @@
-"""Conversion of resolved values to JSON types and back, as plan.json stores them."""
+"""Convert values to JSON types and back, as plan.json stores them.
+
+The values are complete: all files that a problem names have been read.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ PRIMITIVE = {type(None), bool, int, float, str}
 def plain(value: Any) -> Any:
     """Convert a value to JSON types. Dataclasses become mappings, and arrays become lists.
 
-    Limits become a mapping from the limited quantity to its bound.
+    The limits of a problem or a robot become a mapping from the limited quantity to its bound.
     """
     value_type: Any = type(value)
     if value_type in PRIMITIVE:
@@ -68,14 +71,14 @@ def plain(value: Any) -> Any:
 
 
 def robot_hash(robot: Robot) -> str:
-    """Return the SHA-256 of a robot's resolved values, which does not depend on file names."""
+    """Return the SHA-256 of a robot's data, which does not depend on the names of its files."""
     return hashlib.sha256(robot_text(robot).encode()).hexdigest()
 
 
 def robot_text(robot: Robot) -> str:
-    """Return a robot's resolved values as JSON text without the names of files.
+    """Return a robot's data as JSON text without the names of files.
 
-    The text of the last robot is cached.
+    The text of the last robot is cached, because one plan needs it several times.
     """
     global _last
     cached = _last
@@ -88,7 +91,7 @@ _last: tuple[Robot, str] | None = None
 
 
 def _without_files(data: Any) -> Any:
-    """Return JSON data without the names of files."""
+    """Return a copy of JSON data without the names of files."""
     if isinstance(data, dict):
         return {key: _without_files(item) for key, item in data.items() if key != "file"}
     return [_without_files(item) for item in data] if isinstance(data, list) else data
@@ -107,8 +110,10 @@ def _names(cls: Any) -> tuple[str, ...]:
 
 
 def _robot(robot: Robot) -> JsonObject:
-    # The planner computes `corners` and `lightest`.
-    """Return a robot as plan.json states it."""
+    """Convert a robot to the form in plan.json.
+
+    The planner computes `corners` and `lightest` again, so they are omitted.
+    """
     fields = {
         name: plain(getattr(robot, name))
         for name in _names(Robot)
@@ -118,14 +123,14 @@ def _robot(robot: Robot) -> JsonObject:
 
 
 def _problem(problem: Problem) -> JsonObject:
-    """Return a problem as plan.json states it."""
+    """Convert a problem to the form in plan.json."""
     bounds = {field: bound for field, bound in limits_to_plain(problem).items() if field != "eye"}
     fields = {name: plain(getattr(problem, name)) for name in _names(Problem)} | bounds
     return {EXCESS_KEY if name == "excess_ranges" else name: fields[name] for name in fields}
 
 
 def _point(point: Point) -> JsonObject:
-    """Return a point as plan.json states it: one of task, joints and tip (with spin)."""
+    """Convert a point to the form in plan.json, in which task, joints or tip is not None."""
     return {
         "task": point.set_coordinates if isinstance(point, Task) else None,
         "joints": plain(getattr(point, "values", None)),
@@ -136,13 +141,13 @@ def _point(point: Point) -> JsonObject:
 
 
 def _motion(motion: Motion) -> JsonObject:
-    """Return an entry of the motion list as plan.json states it."""
+    """Convert an entry of the motion list to the form in plan.json."""
     target = getattr(motion, "to", getattr(motion, "at", None))
     scan = None
     if isinstance(motion, Scan):
         scan = plain(attributes(motion, _SCAN))
         scan |= {"order": motion.order} if motion.order != "given" else {}
-    of_kind = attributes(motion, _OF_KIND.get(motion.kind, ()))
+    kind_fields = attributes(motion, _OF_KIND.get(motion.kind, ()))
     return {
         "kind": motion.kind,
         "name": motion.name,
@@ -151,7 +156,7 @@ def _motion(motion: Motion) -> JsonObject:
         "line": motion.line,
         "through": plain(getattr(motion, "through", ())),
         "scan": scan,
-        **{name: value for name, value in of_kind.items() if value or name in _ALWAYS},
+        **{name: value for name, value in kind_fields.items() if value or name in _ALWAYS},
     }
 
 
@@ -168,7 +173,10 @@ _KINDS = {kind.kind: kind for kind in (Straight, Free, Follow, Dwell, Scan)}
 
 
 def _point_from(data: Any, location: str) -> Point:
-    """Build a point from its form in plan.json. Raises ProblemError if the data are invalid."""
+    """Build a point from its form in plan.json.
+
+    `location` is the key of the data. Raises ProblemError if the data are invalid.
+    """
     check_mapping(data, ("task", "joints", "tip", "spin", "line"), location)
     line = {"line": data.get("line")}
     if data.get("joints") is not None:
@@ -183,7 +191,10 @@ def _point_from(data: Any, location: str) -> Point:
 
 
 def _motion_from(data: Any, location: str) -> Motion:
-    """Build a motion from its form in plan.json. Raises ProblemError if the data are invalid."""
+    """Build an entry of the motion list from its form in plan.json.
+
+    `location` is the key of the data. Raises ProblemError if the data are invalid.
+    """
     kind = str(data.get("kind")) if isinstance(data, Mapping) else ""
     own_keys = ("name", "line", *_OF_KIND.get(kind, ()))
     check_mapping(data, ("kind", "target", "duration", "through", "scan", *own_keys), location)
@@ -211,7 +222,7 @@ def _motion_from(data: Any, location: str) -> Motion:
 
 
 def limits_to_plain(value: Problem | TaskLimits) -> JsonObject:
-    """Return the limits of the task as plan.json states them.
+    """Convert the limits of a task to the form in plan.json.
 
     The result contains ranges and rates by task coordinate, limits on the tool by
     `ToolLimit.field`, and the eye.
@@ -238,7 +249,7 @@ _SPECIAL: dict[type, Callable[[Any], JsonObject]] = {
 
 @contextmanager
 def _name_file(file: str | None) -> Iterator[None]:
-    """Add the name of the file to errors that the block raises."""
+    """Add the name of the file to each ProblemError that the with block raises."""
     try:
         yield
     except ProblemError as error:
@@ -247,10 +258,21 @@ def _name_file(file: str | None) -> Iterator[None]:
 
 
 def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Problem:
-    """Build a problem from the JSON types that `plain` returned for it. It is equal bit for bit.
+    """Build a problem from the JSON types that `plain` returned for it.
 
-    `file` is the name of the file for messages. Raises ProblemError with the key, its value and the
-    allowed values.
+    The result is equal bit for bit.
+
+    Parameters
+    ----------
+    data : Mapping
+        Content of the key `problem` of a plan.json.
+    file : str, optional
+        Name of the file, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the data are invalid. The error states the key, its value and the allowed values.
     """
     task = task_limits_from_plain(data, file)
     fields = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
@@ -273,10 +295,21 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
 
 
 def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
-    """Build a robot from the JSON types that `plain` returned for it. It is equal bit for bit.
+    """Build a robot from the JSON types that `plain` returned for it.
 
-    `file` is the name of the file for messages. Raises ProblemError with the key, its value and the
-    allowed values.
+    The result is equal bit for bit.
+
+    Parameters
+    ----------
+    data : Mapping
+        Data of the robot.
+    file : str, optional
+        Name of the file, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the data are invalid. The error states the key, its value and the allowed values.
     """
     with _name_file(file):
         robot = built(
@@ -288,8 +321,19 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
 def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) -> TaskLimits:
     """Build the limits of a task from the JSON types of its problem.
 
-    Limits without a key in the data are absent from the result. `file` is the name of the file for
-    messages. Raises ProblemError with the key, its value and the allowed values.
+    Limits without a key in the data are absent from the result.
+
+    Parameters
+    ----------
+    problem : Mapping
+        Content of the key `problem` of a plan.json.
+    file : str, optional
+        Name of the file, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the data are invalid. The error states the key, its value and the allowed values.
     """
     with _name_file(file):
         limits: list[Limit] = _ranges(problem.get("limits"), "problem.limits")
@@ -307,7 +351,10 @@ def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) 
 
 
 def _ranges(data: Any, location: str) -> list[Limit]:
-    """Build the ranges of task coordinates. Raises ProblemError if the data are invalid."""
+    """Build the limits on the ranges of task coordinates from a mapping of lower and upper bounds.
+
+    `location` is the key of the data. Raises ProblemError if the data are invalid.
+    """
     return [
         TaskRange(name, low, high)
         for name, (low, high) in _by_task(Interval, data, location).items()
@@ -315,9 +362,9 @@ def _ranges(data: Any, location: str) -> list[Limit]:
 
 
 def _by_task(hint: Any, data: Any, location: str) -> dict[str, Any]:
-    """Return data with the names of task coordinates as keys, converted to the type `hint`.
+    """Check a mapping whose keys are task coordinates, and convert its values to the type `hint`.
 
-    The result is empty if `data` is None.
+    The result is empty if `data` is None. `location` is the key of the data for messages.
     """
     hint = Annotated[Mapping[str, hint], Names(TASK)]
     return converted(hint, {} if data is None else data, location)

@@ -1,9 +1,9 @@
 """Define the base class of all public values, and convert data to the types of their fields.
 
 A value is a frozen dataclass that derives from `Value`. Its constructor checks it, and it never
-changes. Two values with the same content are equal. The types of the fields state the allowed
-values of each field, and `_check` rejects fields that contradict each other. Lists become tuples.
-Arrays are copied and made read-only.
+changes. Two values with the same content are equal. The type annotations of the fields state the
+allowed values of each field, and the method `_check` rejects fields that contradict each other.
+Lists become tuples. Arrays are copied and made read-only.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ V = TypeVar("V", bound="Value")
 
 
 def uncompared() -> Any:
-    """Return a dataclass field with the default None that comparisons of values ignore."""
+    """Return a dataclass field with the default None that is ignored when values are compared."""
     return dataclasses.field(default=None, compare=False)
 
 
@@ -53,7 +53,7 @@ class Bound:
         )
 
     def fault(self, value: float) -> str | None:
-        """Return the reason why a number violates the bound, or None if it does not."""
+        """Return a text that says why a number violates the bound, or None if it does not."""
         if not value > self.above:
             return "not greater than zero" if self.above == 0 else "too small"
         if not value >= self.at_least:
@@ -63,17 +63,17 @@ class Bound:
 
 @frozen
 class Quantity:
-    """Kind of quantity of a number, which determines its units in files.
+    """Physical quantity of a number, which determines its units in files.
 
-    Both fields are keys of `units.KINDS`. `turning` applies to revolute joints and `sliding` to
-    prismatic joints.
+    Both fields are keys of `units.KINDS`. `turning` is the quantity for revolute joints. `sliding`
+    is that for prismatic joints, if it differs.
     """
 
     turning: str
     sliding: str = ""
 
     def unit_kind(self, slides: bool = False) -> str:
-        """Return the kind of quantity for a prismatic (`slides`) or a revolute joint."""
+        """Return the key of `units.KINDS` for a prismatic (`slides`) or a revolute joint."""
         return self.sliding if slides and self.sliding else self.turning
 
 
@@ -107,8 +107,12 @@ Sign = Literal[-1, 1]
 class Value(ShortRepr):
     """Base class of the public values.
 
-    The constructor raises ProblemError with type, field, value and allowed values if a field is
-    invalid.
+    A constructor converts and checks its arguments.
+
+    Raises
+    ------
+    ProblemError
+        If a field is invalid. The error states type, field, value and allowed values.
     """
 
     def __post_init__(self) -> None:
@@ -122,7 +126,19 @@ class Value(ShortRepr):
         """Raise ProblemError if fields contradict each other."""
 
     def _wrong(self, field: str, reason: str, allowed: str, value: object = None) -> ProblemError:
-        """Return the error for a field, or for an entry of it such as `strokes[2].joint`."""
+        """Build the error for an invalid field.
+
+        Parameters
+        ----------
+        field : str
+            Name of the field, or of an entry of it such as `strokes[2].joint`.
+        reason : str
+            Fault.
+        allowed : str
+            Allowed values.
+        value : object, optional
+            Invalid value. The default is the value of the field.
+        """
         field_value = getattr(self, field, None) if value is None else value
         return ProblemError(
             reason, key=f"{type(self).__name__}.{field}", value=field_value, allowed=allowed
@@ -144,15 +160,15 @@ class Value(ShortRepr):
 
 
 def attributes(value: object, names: Iterable[str]) -> JsonObject:
-    """Return attributes of a value by name."""
+    """Return some attributes of an object as a dictionary by name."""
     return {name: getattr(value, name) for name in names}
 
 
 def unchecked(value: V, **changes: Any) -> V:
     """Return a copy with changed fields, like dataclasses.replace, but without checks.
 
-    It serves for trial values of a fit, for arrays that represent many drives, for drives without
-    friction, and for values that reproduce mistakes of other programs.
+    It is needed for trial values of a fit, for arrays that represent many drives at once, for
+    drives without friction, and for values that reproduce mistakes of other programs.
     """
     cls: Any = type(value)
     copy = object.__new__(cls)
@@ -164,13 +180,13 @@ def unchecked(value: V, **changes: Any) -> V:
 
 @cache
 def hints(cls: Any) -> dict[str, Any]:
-    """Return the annotated types of the fields of a value, by field name."""
+    """Return the type annotations of the fields of a dataclass, by field name."""
     types = typing.get_type_hints(cls, include_extras=True)
     return {field.name: types[field.name] for field in dataclasses.fields(cls)}
 
 
 def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Return a type without None and annotations, and a tuple of its annotations."""
+    """Split a type into the type without None and Annotated, and a tuple of its annotations."""
     if get_origin(hint) in (typing.Union, types.UnionType):
         inner = [inner_hint for inner_hint in get_args(hint) if inner_hint is not type(None)]
         return strip_annotations(inner[0]) if len(inner) == 1 else (hint, ())
@@ -181,13 +197,16 @@ def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def quantities(cls: Any) -> dict[str, Quantity]:
-    """Return the units of the numeric fields of a value, by field name."""
+    """Return the physical quantities of the numeric fields of a dataclass, by field name."""
     marks = {name: strip_annotations(hint)[1] for name, hint in hints(cls).items()}
     return {name: mark for name in marks for mark in marks[name] if isinstance(mark, Quantity)}
 
 
 def descriptions(cls: type) -> dict[str, str]:
-    """Return the docstrings below the fields of a class, each on one line, by field name."""
+    """Return the docstrings below the fields of a class, each on one line, by field name.
+
+    They are read from the source code, because Python does not keep them.
+    """
     texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         if base.__module__.startswith(("builtins", "pydantic", "typing")):
@@ -215,7 +234,7 @@ def read_only_array(value: object, shape: tuple[int, ...]) -> Array:
 def built(
     cls: Any, data: object, location: str, known_values: Mapping[str, Any] | None = None
 ) -> Any:
-    """Build a dataclass and its nested dataclasses from a mapping with the names of the fields.
+    """Build a dataclass and its nested dataclasses from a mapping whose keys are the fields.
 
     Parameters
     ----------
@@ -255,7 +274,7 @@ def built(
 
 
 def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
-    """Return a value in the form that a type hint requires.
+    """Convert a value to the type of a field, and check it.
 
     Parameters
     ----------
@@ -266,12 +285,12 @@ def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
     location : str
         Key of the value, for messages.
     build : bool
-        Build the dataclasses that the hint names from mappings.
+        True to build nested dataclasses from mappings.
 
     Returns
     -------
     object
-        The value. Lists are converted to tuples, and numbers to floats or read-only arrays.
+        The value. Lists become tuples, and numbers become floats or read-only arrays.
 
     Raises
     ------
@@ -307,14 +326,20 @@ def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
 
 
 def check_name(name: object, names: tuple[str, ...], location: str, reason: str) -> None:
-    """Raise ProblemError for an unknown name, and suggest the most similar one."""
+    """Raise ProblemError unless `name` is one of `names`, and suggest the most similar one.
+
+    `location` is the key of the name for the message, and `reason` the beginning of the message.
+    """
     if name not in names:
         reason += suggestion(name, names)
         raise ProblemError(reason, key=location, value=name, allowed=", ".join(names))
 
 
 def check_mapping(data: object, names: tuple[str, ...], location: str) -> None:
-    """Raise ProblemError if the data are not a mapping or contain an unknown key."""
+    """Raise ProblemError if the data are not a mapping, or contain a key that is not in `names`.
+
+    `location` is the key of the data for the message.
+    """
     if not isinstance(data, Mapping):
         raise wrong(location, data, f"a mapping with the keys {', '.join(names)}")
     for key in data:
@@ -322,13 +347,19 @@ def check_mapping(data: object, names: tuple[str, ...], location: str) -> None:
 
 
 def wrong(location: str, value: object, allowed: str) -> ProblemError:
-    """Return the error for a value of the wrong type."""
-    text = "None" if value is None else value
-    return ProblemError("wrong type of value", key=location, value=text, allowed=allowed)
+    """Build the error for a value of the wrong type.
+
+    `location` is the key of the value, and `allowed` describes the allowed values.
+    """
+    printed_value = "None" if value is None else value
+    return ProblemError("wrong type of value", key=location, value=printed_value, allowed=allowed)
 
 
 def _annotated(arguments: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
-    """Convert a value to an annotated type, and check the bounds in the annotations."""
+    """Convert a value to a type Annotated[type, *marks], and check the conditions in the marks.
+
+    The other parameters are those of `converted`.
+    """
     hint_type, *marks = arguments
     for mark in marks:
         if isinstance(mark, Shape):
@@ -351,7 +382,10 @@ def _annotated(arguments: tuple[Any, ...], value: Any, location: str, build: boo
 
 
 def _union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
-    """Convert a value to one of several types. None is returned unchanged if it is allowed."""
+    """Convert a value to one of several types. None is returned unchanged if it is one of them.
+
+    The other parameters are those of `converted`.
+    """
     if value is None and type(None) in members:
         return None
     inner = [member for member in members if member is not type(None)]
@@ -363,7 +397,10 @@ def _union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> 
 
 
 def _tuple(members: tuple[Any, ...], value: Any, location: str, build: bool) -> tuple[Any, ...]:
-    """Convert a list, tuple or array to a tuple whose entries have the types `members`."""
+    """Convert a list, tuple or array to a tuple whose entries have the types `members`.
+
+    The other parameters are those of `converted`.
+    """
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if not isinstance(value, (list, tuple)):
@@ -381,7 +418,10 @@ _SCALARS = {float: "a finite number", int: "a whole number", str: "a text", bool
 
 
 def _scalar(hint: Any, value: Any, location: str) -> Any:
-    """Convert a value to float, int, str or bool. Raises ProblemError if it has another type."""
+    """Convert a value to float, int, str or bool (`hint`).
+
+    Raises ProblemError, with the key `location`, if the value has another type or is not finite.
+    """
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(
         value, bool
     )
@@ -395,14 +435,17 @@ def _scalar(hint: Any, value: Any, location: str) -> Any:
 
 
 def _array(shape: tuple[int, ...], value: Any, location: str) -> Array:
-    """Return a read-only array of finite numbers with this shape, in which −1 allows any length."""
+    """Convert a value to a read-only array of finite numbers, and check its shape.
+
+    A length of −1 in `shape` allows any length. Raises ProblemError with the key `location`.
+    """
     allowed = f"finite numbers of shape {shape}"
     try:
         array = np.array(value)
     except (TypeError, ValueError) as error:
         raise wrong(location, value, allowed) from error
     has_shape = array.ndim == len(shape) and all(
-        n in (-1, m) for n, m in zip(shape, array.shape, strict=True)
+        length in (-1, actual) for length, actual in zip(shape, array.shape, strict=True)
     )
     if array.dtype.kind not in "iuf" or not has_shape or not np.isfinite(array).all():
         raise wrong(location, value, allowed)
@@ -411,7 +454,7 @@ def _array(shape: tuple[int, ...], value: Any, location: str) -> Array:
 
 @cache
 def _compared_fields(cls: type) -> tuple[str, ...]:
-    """Return the names of the fields that comparisons take into account."""
+    """Return the names of the fields that determine whether two values are equal."""
     return tuple(field.name for field in dataclasses.fields(cls) if field.compare)
 
 
@@ -423,7 +466,7 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _hashable(value: Any) -> Any:
-    """Return a hashable object that is equal for equal values of a field."""
+    """Return a hashable object for a value of a field. Equal values give equal objects."""
     if isinstance(value, np.ndarray):
         return (value.shape, *value.ravel().tolist())
     if isinstance(value, Mapping):
